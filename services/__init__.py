@@ -1,1 +1,1 @@
-"""Composition roots: one file = one process = one command. Nothing imports them but `cli`."""
+"""Composition roots: one file = one process = one command. Only `cli` imports them."""

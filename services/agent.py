@@ -1,4 +1,4 @@
-"""An agent as a process: one device, for one hand."""
+"""The haptic agent as a process: one device, for one hand."""
 
 from netboard.base.config import Config, Side
 from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
@@ -9,7 +9,7 @@ from netboard.nodes.agent.stylus_source import companion_of
 
 
 def main(config: Config, *, side: Side) -> int:
-    """Serve one device until told to stop."""
+    """Serve one device until stopped."""
     speak(f"agent {side}")
     came = prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     with (

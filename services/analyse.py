@@ -1,7 +1,7 @@
 """Analyses a study: from recordings to a folder with tables, figures and a report.
 
-What was analysed before, by the same code and settings, is written again from what is kept. So everything that computes
-or draws is imported only where something is to be computed.
+An analysis that was done before, with the same code and settings, is written from the cache. Modules that compute or
+draw are therefore imported only when something must be computed.
 """
 
 import sys
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from netboard.analysis.extraction.workers import Crew
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
-"""What an analysis needs beside what a session needs."""
+"""Packages that an analysis needs beyond those of a session."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How an analysis is to be run; of its numbers, only what cannot be measured depends on that."""
+    """How to run an analysis. Of these options, only `skip` (leave out unreadable recordings) changes its numbers."""
 
     workers: int | None = None
     dask: str | None = None
@@ -47,19 +47,19 @@ class Wishes:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The settings of an analysis, as they were asked for: a file, or None for the defaults, and what overrides it."""
+    """The settings of an analysis as given: a file, or None for the defaults, and the overrides."""
 
     file: Path | None = None
     overrides: tuple[str, ...] = ()
 
     @property
     def text(self) -> bytes:
-        """The text of the file, if it can be read."""
+        """The contents of the file; empty if it cannot be read."""
         return self.file.read_bytes() if self.file is not None and self.file.is_file() else b""
 
 
 def main(named: Sequence[Path], output: Path | None, asked: Asked, wishes: Wishes) -> int:
-    """Analyse recordings, and say in a few lines what came of it.
+    """Analyse recordings, and print a summary of a few lines.
 
     Parameters
     ----------
@@ -98,8 +98,7 @@ def _analysed(
 ) -> tuple[tuple[str, ...], int, float]:
     """Analyse recordings into a folder.
 
-    Returns what came of it in words, how many recordings were measured before, and the most memory of a process that
-    measured, in bytes.
+    Return a summary in words, how many recordings came from the cache, and the largest memory of a process [bytes].
     """
     from netboard.analysis.extraction.cache import Cache
     from netboard.analysis.extraction.exclusions import require_recordings
@@ -120,7 +119,7 @@ def _analysed(
 
 
 def _crew(wishes: Wishes) -> "Crew":
-    """Find out who measures."""
+    """Choose the workers that extract the measures."""
     from netboard.analysis.extraction.workers import cores, dask, processes
 
     if wishes.dask is None:
@@ -129,7 +128,7 @@ def _crew(wishes: Wishes) -> "Crew":
 
 
 def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
-    """Say what was measured, and what does not count."""
+    """Yield what was measured, and what was excluded."""
     hours = study.blocks["duration"].sum() / 3600
     recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
     yield f"{recordings}, {hours:.2f} h"
@@ -150,7 +149,7 @@ def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
 
 
 def _in_total(folder: Path, seconds: float, peak: float) -> str:
-    """Say where everything is, and what it took."""
+    """Return a line with the folder, the duration and the memory."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
     most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (

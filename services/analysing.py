@@ -1,4 +1,4 @@
-"""The commands that analyse: what can be asked of a study, and nothing of how it is done."""
+"""The commands of the analysis: their options, but not their implementation."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +19,7 @@ SettingsFile = Annotated[
 
 
 def _print_template(wanted: bool) -> None:
-    """Print the settings of an analysis and stop, if asked."""
+    """Print the default settings of an analysis and stop, if asked."""
     if wanted:
         from netboard.analysis.extraction.settings import template
 
@@ -62,7 +62,7 @@ def analyse(
         bool, typer.Option("--skip-unreadable", help="Leave out recordings that cannot be measured, and list them.")
     ] = False,
 ) -> None:
-    r"""Analyse a study: tables of all trials, results, pictures, and a report, in a new folder.
+    r"""Analyse a study: tables of all trials, results, figures and a report, in a new folder.
 
     It needs more libraries than a session: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
@@ -87,7 +87,7 @@ def explain(
         ),
     ] = None,
 ) -> None:
-    """Draw how each number of one trial is computed: its traces, with all that the measures find in them."""
+    """Plot how each measure of one trial is computed: its traces, with everything that the measures find in them."""
     from netboard.services import explain as service
 
     readings = load_readings(settings, overrides or ())
@@ -95,7 +95,7 @@ def explain(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known."""
+    """Add these commands."""
     app.command(
         epilog=examples(
             "netboard analyse recordings/ -o study",

@@ -1,6 +1,6 @@
 """Benchmarks and studies: ``netboard bench``.
 
-A study, and the libraries it needs, is imported when it is asked for.
+A study and its libraries are imported only when it runs.
 """
 
 from pathlib import Path
@@ -37,7 +37,7 @@ def stability(
     force: Force = False,
     soak: Annotated[bool, typer.Option("--soak", help="Step 1e9 times through random scenes too.")] = False,
 ) -> None:
-    """Where the methods hold and where they fail: theory beside nonlinear runs, stiff scenes, odd hands."""
+    """Stability of the integration methods: theory, nonlinear runs, stiff scenes and unusual hands."""
     from netboard.benchmarks.stability import bench as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
@@ -45,7 +45,7 @@ def stability(
 
 @app.command(epilog="Examples:\n\n  netboard bench velocity --quick\n\n  netboard bench velocity -o results")
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """How the velocity of a stylus is told from its positions: lag, noise, time, and the delay that each way leaves."""
+    """Estimators of stylus velocity: lag, noise, computing time, and the largest stable delay with each."""
     from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.stability.velocity_bench import study
 
@@ -66,7 +66,10 @@ def physics(
     model: Annotated[Model | None, typer.Option(help="Only this model's equations.")] = None,
     repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
 ) -> None:
-    """Work and precision of the methods, beside other libraries; cost of a tick, of sampling, of what a scene lacks."""
+    """Work and precision of the integration methods, beside other libraries.
+
+    It also measures the cost of a tick and of sampling, and what simple scenes save.
+    """
     from netboard.benchmarks.physics import bench as study
 
     names = [] if no_peers else peers.split(",") if peers else None
@@ -94,7 +97,7 @@ def loop(
     ] = None,
     skips: Annotated[bool, typer.Option("--skips", help="Measure what is saved where less is there, too.")] = False,
 ) -> None:
-    """From stylus to force, in real time and beside a bare echo and a bare timer: latency, lateness, cost."""
+    """Sample-to-force latency in real time, beside a bare echo and a bare timer: latency, jitter, cost."""
     from netboard.benchmarks.loop import bench as study
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
@@ -117,7 +120,7 @@ def servo(
         float | None, typer.Option(min=0.2, metavar="S", help="Measure each of six for so long; else half a minute.")
     ] = None,
 ) -> None:
-    """The servo callback of a Touch in Python and in C, beside a bare tick, without and with a busy thread."""
+    """The servo callback of a Touch in Python and in C, beside an empty callback, without and with a busy thread."""
     from netboard.benchmarks.loop import servo as study
 
     raise typer.Exit(study.main(library, output, json, seconds, quick=quick, force=force))
@@ -138,7 +141,7 @@ def soak(
     realtime: RealTime = True,
     displays: Displays = 0,
 ) -> None:
-    """Everything for a long time: nothing is lost, memory stays flat, ticks stay in time."""
+    """Long run of the whole system: no record is lost, memory stays constant, ticks meet their deadlines."""
     from netboard.benchmarks.loop import bench as study
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
@@ -147,7 +150,7 @@ def soak(
 
 @app.command(epilog="Examples:\n\n  netboard bench coupling --quick\n\n  netboard bench coupling -o results")
 def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """Over what delay a hand can be coupled to the board: theory beside the simulated service, and what helps."""
+    """Maximum stable delay of the virtual coupling: theory beside the simulated service, and what extends it."""
     from netboard.benchmarks.coupling.bench import study
     from netboard.benchmarks.harness.running import run_named
 
@@ -156,7 +159,7 @@ def coupling(output: Output = None, quick: Quick = False, force: Force = False, 
 
 @app.command(epilog="Examples:\n\n  netboard bench forces --quick\n\n  netboard bench forces -o results")
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """What both hands feel of one movement under each of the five force conditions, as a figure and a table."""
+    """Forces on both hands for one movement under each of the five force conditions, as a figure and a table."""
     from netboard.benchmarks.coupling.forces import study
     from netboard.benchmarks.harness.running import run_named
 
@@ -173,7 +176,7 @@ def fuzz(
         typer.Option(min=100, metavar="N", help="Malformed ones for the codec, and for each socket; else a million."),
     ] = None,
 ) -> None:
-    """Malformed frames for the codec and every socket: nothing ends, hangs or grows, and no force is another."""
+    """Malformed frames for the codec and every socket: no crash, no hang, no growth, no changed force."""
     from netboard.benchmarks.faults import fuzz as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, frames=frames))
@@ -189,7 +192,7 @@ def faults(
     case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be given again.")] = None,
     listing: Annotated[bool, typer.Option("--list", help="Say which faults there are, and stop.")] = False,
 ) -> None:
-    """Kill, stop, cut and fill what can be, on real processes, and check that what must happen does."""
+    """Faults in real processes (kill, stop, cut the network, fill the disk), and how the system reacts."""
     from netboard.benchmarks.faults import bench as study
 
     raise typer.Exit(study.list_cases() if listing else study.main(output, quick=quick, force=force, names=case or ()))
@@ -209,7 +212,7 @@ def display(
         float | None, typer.Option(min=1, metavar="S", help="Measure each of three for so long; else half a minute.")
     ] = None,
 ) -> None:
-    """From a view's sending to its painting: latency, what is seen late, dropped frames, cost."""
+    """Latency of a display, from a view's sending to its painting: late views, dropped frames, cost."""
     settings = configuration.load(config, overrides or ())
     from netboard.benchmarks.loop import display as study
 
@@ -218,7 +221,7 @@ def display(
 
 @app.command(epilog="Examples:\n\n  netboard bench recovery --quick\n\n  netboard bench recovery -o results")
 def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """Cut, flip, zero and kill what is being recorded, and check what is recovered of it, to the bit."""
+    """Recovery of recordings that were cut, altered or killed while being written, checked to the bit."""
     from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.recording.recovery_bench import study
 
@@ -228,7 +231,7 @@ def recovery(output: Output = None, quick: Quick = False, force: Force = False, 
 
 @app.command(epilog="Examples:\n\n  netboard bench recording --quick\n\n  netboard bench recording -o results")
 def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """What recording costs: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
+    """Cost of recording: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
     from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.recording.bench import study
 
@@ -264,7 +267,7 @@ def analysis(
         typer.Option(min=1, metavar="N", help="How many processes measure; else one a core, or one for a small study."),
     ] = None,
 ) -> None:
-    """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
+    """Cost of analysing a study: time and memory against its size, anew and cached, beside reading the files."""
     alone = not (sensitivity or recordings is not None or workers is not None)
     if calibration and (truth or not alone):
         raise ConfigError(

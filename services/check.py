@@ -1,4 +1,4 @@
-"""Lets recordings prove themselves, one after the other: a verdict on each, and how fast they were computed again."""
+"""Runs the integrity check on recordings, one after the other: a result for each, and the speed of recomputation."""
 
 import json
 import time
@@ -17,10 +17,10 @@ from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import EXIT_CODES, VERDICTS, Grade, Report
 
 COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
-"""Of each grade on a terminal."""
+"""Colour of each severity on a terminal."""
 
 ENDINGS = (".mcap", ".part", ".spill")
-"""What a recording's name ends with, whole or not."""
+"""Endings of the names of recordings, finished or not."""
 
 
 def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) -> int:
@@ -29,7 +29,7 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
     Returns
     -------
     int
-        Exit code, by the worst that was found: 0 complete, 3 complete with listed losses, 1 damaged.
+        Exit code, by the worst result: 0 complete, 3 complete with listed losses, 1 damaged.
     """
     files = [*recordings_in(paths)]
     console = Console(highlight=False)
@@ -58,7 +58,7 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
 
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
-    """List files, and what is in folders, in order of their names."""
+    """Yield the files, and the recordings in folders, in order of their names."""
     for path in paths:
         if path.is_dir():
             found = sorted(file for file in path.rglob("*") if file.suffix in ENDINGS and file.is_file())
@@ -72,13 +72,13 @@ def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def bars() -> Progress:
-    """Show how far it is, on a terminal, beside the output."""
+    """Make a progress bar for a terminal, separate from the output."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[ticks]}"))
     return Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, highlight=False), transient=True)
 
 
 def in_words(report: Report, whole: bool) -> str:
-    """Write a verdict, and what it is founded on."""
+    """Return the result of a check and its evidence."""
     lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
     for finding in report.findings:
         if whole or finding.grade != Grade.SOUND:
@@ -88,7 +88,7 @@ def in_words(report: Report, whole: bool) -> str:
 
 
 def in_total(reports: Sequence[Report], took: float) -> str:
-    """Say in two lines what it was, and how fast."""
+    """Return a summary of two lines: results and speed."""
     counts = ", ".join(
         f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
     )
@@ -101,18 +101,18 @@ def in_total(reports: Sequence[Report], took: float) -> str:
 
 
 def _times(ticks: int, took: float) -> str:
-    """Say how many times faster than the people something was."""
+    """Return how many times faster than real time something was."""
     return f"{ticks * TICK_SECONDS / took:.0f} x real time"
 
 
 def _computed(reports: Sequence[Report]) -> tuple[int, float]:
-    """Ticks that were computed again, and the time for that alone [s]."""
+    """Return the number of recomputed ticks, and the time that took [s]."""
     again = sum(report.replay.checked for report in reports if report.replay is not None)
     return again, sum(report.computing for report in reports)
 
 
 def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
-    """Say the same for programs."""
+    """Return the reports for JSON."""
     again, computing = _computed(reports)
     return {
         "verdict": VERDICTS[max(report.grade for report in reports)],
@@ -135,7 +135,7 @@ def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
 
 
 def _plain(replay: dict[str, Any]) -> dict[str, Any]:
-    """Turn what JSON does not know, numbers of numpy and those that are not finite, into what it does."""
+    """Convert numpy's numbers and non-finite numbers to what JSON knows."""
     return {
         "identical": replay["tick"] is None,
         **{

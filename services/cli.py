@@ -1,8 +1,8 @@
-"""The ``netboard`` command: which commands there are, and what becomes of their errors.
+"""The ``netboard`` command: its subcommands and the handling of their errors.
 
-A service is imported when it is asked for, so that ``netboard --help`` is quick and a machine needs only the libraries
-of the services it runs. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. What goes wrong on purpose
-(`NetboardError`) is one line on stderr; ``--debug`` shows where it came from.
+A service is imported only when it runs, so that ``netboard --help`` is fast and a machine needs only the libraries of
+its own services. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. An expected error (`NetboardError`) is
+printed as one line on stderr; ``--debug`` shows its traceback.
 """
 
 import platform
@@ -36,7 +36,7 @@ class Guarded(TyperGroup):
     """A group of commands that turns netboard's own errors into one line and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was asked for."""
+        """Run the subcommand."""
         try:
             return super().invoke(ctx)
         except NetboardError as error:

@@ -1,6 +1,6 @@
-"""The configuration file: ``netboard config`` checks, shows and writes it, and here alone a file becomes a `Config`.
+"""The configuration file: ``netboard config`` checks, shows and writes it.
 
-Commands that read it take `ConfigFile` and `Overrides`.
+Only this module turns a file into a `Config`. Commands that read it take `ConfigFile` and `Overrides`.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
     Parameters
     ----------
     file : Path or None
-        The file asked for; None takes ``netboard.toml`` of the working directory if it is there, else the defaults.
+        The given file; None takes ``netboard.toml`` in the working directory if it exists, else the defaults.
     """
     if file is None:
         if not DEFAULT_FILE.exists():
@@ -50,7 +50,7 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
 def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings":
     """Read the settings of an analysis."""
     from netboard.analysis.extraction import (
-        settings as readings,  # with all of the analysis, which other commands do not need
+        settings as readings,  # imports the whole analysis, which other commands do not need
     )
 
     if file is None:
@@ -59,7 +59,7 @@ def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings
 
 
 def _text_of(file: Path, make: str) -> str:
-    """Read a file of settings; `make` is the command that makes one."""
+    """Read a file of settings; `make` is the command that creates one."""
     try:
         return file.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -74,7 +74,7 @@ def check(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Check the configuration and list everything that is wrong with it."""
+    """Check the configuration and list every error."""
     from netboard.recording.format.disk import require_writable
     from netboard.stage.stage import make_stage
 
@@ -91,7 +91,7 @@ def check(
 
 @app.command(epilog=examples("netboard config show", "netboard config show --set block.trials=6"))
 def show(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Show the configuration in full, as it goes into a recording."""
+    """Show the full configuration, as it is stored in a recording."""
     typer.echo(resolve(load(config, overrides or ())), nl=False)
 
 

@@ -1,4 +1,4 @@
-"""The operator's window as a process."""
+"""The operator's console as a process."""
 
 import os
 from pathlib import Path
@@ -8,12 +8,12 @@ from netboard.base.process import Stopping, make_way, speak
 
 
 def main(config: Config, *, screenshot: Path | None = None, after: float | None = None, offscreen: bool = False) -> int:
-    """Show the operator's window until it is closed or the process is told to stop.
+    """Show the operator's console until it is closed or the process is stopped.
 
     Parameters
     ----------
     after : float or None
-        When it is taken, after the server's first word [s]; None takes it then and stops.
+        Time of the screenshot after the server's first message [s]; None takes it at once and stops.
     """
     speak("console")
     make_way(config.realtime)

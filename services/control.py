@@ -16,18 +16,18 @@ from netboard.services.keyboard import Keyboard
 from netboard.services.status import asked, plain
 
 LOOK_SECONDS = 0.05
-"""A keyboard and the server are looked at so often [s]."""
+"""Interval at which the keyboard and the server are checked [s]."""
 
 
 def command(
     config: Config, name: str, argument: str, *, take: bool, until: str | None, seconds: float | None, as_json: bool
 ) -> int:
-    """Tell the server what to do, and say what becomes of it.
+    """Send a command to the server, and print its reply.
 
     Returns
     -------
     int
-        Exit code: 1 if the server refuses, or the phase does not come.
+        Exit code: 1 if the server refuses, or the phase is not reached.
     """
     with sockets.open_context() as context:
         operator = Operator(config.network, context)
@@ -53,7 +53,7 @@ def command(
 
 
 def end(operator: Operator) -> Reply:
-    """End the session. The server's answer may be lost with the link; that nobody answers any more is one too."""
+    """End the session; if the reply is lost and the server no longer answers, the command has succeeded."""
     try:
         return operator.do("end")
     except NetboardError:
@@ -63,7 +63,7 @@ def end(operator: Operator) -> Reply:
 
 
 def wait(operator: Operator, config: Config, until: str, seconds: float | None) -> Status:
-    """Wait for a phase of the trial, or for the end of the time."""
+    """Wait for a phase of the trial, or for the timeout [s]."""
     began = time.monotonic()
     with Stopping() as stopping:
         while True:
@@ -75,7 +75,7 @@ def wait(operator: Operator, config: Config, until: str, seconds: float | None) 
 
 
 def emergency_stop(config: Config, *, release: bool, guard: bool) -> int:
-    """Take all forces away, at once or when a key is pressed; or allow them again."""
+    """Set all forces to zero, at once or at a key press; or release the emergency stop."""
     console = Console(highlight=False)
     with sockets.open_context() as context:
         operator = Operator(config.network, context)
@@ -93,7 +93,7 @@ def emergency_stop(config: Config, *, release: bool, guard: bool) -> int:
 
 
 def told(operator: Operator, config: Config, name: str) -> None:
-    """Give a command that must be carried out."""
+    """Give a command that must be carried out, and raise an error if it is not."""
     asked(operator, config)
     try:
         reply = operator.do(name)
@@ -106,7 +106,7 @@ def told(operator: Operator, config: Config, name: str) -> None:
 
 
 def key_pressed(operator: Operator, config: Config, console: Console) -> bool:
-    """Stand by until a key is pressed; False if asked to end."""
+    """Wait until a key is pressed; return False if asked to end."""
     with Keyboard() as keyboard, Stopping() as stopping:
         if not keyboard.there:
             raise NetboardError("--guard needs a terminal: it waits for a key")

@@ -1,4 +1,7 @@
-"""A whole session on this machine: every process for real, the people simulated, or one side or both played by you."""
+"""A whole session on this machine: every process is real.
+
+Simulated participants or players at this machine take part.
+"""
 
 import os
 import subprocess
@@ -26,25 +29,25 @@ from netboard.services.planned import Wanted
 from netboard.stage.stage import make_stage
 
 PICTURE_AFTER = 8.0
-"""The displays' pictures are taken so long after the first view [s]."""
+"""Time after the first view at which a display's screenshot is taken [s]."""
 
 ANSWER_SECONDS = 0.2
 START_SECONDS = 60.0
 END_SECONDS = 20.0
 HEAR_SECONDS = 10.0
-"""Whoever leaves before the server has answered waits so long for that [s]."""
+"""Time that a player who leaves waits for the server's first answer [s]."""
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-"""Where the environment says that there is a screen, or what to take for one."""
+"""Environment variables that tell of a screen, or of what Qt should use instead."""
 
 FAREWELL_SECONDS = 3.0
-"""Whoever has played sees that the block is over for so long [s]."""
+"""Time for which players see that the block is over [s]."""
 
 console = Console(highlight=False)
 
 
 class End(Enum):
-    """How the watch over a block ends."""
+    """How the supervision of a block ends."""
 
     FINISHED = "all trials are done"
     LEFT = "whoever played has left"
@@ -52,13 +55,13 @@ class End(Enum):
 
 
 def main(config: Config, *, displays: bool = True, study: Wanted | None = None) -> int:
-    """Play a block, or a session of a study, with simulated people or those who play here, and show what came of it.
+    """Run a block, or a session of a study, with simulated participants or players, and print its results.
 
     Returns
     -------
     int
-        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified. Whoever plays
-        may leave before the end: that is no failure.
+        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified. A player may
+        leave before the end; that is no failure.
     """
     if played_sides(config) and (trouble := why_no_windows(screen=True)):
         raise NetboardError(f"nobody can play here: {trouble}; without a player: netboard demo")
@@ -85,7 +88,7 @@ def main(config: Config, *, displays: bool = True, study: Wanted | None = None) 
 
 
 def on_this_machine(config: Config, directory: Path) -> Config:
-    """Make a configuration one of this machine alone, with free ports."""
+    """Restrict a configuration to this machine alone, with free ports."""
     return replace(
         config,
         network=replace(config.network, host="127.0.0.1", bind="127.0.0.1", port=free_port()),
@@ -94,22 +97,22 @@ def on_this_machine(config: Config, directory: Path) -> Config:
 
 
 def why_no_windows(*, screen: bool = False) -> str:
-    """Why Qt cannot be loaded on this machine, or, if so wanted, not open a window; empty if it can."""
+    """Return why Qt cannot be loaded on this machine, or cannot open a window if `screen` is set; empty if it can."""
     if screen and sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
         return f"there is no screen (none of {', '.join(SCREENS)} is set)"
     script = "import PySide6.QtWidgets as qt" + ("; qt.QApplication([])" if screen else "")
     tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     said = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
-    aborted = tried.returncode < 0  # Qt says first why it will, Python says last why it could not
+    aborted = tried.returncode < 0  # Qt's reason comes first, Python's last
     return (said[0] if aborted else said[-1]) if tried.returncode else ""
 
 
 def play(config: Config, words: Path, displays: bool, stopping: Stopping, study: Wanted | None = None) -> str:
-    """Start everything, watch it play, end it in order; return the session's id, empty if it went wrong."""
+    """Start everything, supervise it and end it in order; return the session's id, or empty after a failure."""
     file = words / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
     played = played_sides(config)
-    shown = (played or SIDES) if displays else ()  # who plays does not look behind the curtain
+    shown = (played or SIDES) if displays else ()  # a player must not look behind the curtain
     with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
         launcher.start("server", "server", "-c", str(file), *([] if study is None else study.options))
@@ -137,7 +140,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping, study:
 
 
 def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
-    """Show the progress until the block is over, or whoever plays has closed the window or pressed Ctrl-C."""
+    """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
     heard = time.monotonic()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
@@ -170,14 +173,14 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
 
 
 def hear(operator: Operator) -> None:
-    """Wait for the server's first answer: whoever leaves while everything starts shall find a whole recording."""
+    """Wait for the server's first answer, so that a player who leaves at once still finds a whole recording."""
     until = time.monotonic() + HEAR_SECONDS
     while operator.status is None and time.monotonic() < until:
         operator.ask(ANSWER_SECONDS)
 
 
 def show(directory: Path, session: str, words: Path, began: float) -> int:
-    """Print what the recording holds and whether it verifies."""
+    """Print the contents of the recording, and whether it verifies."""
     paths = sorted(directory.glob(f"*_{session[:8]}*.mcap"))
     if not paths:
         raise NetboardError(f"no recording of session {session[:8]} in {directory}")

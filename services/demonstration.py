@@ -1,4 +1,4 @@
-"""The command that shows what netboard is: a whole session on one machine, in which one may play."""
+"""The command that demonstrates netboard: a whole session on one machine, with or without players."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -38,7 +38,7 @@ def demo(
     dyad: Dyad = 1,
     blocks: Annotated[int | None, typer.Option(min=1, help="Only the first blocks of the study.")] = None,
 ) -> None:
-    """Run a whole session on this machine, with simulated people, or play in it."""
+    """Run a whole session on this machine, with simulated participants or with you as a player."""
     if play and not displays:
         raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
     if play in SIDES and bimanual:
@@ -59,7 +59,7 @@ def demo(
 def demo_settings(
     *, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path, play: str | None = None
 ) -> list[str]:
-    """Write the demo's own options as settings."""
+    """Return the demo's own options as settings."""
     played = [side for side in SIDES if play in (side, "both")]
     return [
         f"block.trials={trials}",
@@ -73,7 +73,7 @@ def demo_settings(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known."""
+    """Add these commands."""
     app.command(
         epilog=examples(
             "netboard demo",

@@ -1,6 +1,6 @@
 """The devices of a rig, one at a time and without a server: ``netboard devices``.
 
-What moves a device says so first, and waits for a sentence or ``--yes``.
+A command that moves a device says so first, and waits for a typed sentence or ``--yes``.
 """
 
 from pathlib import Path
@@ -25,7 +25,7 @@ Replace = Annotated[bool, typer.Option("--replace", help="Keep no copy (.bak) of
 
 @app.command("list", epilog="Examples:\n\n  netboard devices list\n\n  netboard devices list --json")
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Tell which devices are plugged in, by serial number, whether they may be opened, and which backends there are."""
+    """List the connected devices by serial number, whether they may be opened, and the available backends."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import rig as service
 
@@ -48,9 +48,9 @@ def examine(
     yes: Yes = False,
     json: Json = False,
 ) -> None:
-    """Measure a device's rate, jitter, resolution, noise, range and buttons; with --force, how late it answers.
+    """Measure a device's rate, jitter, resolution, noise, range and buttons; with --force, also its response time.
 
-    Move the stylus about while it reads, press each button, and lay the stylus down for a second.
+    Move the stylus while the device is read, press each button, and lay the stylus down for a second.
     """
     settings = configuration.load(config, overrides or ())
     from netboard.services import rig as service
@@ -73,7 +73,7 @@ def identify(
     replace: Replace = False,
     json: Json = False,
 ) -> None:
-    """Find a device's mass, damping and friction by moving it gently, and write them to its profile."""
+    """Identify a device's mass, damping and friction by moving it gently, and write them to its profile."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import rig as service
 
@@ -94,7 +94,7 @@ def monitor(
         Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file when it ends.")
     ] = None,
 ) -> None:
-    """Show position, velocity and buttons of a device live, as the scene has them, with no force."""
+    """Show position, velocity and buttons of a device live, in the scene's frame, without force."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import rig as service
 

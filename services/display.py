@@ -1,4 +1,4 @@
-"""A participant's display as a process; and what is to be known of the screens before."""
+"""A participant's display as a process, and information on the screens."""
 
 import os
 from pathlib import Path
@@ -15,12 +15,12 @@ def main(
     after: float | None = None,
     offscreen: bool = False,
 ) -> int:
-    """Show one station's view until the window is closed or the process is told to stop; let it be played, if it is.
+    """Show one station's view until the window is closed or the process is stopped; a player's input moves the stylus.
 
     Parameters
     ----------
     after : float or None
-        When it is taken, after the first view [s]; None takes the first view and stops.
+        Time of the screenshot after the first view [s]; None takes the first view and stops.
     """
     speak(f"display {station}")
     make_way(config.realtime)
@@ -39,7 +39,7 @@ def main(
 
 
 def list_screens() -> int:
-    """Print the screens of this machine, by the numbers that ``[display] screen`` knows."""
+    """Print the screens of this machine, by their numbers for ``[display] screen``."""
     from netboard.windows.participant.window import application, in_words, screens
 
     application()
@@ -49,7 +49,7 @@ def list_screens() -> int:
 
 
 def calibrate(config: Config) -> int:
-    """Let somebody measure the pixels of the chosen screen with a bank card, and print what the configuration needs."""
+    """Measure the pixel size of the chosen screen with a bank card, and print the settings for the configuration."""
     from netboard.windows.participant.screen_size import calibrate as measure
 
     size, screen = measure(config.display.screen)

@@ -1,4 +1,4 @@
-"""Is this machine fit for a session? Looks at everything, says what to do, and leaves a report for the recordings."""
+"""Checks whether this machine is fit for a session, and writes a report for the recordings."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draws how each number of one trial is computed."""
+"""Plots how each measure of one trial is computed."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ KINDS = ("png", "svg", "pdf")
 
 
 def main(path: Path, trial: int, attempt: int | None, readings: Readings, output: Path | None) -> int:
-    """Draw the sheet of a trial.
+    """Plot the sheet of a trial.
 
     Parameters
     ----------

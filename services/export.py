@@ -11,12 +11,12 @@ from netboard.services.wording import telling
 
 
 def main(words: Sequence[Path], name: str, output: Path | None) -> int:
-    """Export recordings to a new folder, and say what is in it.
+    """Export recordings to a new folder, and print its contents.
 
     Parameters
     ----------
     output : Path or None
-        The new folder; None names it after the format and what is exported.
+        The new folder; None names it after the format and the recordings.
     """
     recordings = find_recordings(words)
     folder = output or Path(f"{words[0].resolve().stem}_{name}")

@@ -1,4 +1,4 @@
-"""Makes recordings of tables: of some, one after the other, or of those of a manifest, several at a time."""
+"""Imports tables as recordings: given tables one after the other, or those of a manifest, several at a time."""
 
 import sys
 import time
@@ -17,7 +17,7 @@ from netboard.services.wording import telling
 
 
 def main(tables: Sequence[Path], folder: Path, config: Config, wishes: Wishes) -> int:
-    """Import one table after the other, and say what came of each."""
+    """Import one table after the other, and print the result of each."""
     console = Console(highlight=False, soft_wrap=True)
     for table in tables:
         with telling() as tell:
@@ -47,7 +47,7 @@ def study(manifest: Path, folder: Path, workers: int | None) -> int:
 
 
 def one_way(tables: Sequence[Path] | None, manifest: Path | None, others: Sequence[str]) -> None:
-    """Refuse tables beside a manifest, neither of them, and options that a manifest has keys for."""
+    """Refuse tables beside a manifest, neither of them, and options for which a manifest has keys."""
     if bool(tables) == (manifest is not None):
         raise ConfigError("import: expected either TABLE... or --manifest")
     if manifest is not None and others:

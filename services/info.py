@@ -1,4 +1,4 @@
-"""What is in a recording, for people: where it comes from, trials, completion times, latencies, losses."""
+"""Summary of a recording for people: provenance, trials, completion times, latencies, losses."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from netboard.task.trials.quality import WORDS, Verdict
 
 
 def main(path: Path) -> int:
-    """Print what a recording amounts to."""
+    """Print the summary of a recording."""
     console = Console(highlight=False)
     with Recording(path) as recording:
         console.print(provenance_table(recording))
@@ -28,7 +28,7 @@ def main(path: Path) -> int:
 
 
 def provenance_table(recording: Recording) -> FittedTable:
-    """Say where a recording comes from."""
+    """Return a table of the recording's provenance."""
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     block, design = config.block, design_of(config)
     said = recording.metadata
@@ -52,14 +52,14 @@ def provenance_table(recording: Recording) -> FittedTable:
 
 
 def _level(factor: BlockFactor, trials: int) -> str:
-    """Write the level of a factor in a block; of one that varies within it, also the level of each trial."""
+    """Return the level of a factor in a block, with the level of each trial if it varies within the block."""
     if factor.scope != "trial":
         return f"{factor.summary}, {factor.of.type}"
     return f"{factor.summary}, {factor.of.type}, by trial: {' '.join(factor.level(k) for k in range(1, trials + 1))}"
 
 
 def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
-    """Say which attempts are doubtful, by the rules of the recording's configuration, and why."""
+    """Return a table of the attempts that the configured quality rules flag, with the reasons."""
     doubtful = [verdict for verdict in verdicts if verdict.flags]
     title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
     table = FittedTable(
@@ -72,7 +72,7 @@ def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
 
 
 def account_table(path: Path) -> FittedTable:
-    """Account for every tick of the session, in all parts that are in the same folder."""
+    """Return a table that accounts for every tick of the session, in all parts in the same folder."""
     table = FittedTable("", "", title="Account of the session", header=False)
     try:
         account = account_of(parts_of(path))
@@ -94,6 +94,6 @@ def account_table(path: Path) -> FittedTable:
 
 
 def stretch_text(stretch: Stretch) -> str:
-    """Write numbers in a row, how many they are, and why they are missing."""
+    """Return a range of tick or record numbers, how many they are, and why they are missing."""
     count = stretch.last - stretch.first + 1
     return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")

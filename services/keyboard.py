@@ -7,17 +7,17 @@ from types import TracebackType
 from typing import Any, Self
 
 ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
-"""What a terminal sends for them."""
+"""What a terminal sends for the arrow keys."""
 
 BEGUN = (b"\x1b", b"\x1b[")
-"""What may come of an arrow before the rest of it."""
+"""Beginnings of an arrow key's code."""
 
 MOST_BYTES = 64
-"""Read in one go: what is behind the first key was pressed too fast to be meant."""
+"""Bytes read at once; what follows the first key was typed too fast to be meant [1]."""
 
 
 class Keyboard:
-    """While entered, keys of the terminal are read one by one; where there is no terminal, none ever come."""
+    """A context in which the terminal's keys are read one by one; without a terminal there are none."""
 
     def __init__(self) -> None:
         self.there = sys.stdin.isatty() and os.name == "posix"
@@ -42,7 +42,7 @@ class Keyboard:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
     def pressed(self, seconds: float = 0.0) -> str | None:
-        """Tell the key that has been pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
+        """Return the key that was pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
 
         It is empty once the terminal is gone.
         """

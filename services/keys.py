@@ -1,6 +1,6 @@
 """Keys of a rig: ``netboard keys``.
 
-Keys are made, listed and revoked at the server; a station is brought its own. Secrets are never shown.
+Keys are made, listed and revoked at the server; each station gets its own. Secret keys are never shown.
 """
 
 from pathlib import Path
@@ -19,13 +19,13 @@ app = typer.Typer(
 
 
 def folder_of(config: Path | None, overrides: list[str] | None) -> Path:
-    """Where the keys are."""
+    """Return the folder of the keys."""
     return Path(configuration.load(config, overrides or ()).network.keys)
 
 
 @app.command(epilog="Examples:\n\n  netboard keys init\n\n  netboard keys init -c rig.toml")
 def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Make the server's key, and a list of those who may connect, which is empty."""
+    """Make the server's key and an empty list of authorised peers."""
     from netboard.network import keys
 
     path = keys.init(folder_of(config, overrides))
@@ -51,7 +51,7 @@ def add(
         Path | None, typer.Option(metavar="FOLDER", help="Where the file goes; else into the folder of the keys.")
     ] = None,
 ) -> None:
-    """Make the key of one process and let it in; the one file is all that the process needs."""
+    """Make the key of one process and authorise it; the process needs only this file."""
     from netboard.network import keys
 
     folder = folder_of(config, overrides)
@@ -61,7 +61,7 @@ def add(
 
 @app.command("list", epilog="Examples:\n\n  netboard keys list")
 def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Tell who may connect, and which secret keys are here, by their fingerprints."""
+    """List the authorised peers, and the secret keys in this folder, by their fingerprints."""
     from rich.console import Console
 
     from netboard.base.terminal import FittedTable
@@ -87,7 +87,7 @@ def revoke(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Let a key in no more, from its next connection on; the server need not be started anew."""
+    """Revoke a key, from its next connection on; the server need not be restarted."""
     from netboard.network import keys
 
     peer = keys.revoke(folder_of(config, overrides), name)

@@ -8,7 +8,7 @@ from netboard.nodes.logger.logger import Logger
 
 
 def main(config: Config, *, once: bool = False) -> int:
-    """Record until told to stop."""
+    """Record until stopped."""
     speak("logger")
     make_way(config.realtime)
     with Stopping() as stopping, sockets.open_context() as context:

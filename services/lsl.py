@@ -1,4 +1,4 @@
-"""The streams of the Lab Streaming Layer as a process."""
+"""The streams of the Lab Streaming Layer (LSL) as a process."""
 
 import logging
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 def main(config: Config, name: str) -> int:
-    """Send what happens to the layer until told to stop."""
+    """Send ticks and events to LSL until stopped."""
     speak("lsl")
     make_way(config.realtime)
     outlets = Outlets(name, config.network.port)

@@ -1,4 +1,4 @@
-"""The commands of whoever runs a rig: how it is, what it shall do, whether it is fit, and starting all of it."""
+"""The commands for operating a rig: status, commands, the doctor, and starting everything."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +18,7 @@ def status(
     watch: Annotated[bool, typer.Option("--watch", help="Go on showing it until Ctrl-C.")] = False,
     json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
 ) -> None:
-    """Show a running session and every peer of it: link, round trip, clock, rate, losses, version."""
+    """Show the status of a running session and of every peer: link, round-trip time, clock, rate, losses, version."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import status as service
 
@@ -31,9 +31,9 @@ def stop(
     release: Annotated[bool, typer.Option("--release", help="End the stop: devices may be armed again.")] = False,
     guard: Annotated[bool, typer.Option("--guard", help="Stand by, and stop when any key is pressed.")] = False,
 ) -> None:
-    """Emergency stop: no device has a force any more, until it is released.
+    """Emergency stop: all commanded forces are zero until it is released.
 
-    With --guard it is connected already, and acts within a millisecond; without, it has to start first.
+    With --guard it is already connected, and acts within a millisecond; without, it has to start first.
     """
     if release and guard:
         raise ConfigError("--release and --guard: expected one of them, for they are opposites")
@@ -69,7 +69,7 @@ def control(
     seconds: Annotated[float | None, typer.Option(min=0, help="At most so long.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Answer and status as one line of JSON.")] = False,
 ) -> None:
-    """Tell a running server what to do, as the console does: for scripts."""
+    """Send a command to a running server, as the console does: for scripts."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import control as service
 
@@ -86,7 +86,7 @@ def doctor(
     quick: Annotated[bool, typer.Option("--quick", help="In seconds instead of half a minute.")] = False,
     json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the report there too.")] = None,
 ) -> None:
-    """Check whether this machine is fit for a session, and say what to do where it is not."""
+    """Check whether this machine is fit for a session, and say how to fix what is not."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import doctor as service
 
@@ -108,7 +108,7 @@ def up(
         bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
     ] = False,
 ) -> None:
-    """Start all that belongs on this machine, watch it, and stop it in order on Ctrl-C."""
+    """Start all processes of this machine, supervise them, and stop them in order on Ctrl-C."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import up as service
 
@@ -121,7 +121,7 @@ def up(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known."""
+    """Add these commands."""
     app.command(epilog=examples("netboard status", "netboard status -c rig.toml --watch", "netboard status --json"))(
         status
     )

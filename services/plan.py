@@ -28,7 +28,7 @@ def show(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Show the blocks of a dyad, and what is even over one or several."""
+    """Show the blocks of a dyad, and the counterbalancing over one or several dyads."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import studies as service
 
@@ -45,7 +45,7 @@ def check(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Say whether a study is in order; exit with 2 and say why if its counts do not meet."""
+    """Check whether a study is valid; exit with 2 and the reasons if its trial counts are wrong."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import studies as service
 
@@ -66,7 +66,7 @@ def template(
         str, typer.Argument(metavar="NAME", help="A built-in study; else one that says what each key is.")
     ] = "",
 ) -> None:
-    """Print a commented study file to start from."""
+    """Print a commented study file as a template."""
     from netboard.base.errors import ConfigError
     from netboard.task.studies import library
 

@@ -1,4 +1,4 @@
-"""A session by a plan: its blocks and its journal, from the beginning or from where it was left."""
+"""A session that follows a plan: its blocks and its journal, from the beginning or resumed."""
 
 import hashlib
 import sys
@@ -33,12 +33,12 @@ AGREED = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which session of which study.
+    """A session of a study.
 
     Attributes
     ----------
     blocks, trials : int or None
-        Of a pilot run: only the first blocks, and at most so many trials in each [1].
+        For a pilot run: the number of blocks, and the largest number of trials in each [1].
     """
 
     study: str
@@ -50,7 +50,7 @@ class Wanted:
 
     @property
     def options(self) -> list[str]:
-        """What asks ``netboard server`` for it, each block starting by itself."""
+        """The options with which ``netboard server`` runs this session, with each block starting by itself."""
         numbers = {"dyad": self.dyad, "session": self.session, "seed": self.seed}
         short = {"blocks": self.blocks, "trials": self.trials}
         given = {**numbers, **{name: number for name, number in short.items() if number is not None}}
@@ -68,7 +68,7 @@ class Planned:
     Raises
     ------
     ConfigError
-        If there is no such study or session, or its blocks do not go with the rig.
+        If there is no such study or session, or its blocks do not fit the rig.
     """
 
     def __init__(self, config: Config, wanted: Wanted) -> None:
@@ -87,11 +87,11 @@ class Planned:
         self.path = self._path(self.config)
 
     def _path(self, config: Config) -> Path:
-        """Where the journal of a session is."""
+        """Return the path of a session's journal."""
         return journal_path(Path(config.recording.directory), config)
 
     def blocks(self, session: Session) -> list[Config]:
-        """The configuration of each block, for a session with this form."""
+        """Return the configuration of each block, for a session with this form."""
         if not session.pilot and (self.wanted.blocks or self.wanted.trials):
             raise ConfigError(
                 "--blocks, --trials: expected a pilot run ([session] pilot), for that is not the whole plan"
@@ -101,7 +101,7 @@ class Planned:
         return list(shortened(whole, self.wanted.blocks, self.wanted.trials))
 
     def header(self, session: Session) -> Header:
-        """What the journal of the session begins with."""
+        """Return the header of the session's journal."""
         return Header(
             format=FORMAT,
             study=self.study.name,
@@ -119,7 +119,7 @@ class Planned:
         )
 
     def _digest(self) -> str:
-        """Fingerprint of what is done of the plan."""
+        """Return the digest of the part of the plan that is run."""
         whole, wanted = plans.digest(self.plan), self.wanted
         if wanted.blocks is None and wanted.trials is None:
             return whole
@@ -137,12 +137,12 @@ class Planned:
         return Programme(self.blocks(self.config.session), self.blocks), ledger
 
     def resumed(self, ask: Callable[[str], bool]) -> tuple[Programme, Ledger]:
-        """Go on with a session where it was left.
+        """Resume a session where it was left.
 
         Parameters
         ----------
         ask : callable
-            Shows the operator what will be done, and tells whether that is right.
+            Shows the operator what will be done, and returns whether that is right.
         """
         journal, header, entries, torn = Journal.reopen(self.path)
         try:
@@ -165,7 +165,7 @@ class Planned:
 
 
 def agreed(yes: bool) -> Callable[[str], bool]:
-    """Make what shows an operator what will be done, and asks whether that is right, unless that was said before."""
+    """Make a function that shows the operator what will be done and asks for confirmation, unless `yes` gives it."""
 
     def ask(words: str) -> bool:
         console.print(words, soft_wrap=True)
@@ -179,7 +179,7 @@ def agreed(yes: bool) -> Callable[[str], bool]:
 
 
 def named(config: Config, wanted: Wanted) -> Config:
-    """Name dyad and session after their numbers, where the configuration leaves that open."""
+    """Name dyad and session after their numbers where the configuration does not name them."""
     usual, session = Session(), config.session
     name = f"S{wanted.session:02d}" if session.name == usual.name else session.name
     dyad = f"D{wanted.dyad:02d}" if session.dyad == usual.dyad else session.dyad
@@ -187,7 +187,7 @@ def named(config: Config, wanted: Wanted) -> Config:
 
 
 def form_in(entries: tuple[Entry, ...], known: Session, header: Header) -> Session:
-    """The form of a session, as its journal has it."""
+    """Return the form of a session from its journal."""
     opened = next((entry for entry in entries if isinstance(entry, Opened)), None)
     told = {} if opened is None else opened.form
     words: dict[str, Any] = {field.name: told[field.name] for field in fields(Session) if field.name in told}

@@ -1,4 +1,4 @@
-"""The commands that start the processes of a rig: what can be asked of each, and nothing of how it is done."""
+"""The commands that start the processes of a rig: their options, but not their implementation."""
 
 from pathlib import Path
 from typing import Annotated
@@ -48,7 +48,7 @@ def server(
     resume: Annotated[bool, typer.Option("--resume", help="Go on where the session was left.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Go on there without asking.")] = False,
 ) -> None:
-    """Run the physics server: it computes the board and decides the trials, of one dyad or of several."""
+    """Run the physics server: it simulates the board and runs the trials, of one dyad or of several."""
     files: list[Path | None] = [*(config or (None,))]
     settings = [configuration.load(file, overrides or ()) for file in files]
     if not insecure:
@@ -69,7 +69,7 @@ def server(
 
 
 def refuse_open_network(config: Config) -> None:
-    """Refuse an address that other machines can reach, where nothing is encrypted."""
+    """Refuse an address that other machines can reach if nothing is encrypted."""
     from netboard.network.keys import encrypted, local
 
     network = config.network
@@ -86,7 +86,7 @@ def agent(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Run a haptic agent: one per device; it reads the stylus, renders the force and keeps it safe."""
+    """Run a haptic agent, one for each device: it reads the stylus, renders the force and limits it safely."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import agent as service
 
@@ -110,7 +110,7 @@ def display(
         bool, typer.Option("--calibrate", help="Measure the pixels of the screen with a bank card.")
     ] = False,
 ) -> None:
-    """Run a participant's display: board, ball, target and one's own stylus."""
+    """Run a participant's display: board, ball, target and the participant's own stylus."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import display as service
 
@@ -133,7 +133,7 @@ def console(
     ] = None,
     offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
 ) -> None:
-    """Open the operator's window: see how everything is, open the session, run it, stop it."""
+    """Open the operator's console: show the status, open the session, run it, stop it."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import console as service
 
@@ -159,7 +159,7 @@ def lsl(
         str, typer.Option(help="First part of the streams' names; another one for each dyad in the same room.")
     ] = "netboard",
 ) -> None:
-    """Send board, hands, forces and events to the Lab Streaming Layer, for LabRecorder, while sessions run."""
+    """Send board, hands, forces and events to the Lab Streaming Layer (for LabRecorder) while sessions run."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import lsl as service
 
@@ -167,7 +167,7 @@ def lsl(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known."""
+    """Add these commands."""
     app.command(
         epilog=examples(
             "netboard server",

@@ -1,4 +1,4 @@
-"""The commands for recordings: what can be asked of a file, and nothing of how it is done."""
+"""The commands for recordings: their options, but not their implementation."""
 
 from datetime import datetime
 from pathlib import Path
@@ -44,10 +44,10 @@ def replay(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    r"""Show a recording in the participants' display, play it as a server, list what is in it, or verify it.
+    r"""Show a recording in the participants' display, replay it as a server, list its trials and events, or verify it.
 
-    A served one is steered by netboard control: play, pause, seek, speed, loop, step, next, previous. Of the
-    configuration only \[network] counts, and only for --serve.
+    netboard control steers a served replay: play, pause, seek, speed, loop, step, next, previous. Of the configuration
+    only \[network] counts, and only for --serve.
     """
     ways = [name for name, wanted in _ways(verify, headless, serve, markers) if wanted]
     if len(ways) > 1:
@@ -69,12 +69,12 @@ def replay(
 
 
 def _ways(verify: bool, headless: bool, serve: bool, markers: bool) -> tuple[tuple[str, bool], ...]:
-    """What can be done with a recording but to show it."""
+    """Return the options that replace the window."""
     return ("--verify", verify), ("--headless", headless), ("--serve", serve), ("--markers", markers)
 
 
 def info(recording: RecordingFile) -> None:
-    """Say what is in a recording: trials, completion times, losses, latencies."""
+    """Summarise a recording: trials, completion times, losses, latencies."""
     from netboard.services import info as service
 
     raise typer.Exit(service.main(recording))
@@ -92,7 +92,7 @@ def recover(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file, if it is one.")
     ] = None,
 ) -> None:
-    """Make whole recordings of unfinished or damaged ones, which are left as they are."""
+    """Recover complete recordings from unfinished or damaged ones, which stay unchanged."""
     from netboard.services import recover as service
 
     raise typer.Exit(service.main(recordings, output))
@@ -107,9 +107,9 @@ def check(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Let recordings prove that they are whole: checksums, numbers, times, clocks, trials, plan, journal.
+    """Check the integrity of recordings: checksums, numbers, times, clocks, trials, plan, journal.
 
-    One verdict a file. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
+    Each file has one result. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
     """
     from netboard.services import check as service
 
@@ -133,7 +133,7 @@ def whatif(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
 ) -> None:
-    """What if: the recorded hands against another board, another model or another force condition.
+    """Counterfactual replay: the recorded hands with another board, model or force condition.
 
     The loop is open: the hands do what they did. Each attempt begins with the state recorded at its release.
     """
@@ -159,7 +159,7 @@ def sessions(
     full: Annotated[bool, typer.Option("--check", help="Check each file wholly (netboard check).")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
-    """List the recordings below a folder: whose they are, trials done, losses, and a verdict on each."""
+    """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
     from netboard.recording.integrity.catalogue import Filter
     from netboard.services import configuration
     from netboard.services import sessions as service
@@ -179,7 +179,7 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write recordings in a format of other tools."""
+    """Export recordings to a format of other tools."""
     from netboard.services import export as service
 
     raise typer.Exit(service.main(recordings, to, output))
@@ -213,7 +213,7 @@ def import_(
         "recordings"
     ),
 ) -> None:
-    """Make recordings of tables: of what others have measured, or of an exported table of ticks."""
+    """Import tables as recordings: measurements of others, or an exported table of ticks."""
     from netboard.recording.importing.table_import import Wishes
     from netboard.services import importing as service
 
@@ -226,7 +226,7 @@ def import_(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known."""
+    """Add these commands."""
     app.command(
         epilog=examples(
             "netboard replay S01.mcap",

@@ -1,4 +1,4 @@
-"""Makes whole recordings of what a killed logger, a damaged disk or a server without a logger left."""
+"""Recovers complete recordings from the files of a killed logger, a damaged disk or a server without a logger."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,16 +12,16 @@ from netboard.recording.recovery.recover import Report
 from netboard.recording.recovery.spilled import recover_any
 
 UNFINISHED = ("*.mcap.part", "*.spill")
-"""What in a folder needs recovery."""
+"""Files in a folder that need recovery."""
 
 
 def main(paths: Sequence[Path], output: Path | None = None) -> int:
-    """Recover what is sound, and say what was lost.
+    """Recover what is sound, and print what was lost.
 
     Parameters
     ----------
     paths : sequence of Path
-        Unfinished or damaged files, and folders of such; they are left as they are.
+        Unfinished or damaged files, and folders of such; they stay unchanged.
     output : Path or None
         The new file, if there is one old one; None names it after the old one.
     """
@@ -40,7 +40,7 @@ def main(paths: Sequence[Path], output: Path | None = None) -> int:
 
 
 def _files(paths: Sequence[Path]) -> Iterator[Path]:
-    """Every file that is meant."""
+    """Yield every file, including those in the folders."""
     for path in paths:
         if not path.is_dir():
             yield path
@@ -52,7 +52,7 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def _say(report: Report) -> None:
-    """Say what was recovered, and what was not."""
+    """Print what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
     missing = sum(gap.count for gap in report.missing)
     typer.echo(f"{report.output}: {ticks}, {missing} missing, {sum(report.messages.values())} messages")

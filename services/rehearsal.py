@@ -1,4 +1,4 @@
-"""Rehearses blocks: simulated people, the live stage, as fast as the machine allows, and a table of what came of it."""
+"""Rehearses blocks with simulated participants and the live stage, as fast as possible, and tabulates the results."""
 
 import json
 import time
@@ -79,13 +79,13 @@ def together(jobs: Sequence[Job], workers: int) -> list[Sheet]:
 
 
 def bars() -> Progress:
-    """Bars that are there while something is done, on a terminal."""
+    """Make progress bars for a terminal that disappear at the end."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 def table_of(sheets: Sequence[Sheet]) -> FittedTable:
-    """Show the blocks, a row for each."""
+    """Return a table with a row for each block."""
     counted = numbers("trials", "failed", "mean time", "ticks", "speed")
     table = FittedTable("block", "condition", *counted, title="Rehearsal")
     for sheet in sheets:
@@ -103,7 +103,7 @@ def table_of(sheets: Sequence[Sheet]) -> FittedTable:
 
 
 def in_total(sheets: Sequence[Sheet], took: float) -> str:
-    """Say in a line what it was, and how long it took."""
+    """Return a summary of one line, with the time that it took."""
     ticks, hours = sum(s.ticks for s in sheets), sum(s.ticks for s in sheets) * TICK_SECONDS / 3600
     successes, failures = sum(s.successes for s in sheets), sum(s.failures for s in sheets)
     return (
@@ -114,7 +114,7 @@ def in_total(sheets: Sequence[Sheet], took: float) -> str:
 
 
 def as_data(sheets: Sequence[Sheet], took: float) -> dict[str, object]:
-    """Say the same for programs."""
+    """Return the results for JSON."""
     ticks = sum(sheet.ticks for sheet in sheets)
     return {
         "blocks": [{**asdict(sheet), "real_time_factor": sheet.factor} for sheet in sheets],

@@ -1,4 +1,4 @@
-"""A recording again: in the display, on the sockets of a server, as text, or verified tick by tick."""
+"""Replays a recording in the display, on the sockets of a server or as text, or verifies it tick by tick."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,11 +19,11 @@ from netboard.recording.replay.text import marks_table, verdict_line
 from netboard.services.keyboard import Keyboard
 
 HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
-"""What the keys of the terminal do."""
+"""The terminal's keys."""
 
 
 def verify(path: Path) -> int:
-    """Compute every tick of a recording again and compare it to the bit."""
+    """Recompute every tick of a recording and compare it to the bit."""
     with Recording(path) as recording:
         verdict = verify_recording(recording)
     Console(highlight=False).print(verdict_line(verdict))
@@ -31,7 +31,7 @@ def verify(path: Path) -> int:
 
 
 def narrate(path: Path, speed: float) -> int:
-    """Tell the events of a recording at the pace they happened."""
+    """Print the events of a recording at the original pace."""
     from netboard.nodes.replay.replay import narrate as tell
 
     with Stopping() as stopping:
@@ -58,7 +58,7 @@ def show(
 
 
 def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
-    """Play a recording on the sockets of a server.
+    """Replay a recording on the sockets of a server.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def tell_marks(path: Path) -> int:
 
 
 def loaded(path: Path) -> Reel:
-    """Read a recording, and show on a terminal how far that is."""
+    """Read a recording, with a progress bar on a terminal."""
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

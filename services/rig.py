@@ -1,4 +1,4 @@
-"""What ``netboard devices`` does: one device of the rig, without a server."""
+"""Implementation of ``netboard devices``: one device of the rig, without a server."""
 
 import json
 import sys
@@ -30,13 +30,13 @@ CONSENT = "the motors may push"
 """What an operator types before a device is moved."""
 
 WARM_UP = 0.1
-"""Readings that are not counted [s]."""
+"""Duration of the first readings, which are not counted [s]."""
 
 HOLD = 1.0
-"""How long a stylus is held still to take its position [s]."""
+"""Time for which a stylus is held still to take its position [s]."""
 
 SETTLE = 5.0
-"""Time to go to the next place, where nobody is asked [s]."""
+"""Time to move to the next position when nobody is asked [s]."""
 
 TEXT_SECONDS = 0.1
 MONITOR_SECONDS = 0.005
@@ -45,7 +45,7 @@ Ask = Callable[[str], str]
 
 
 def show_list(config: Config, *, as_json: bool, root: Path = listing.ROOT) -> int:
-    """Show devices and backends; 1 if a device is there that may not be opened."""
+    """Show devices and backends; return 1 if a connected device may not be opened."""
     found = listing.listing(config, root)
     if as_json:
         _print_json(words.plain_listing(found))
@@ -57,7 +57,7 @@ def show_list(config: Config, *, as_json: bool, root: Path = listing.ROOT) -> in
 def examine(
     config: Config, side: Side, *, seconds: float, force: float, yes: bool, as_json: bool, beats: Beats | None = None
 ) -> int:
-    """Examine a device, without a force unless one is given; 1 if anything is red."""
+    """Examine a device, without force unless one is given; return 1 if anything is red."""
     if force:
         ask_consent(f"{checkup.PULSES} short pushes of {force:g} N, up and down", yes, input)
     with opened(config, side, beats is None) as device, _bar(as_json) as progress:
@@ -88,7 +88,7 @@ def identify(
     chirp: excitation.Chirp | None = None,
     beats: Beats | None = None,
 ) -> int:
-    """Find what a device is like to move, and write that to its profile unless a hand held it."""
+    """Identify a device's mechanics, and write them to its profile unless a hand held it."""
     chirp = chirp or excitation.Chirp()
     what = "held loosely" if held else "held by nobody, in the middle of its workspace"
     ask_consent(
@@ -111,7 +111,7 @@ def identify(
 
 
 def mechanics_of(found: Identified, chirp: excitation.Chirp) -> Mechanics:
-    """What goes to a profile."""
+    """Return the mechanics for a profile."""
     how = f"{now_in_words()}, by a chirp of {chirp.seconds:g} s; misfit {found.misfit * 1e6:.0f} um"
     return Mechanics(*found.mass, *found.damping, *found.friction, identified=how)
 
@@ -192,7 +192,7 @@ def monitor(config: Config, side: Side, *, text: bool, screenshot: Path | None, 
 
 @contextmanager
 def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
-    """Open a side's device in its own frame, with no force, in a process that is fit for a steady loop."""
+    """Open a side's device in its own frame, without force, in a process prepared for a steady loop."""
     if real_time:
         prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     device = registry.make(side, config)
@@ -204,7 +204,7 @@ def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
 
 
 def ask_consent(what: str, yes: bool, ask: Ask) -> None:
-    """Let nobody be pushed who has not agreed."""
+    """Require consent before the motors move."""
     if yes:
         return
     if not sys.stdin.isatty():
@@ -215,7 +215,7 @@ def ask_consent(what: str, yes: bool, ask: Ask) -> None:
 
 
 def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Divide settings into those of a profile's placement and those of the configuration."""
+    """Split settings into those of a profile's placement and those of the configuration."""
     mine = [word for word in overrides if word.startswith("placement.")]
     given = {}
     for word in mine:
@@ -227,12 +227,12 @@ def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str
 
 
 def now_in_words() -> str:
-    """Date and time, for people."""
+    """Return date and time for people."""
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
 
 
 def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None:
-    """Write a profile, and say where."""
+    """Write a profile, and print its path."""
     folder = Path(config.agents.profiles)
     before = profile.file_of(folder, known.device.serial).exists() and not replace_it
     path = profile.save(folder, known, replace=replace_it)
@@ -247,7 +247,7 @@ def _print_json(values: Mapping[str, Any]) -> None:
 
 @contextmanager
 def _bar(quiet: bool) -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """A bar that makes what reports progress of a named part."""
+    """Show a progress bar; yield a function that makes a progress callback for a named part."""
     columns = (TextColumn("{task.description:12}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
 

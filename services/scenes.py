@@ -1,4 +1,4 @@
-"""The command that moves a scene by the hands in a file: what can be asked of it, and nothing of how it is done."""
+"""The command that simulates a scene from recorded hands: its options, but not its implementation."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -100,7 +100,7 @@ def simulate(
     energy: Energy = False,
     force: Force = False,
 ) -> None:
-    """Move a scene by the hands in a file, offline and as exactly as the samples allow."""
+    """Simulate a scene with the hands in a file, offline and as exactly as the samples allow."""
     if energy and hold != "hermite":
         raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands jump from row to row")
     from netboard.services import simulate as service
@@ -122,7 +122,7 @@ def simulate(
 
 
 def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
-    """Read the numbers of an option that may be given again, or with commas."""
+    """Read the numbers of an option that may be repeated, or separated by commas."""
     try:
         return tuple(float(word) for given in words or () for word in given.split(","))
     except ValueError:
@@ -130,7 +130,7 @@ def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make this command known."""
+    """Add this command."""
     app.command(
         epilog=examples(
             "netboard simulate --input stylus.csv --output out.csv",

@@ -1,4 +1,4 @@
-"""``netboard bench analysis --sensitivity``: how far readings, noise and lost samples move each number."""
+"""``netboard bench analysis --sensitivity``: how strongly settings, noise and lost samples change each measure."""
 
 import tempfile
 from pathlib import Path
@@ -14,7 +14,7 @@ from netboard.task.plans.blocks import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 WHOLE, QUICK = (4, 18, 20), (2, 12, 3)
-"""What is rehearsed where no recordings are given: dyads, the first blocks of the paper's plan, trials in each [1].
+"""What is rehearsed without recordings: dyads, the first blocks of the paper's plan, trials in each [1].
 
 Twelve blocks have each condition twice.
 """
@@ -44,7 +44,7 @@ def found_in(folder: Path) -> list[Path]:
 
 
 def rehearse(folder: Path, *, quick: bool) -> list[Path]:
-    """Let simulated dyads do the paper's plan, shortened, and keep their recordings."""
+    """Rehearse the paper's plan, shortened, with simulated dyads, and keep their recordings."""
     dyads, most, trials = QUICK if quick else WHOLE
     jobs = []
     for dyad in range(1, dyads + 1):

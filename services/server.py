@@ -13,12 +13,12 @@ from netboard.services.planned import Planned, Wanted, agreed
 
 
 def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
-    """Serve one block of each of some dyads.
+    """Serve one block for each of these dyads.
 
     Parameters
     ----------
     configs : sequence of Config
-        One for each dyad; what the process asks of its machine is that of the first.
+        One for each dyad; the first one's real-time settings apply to the process.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes:
 
 
 def serve(sessions: Sequence[tuple[Programme, Ledger]], *, autostart: bool) -> int:
-    """Serve sessions until all have ended; 1 if records are not known to be on disk."""
+    """Serve sessions until all have ended; return 1 if records are not known to be on disk."""
     configs = [programme.block.config for programme, _ in sessions]
     doors = [keys.door(config.network) for config in configs]
     speak("server")

@@ -33,7 +33,7 @@ def rehearse(
     workers: Annotated[int, typer.Option(min=1, max=64, help="How many blocks at once, each in a process.")] = 1,
     json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
 ) -> None:
-    """Let simulated people do all blocks of a dyad, without devices, network or clock, and sum up what came of it."""
+    """Rehearse all blocks of a dyad with simulated participants, without devices, network or clock."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import rehearsal as service
     from netboard.services import studies

@@ -23,7 +23,7 @@ from netboard.recording.integrity.catalogue import (
 from netboard.recording.integrity.severity import VERDICTS, Grade
 
 COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDICTS[Grade.DAMAGE]: "red"}
-"""Of each verdict on a terminal."""
+"""Colour of each result on a terminal."""
 
 
 def main(folder: Path, wanted: Filter, *, full: bool = False, as_json: bool = False) -> int:
@@ -46,7 +46,7 @@ def main(folder: Path, wanted: Filter, *, full: bool = False, as_json: bool = Fa
 
 
 def _tracked(entries: Sequence[Entry]) -> Iterable[Entry]:
-    """Show how far it is, on a terminal."""
+    """Show the progress on a terminal."""
     console = Console(stderr=True)
     return track(entries, "recordings", console=console, transient=True, disable=not console.is_terminal)
 
@@ -57,7 +57,7 @@ def _completed(entry: Entry, full: bool) -> Entry:
 
 
 def table_of(entries: Sequence[Entry], folder: Path) -> FittedTable:
-    """Show files, a group for each session."""
+    """Return a table of the files, grouped by session."""
     table = FittedTable(
         "block\ncondition", "file", *numbers("trials", "length\nsize", "lost"), "verdict", title=f"Sessions in {folder}"
     )
@@ -74,7 +74,7 @@ def table_of(entries: Sequence[Entry], folder: Path) -> FittedTable:
 
 
 def _row(entry: Entry, folder: Path) -> list[Cell]:
-    """Write what is known of one file."""
+    """Return the row of one file."""
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     known = entry.kind in ("recording", "journal") and entry.verdict != VERDICTS[Grade.DAMAGE]
     return [
@@ -88,7 +88,7 @@ def _row(entry: Entry, folder: Path) -> list[Cell]:
 
 
 def in_total(entries: Sequence[Entry]) -> str:
-    """Say in a line what all of it is."""
+    """Return a summary of one line."""
     recordings = [entry for entry in entries if entry.kind != "journal"]
     counts = ", ".join(
         f"{count} {verdict}" for verdict in VERDICTS if (count := sum(e.verdict == verdict for e in recordings))

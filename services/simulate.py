@@ -40,7 +40,7 @@ SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
 
 @dataclass(frozen=True)
 class Wishes:
-    """What was asked for: the options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
+    """The options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
 
     hold: str
     gaps: str
@@ -54,7 +54,7 @@ class Wishes:
     energy: bool
 
     def start(self, balls: int) -> tuple[float, ...]:
-        """Put the initial state together; balls rest at the centre unless it is said otherwise."""
+        """Return the initial state; balls start at rest at the centre by default."""
         if any(len(given) not in (0, balls) for given in (self.p0, self.v0)):
             raise ConfigError(
                 f"--p0, --v0: found {len(self.p0)} and {len(self.v0)} values, expected none or one for each ball; "
@@ -65,7 +65,7 @@ class Wishes:
 
 
 def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
-    """Read a scene: a configuration, of which only the table [physics] counts; without a file, the paper's."""
+    """Read a scene: of a configuration only the table [physics] counts; without a file, the paper's scene."""
     try:
         text = file.read_text(encoding="utf-8") if file else ""
     except (OSError, UnicodeDecodeError) as error:
@@ -104,12 +104,12 @@ Sheet = dict[str, str]
 
 
 def _tell(progress: Progress, task: TaskID, number: int, path: Path, share: float, what: str = "simulating") -> None:
-    """Show how far the file of this number is."""
+    """Show the progress of the file with this number."""
     progress.update(task, completed=number + share, description=escape(f"{what} {path.name}"))
 
 
 def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, force: bool, tell: Tell) -> Sheet:
-    """Simulate one file, and say what came of it."""
+    """Simulate one file, and return its summary."""
     began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
     tell(0.0, "reading")
     hands = read_hands(path, wishes.gaps)
@@ -136,7 +136,7 @@ def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, 
 
 
 def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
-    """Say how a result was made, for whoever finds it."""
+    """Return how a result was made, for its file."""
     options = {name: str(value) for name, value in asdict(wishes).items()}
     made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
     with path.open("rb") as file:
@@ -144,17 +144,17 @@ def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
     return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
 
 
-# --- in words ----------------------------------------------------------------------------------------------------
+# --- descriptions ------------------------------------------------------------------------------------------------
 
 
 def scene_in_words(physics: Physics, free: bool) -> str:
-    """Say what was simulated."""
+    """Describe the scene."""
     balls = f"{physics.balls} {'free' if free else 'fixed'} ball{'' if physics.balls == 1 else 's'}"
     return f"{physics.model} model, {physics.board} board, {balls if physics.balls else 'no ball'}"
 
 
 def steps_in_words(steps: Steps, wishes: Wishes) -> str:
-    """Say how it was stepped, and why so."""
+    """Describe the steps, and why they were chosen."""
     if wishes.method != "auto":
         return f"{steps.method}, as asked for"
     why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
@@ -162,7 +162,7 @@ def steps_in_words(steps: Steps, wishes: Wishes) -> str:
 
 
 def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
-    """Say what went in and what came out."""
+    """Summarise inputs and outputs."""
     intervals = np.diff(hands.t) * 1e3
     low, high, usual = intervals.min(), intervals.max(), np.median(intervals)
     columns = columns_of(motion)
@@ -178,19 +178,19 @@ def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
 
 
 def range_of(column: NDArray[np.float64]) -> str:
-    """Say between which values a signal is."""
+    """Return the range of a signal."""
     return f"{column.min():.3g} to {column.max():.3g}"
 
 
 def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
-    """Say how well energies and works agree."""
+    """Return how well energies and works agree."""
     stored = np.sum([column for name, column in energies.items() if name.startswith("E_")], axis=0)
     worked = np.sum([column for name, column in energies.items() if name.startswith("W_")], axis=0)
     return f"balanced to {np.abs(stored - stored[0] - worked).max():.2g} J; it varies by {np.ptp(stored):.3g} J"
 
 
 def table_of(sheets: Sequence[Sheet]) -> FittedTable:
-    """Show one sheet from top to bottom; of several, what may be odd about one of them, a row for each."""
+    """Show one sheet from top to bottom; for several, a row each with what may be unusual about one."""
     if len(sheets) == 1:
         table = FittedTable("", "", header=False)
         for name, value in sheets[0].items():

@@ -1,4 +1,4 @@
-"""Asking a running server how it is, and showing it."""
+"""Asks a running server for its status, and shows it."""
 
 import json
 import time
@@ -18,11 +18,11 @@ from netboard.nodes.operator.status_table import status_tables
 
 ANSWER_SECONDS = 3.0
 ROUND_SECONDS = 1.2
-"""Rates and losses are those of a second: the server is asked again after so long [s]."""
+"""Interval between two requests; rates and losses are those of a second [s]."""
 
 
 def main(config: Config, *, watch: bool, as_json: bool) -> int:
-    """Show every peer of a session: link, round trip, clock, rate, losses, version."""
+    """Show every peer of a session: link, round-trip time, clock, rate, losses, version."""
     console = Console(highlight=False)
     with Stopping() as stopping, sockets.open_context() as context:
         operator = Operator(config.network, context)
@@ -45,7 +45,7 @@ def main(config: Config, *, watch: bool, as_json: bool) -> int:
 
 
 def asked(operator: Operator, config: Config) -> Status:
-    """Ask, with some patience."""
+    """Return the status, asking until the server answers or the timeout."""
     until = time.monotonic() + ANSWER_SECONDS
     while time.monotonic() < until:
         status = operator.ask(0.2)
@@ -58,7 +58,7 @@ def asked(operator: Operator, config: Config) -> Status:
 
 
 def plain(status: Status) -> dict[str, object]:
-    """Status for JSON: links as objects, what is not known as null."""
+    """Return the status for JSON: links as objects, unknown values as null."""
     names = ("peer", "name", "version", "age", "round_trip", "clock_bound", "drift_ppm", "rate", "lost")
     links = [
         {

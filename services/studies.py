@@ -1,4 +1,4 @@
-"""Finding a study by name or file, and showing the plans that are made of it."""
+"""Finds a study by name or file, and shows its plans."""
 
 import json
 from collections import Counter
@@ -22,7 +22,7 @@ from netboard.task.studies.study import Study, parse_study, resolve_study
 OK = 0
 
 MOST = 6
-"""Problems that are said, of many."""
+"""Number of problems that are shown."""
 
 
 def load(word: str) -> Study:
@@ -55,7 +55,7 @@ def _text_of(name: str) -> str:
 
 
 def show(config: Config, study: Study, seed: int, dyad: int | None, dyads: int | None, *, as_json: bool) -> int:
-    """Show the plan of one dyad, or of several with what is even over them.
+    """Show the plan of one dyad, or of several with their counterbalancing.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def show(config: Config, study: Study, seed: int, dyad: int | None, dyads: int |
 
 
 def check(config: Config, study: Study, word: str, seed: int, dyads: int) -> int:
-    """Say whether the counts of a study meet.
+    """Check that a study's plans have equal and expected trial counts in all conditions.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def show_list() -> int:
 
 
 def _misfits(config: Config, plans: list[Plan]) -> list[str]:
-    """Find blocks that contradict the rig's configuration; what is the same in several is said once."""
+    """Find blocks that contradict the rig's configuration; the same problem of several blocks is reported once."""
     found: dict[str, str] = {}
     for plan in plans:
         entered = seated(config, plan)
@@ -174,7 +174,7 @@ def _print_plan(console: Console, study: Study, plan: Plan) -> None:
 
 
 def _levels(study: Study) -> Counts:
-    """What each level of a factor changes, with units."""
+    """Return what each level of a factor changes, with units."""
     keys = [(*table.path, key.name, key.unit) for table in tables(Config) for key in table.keys]
     units = {tuple(name): f" {unit}" * (unit != "1") for *name, unit in keys}
     rows = []
@@ -190,7 +190,7 @@ def _levels(study: Study) -> Counts:
 
 
 def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
-    """Write a block as a row."""
+    """Yield the cells of a block's row."""
     levels = dict(block.conditions)
     alone = "" if block.other_hand == "own" else f" ({block.other_hand})"
     role = "" if block.role in ("test", block.kind) else block.role
@@ -204,13 +204,13 @@ def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
 
 
 def _within(block: PlanBlock, factor: str) -> str:
-    """Write how many trials have which level of a factor that varies within a block."""
+    """Return how many trials have which level of a factor that varies within a block."""
     found = Counter(block.design.trials.get(factor, ()))
     return ", ".join(f"{count} {level}" for level, count in sorted(found.items()))
 
 
 def _print_balance(console: Console, balance: Balance) -> None:
-    """Print what was counted."""
+    """Print the balance."""
     for part in balance.tables:
         _print_table(console, part)
 

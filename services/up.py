@@ -1,7 +1,7 @@
-"""What belongs on one machine, started together and stopped in order.
+"""The processes of one machine, started together and stopped in order.
 
-Nothing is started again by itself: a process that ends takes the others with it, and this one says which it was. Who
-wants more lets systemd run the services, each for itself (docs/how-to/two-stations.md).
+Nothing is restarted automatically: when a process ends, the others are stopped and the reason is printed. For restarts,
+let systemd run each service (docs/how-to/two-stations.md).
 """
 
 import logging
@@ -18,7 +18,7 @@ from netboard.network.transport import channels, sockets
 from netboard.nodes.operator.launcher import Ended, Launcher
 
 STOP_ORDER = ("display", "agent", "server", "logger")
-"""Nobody sees or feels a server that is gone, and what the server says last is still recorded."""
+"""Nobody must see or feel a server that is gone, and the server's last records must still be written."""
 
 ROUND_SECONDS = 0.1
 
@@ -34,7 +34,7 @@ def processes(
     autostart: bool = True,
     insecure: bool = False,
 ) -> dict[str, list[str]]:
-    """What is to be run: commands by the names of their processes, in the order of their start."""
+    """Return the commands to run, by the names of their processes, in the order of their start."""
     if not server and station is None:
         raise ConfigError("say what belongs on this machine: --server, --station left|right|both, or both of these")
     sides = [side for side in SIDES if station in (side, "both")]
@@ -53,12 +53,12 @@ def processes(
 
 
 def require_free(network: Network) -> None:
-    """Make sure that no other server is there: logger, agents and displays would join its session."""
+    """Check that no other server is running: logger, agents and displays would join its session."""
     sockets.require_free(channels.addresses(network).listen(channels.MOTION))
 
 
 def main(wanted: dict[str, list[str]]) -> int:
-    """Run processes until told to stop or one of them ends; then stop the others."""
+    """Run processes until stopped or one of them ends; then stop the others."""
     speak("up")
     with Stopping() as stopping, Launcher(None, {}) as launcher:
         for name, command in wanted.items():

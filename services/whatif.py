@@ -1,4 +1,4 @@
-"""What would have become of a recording with something changed, attempt by attempt, for people and programs."""
+"""Counterfactual replay of a recording, attempt by attempt, for people and programs."""
 
 import json
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ WORDS = (
     "Each attempt begins with the state recorded at its release; it is compared until the first of both ends.\n"
     "unfinished: it had not ended when the recorded one did."
 )
-"""What the numbers mean, below every table."""
+"""Explanation of the numbers, below every table."""
 
 
 def main(
@@ -41,7 +41,7 @@ def main(
     Parameters
     ----------
     trial : int or None
-        The trial that it shows; None for the most telling attempt.
+        The trial in the figure; None for the most informative attempt.
     """
     require_free(figure)
     console = Console(highlight=False)
@@ -65,7 +65,7 @@ def main(
 
 
 def require_free(figure: Path | None) -> None:
-    """Refuse a figure that exists already, or that nothing here can draw."""
+    """Refuse a figure that exists already, or that cannot be drawn here."""
     if figure is None:
         return
     if find_spec("matplotlib") is None:
@@ -86,7 +86,7 @@ def attempt_at(found: WhatIf, trial: int, path: Path) -> Comparison:
 
 
 def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> FittedTable:
-    """Show every attempt then and now."""
+    """Return a table that compares every attempt."""
     otherwise = sum(one.then.outcome != one.now.outcome for one in comparisons)
     title = f"With {', '.join(changes) or 'nothing changed'}: {otherwise} of {len(comparisons)} attempts end otherwise"
     differing = numbers(*(f"{quantity.text}\n[{quantity.unit}]\nrms\nmax" for quantity in QUANTITIES))
@@ -105,23 +105,23 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Fitte
 
 
 def completions(one: Comparison) -> str:
-    """Write both completion times."""
+    """Return both completion times in words."""
     return f"{seconds(one.then.completion)}\n-> {seconds(one.now.completion)}"
 
 
 def seconds(time: float) -> str:
-    """Write a completion time."""
+    """Return a completion time in words."""
     return "-" if isnan(time) else f"{time:.3f} s"
 
 
 def differences(one: Comparison, name: str, scale: float) -> str:
-    """Write how much a quantity differs."""
+    """Return how much a quantity differs, in words."""
     apart = one.differences[name]
     return f"{scale * apart.rms:.3g}\n{scale * apart.largest:.3g}"
 
 
 def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
-    """Say the same for programs, in SI units."""
+    """Return the comparison for JSON, in SI units."""
     return {
         "set": list(changes),
         "identical": found.identical,
@@ -143,5 +143,5 @@ def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    """JSON knows no NaN."""
+    """Return None for NaN, which JSON does not know."""
     return None if isnan(value) else value

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 REQUIREMENT = re.compile(r"(?P<package>[\w.-]+).*extra == [\"'](?P<extra>\w+)[\"']")
-"""A package of an extra, as the metadata of netboard lists it."""
+"""A package of an extra, as netboard's metadata lists it."""
 
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
@@ -24,7 +24,7 @@ IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
 
 
 def missing_extra(error: ModuleNotFoundError) -> str:
-    """Say which extra of netboard installs a module that is not there; nothing if none does."""
+    """Return which extra of netboard installs a missing module; empty if none does."""
     module = (error.name or "").partition(".")[0]
     package = IMPORTED_AS.get(module, module)
     for line in requires("netboard") or ():
@@ -35,13 +35,13 @@ def missing_extra(error: ModuleNotFoundError) -> str:
 
 
 def examples(*lines: str) -> str:
-    """Write the epilog of a help text."""
+    """Return the epilog of a help text."""
     return "\n\n".join(("Examples:", *(f"  {line}" for line in lines)))
 
 
 @contextmanager
 def telling() -> Iterator[Callable[[str, int, int], None]]:
-    """Show a bar on stderr, if that is a terminal: for work that tells what it does, how much is done, and of what."""
+    """Show a progress bar on stderr, if that is a terminal; yield its callback (current step, done, total)."""
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:

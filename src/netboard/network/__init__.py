@@ -1,4 +1,4 @@
-"""What processes say to each other, and how it gets there.
+"""Messages between processes, and their transport.
 
 Open `protocol/PROTOCOL.md` first. `protocol` is pure: messages, their bytes, the rules of admission, the record
 buffer. `transport` has every ZeroMQ socket, the compiled path of the 1 kHz frames, and authentication by CURVE keys;

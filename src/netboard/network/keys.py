@@ -1,10 +1,11 @@
-"""Keys of a rig: who may connect, as whom.
+"""The keys of a rig, which say who may connect in which role.
 
-A folder holds them (network.keys, mode 0700, files 0600; a looser one is refused). The server's has its own secret key,
-``server.key``, and ``authorized.toml``: the public key of every peer, and the one role and side it is for. A station's
-has one file for each process, named after what it is, ``agent.left.key``: the peer's own secret key and the server's
-public one. A key opens the channels its role needs, of its own side; a revoked one opens nothing from the next
-handshake on, for the list is read again whenever it has changed. No file is ever overwritten but the list itself.
+A folder (network.keys) holds them, with mode 0700 and files of mode 0600; looser modes are refused. The server's folder
+has its own secret key, ``server.key``, and ``authorized.toml``: the public key of every peer, with its one role and
+side. A station's folder has a file for each process, named after its role and side (``agent.left.key``), with the
+peer's own secret key and the server's public key. A key opens the channels of its role and side. A revoked key opens
+nothing from the next handshake on, because the server reads the list again whenever it changes. Only the list is ever
+overwritten.
 """
 
 import hashlib
@@ -38,26 +39,26 @@ OPENS: dict[str, tuple[str, ...]] = {
     "view.right": ("display.right", "agent.right"),
     "control": ("display.left", "display.right", "console"),
 }
-"""Whose key opens a channel. (An agent sees its station's view for the simulated participant at it.)"""
+"""Roles whose keys open each channel. An agent gets its station's view for the simulated participant at it."""
 
 SERVER = "server"
 LIST = "authorized.toml"
 LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
 
 PublicKey: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-zA-Z.:+=^!/*?&<>()\[\]{}@%$#-]{40}$")]
-"""Z85 of 32 bytes."""
+"""A Z85 encoding of 32 bytes."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A peer's public key, as the server knows it.
+    """A peer's entry in the server's list.
 
     Attributes
     ----------
     name : str
-        Which one: what it is for, numbered from the second on.
+        Role and side, numbered from the second key on.
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -70,13 +71,13 @@ class Peer:
 
     @property
     def what(self) -> str:
-        """What it is for, in one word."""
+        """Role and side, as in ``agent.left``."""
         return what(self.role, self.side)
 
 
 @dataclass(frozen=True, slots=True)
 class _List:
-    """What is in ``authorized.toml``."""
+    """Contents of ``authorized.toml``."""
 
     __pydantic_config__ = NO_EXTRAS
     peer: tuple[Peer, ...] = ()
@@ -84,7 +85,7 @@ class _List:
 
 @dataclass(frozen=True, slots=True)
 class _KeyFile:
-    """What is in a secret key's file; at a peer with the server's public key."""
+    """Contents of a secret key's file; a peer's also has the server's public key."""
 
     __pydantic_config__ = NO_EXTRAS
     name: str
@@ -93,18 +94,18 @@ class _KeyFile:
     server: PublicKey | None = None
 
 
-# --- for processes -----------------------------------------------------------------------------------------------
+# --- use of keys -------------------------------------------------------------------------------------------------
 
 
 def encrypted(network: Network) -> bool:
-    """Whether keys are in use: if told so, and by itself wherever another machine can be reached."""
+    """Return whether keys are in use: as configured, or with ``auto`` whenever other machines can connect."""
     if network.curve == "auto":
         return network.transport == "tcp" and not (local(network.host) and local(network.bind))
     return network.curve == "on"
 
 
 def local(address: str) -> bool:
-    """Whether an address is one that no other machine can reach."""
+    """Return whether no other machine can reach an address."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
@@ -112,18 +113,18 @@ def local(address: str) -> bool:
 
 
 def reach(network: Network, peer: str) -> channels.Addresses:
-    """Where a peer finds the server, with its keys if they are in use."""
+    """Return the server's addresses for a peer, with its keys if they are in use."""
     lock = credentials(Path(network.keys), peer) if encrypted(network) else None
     return channels.addresses(network, lock)
 
 
 def door(network: Network) -> authenticator.Door | None:
-    """Make the door of a server; None if keys are not in use."""
+    """Make the authenticator of a server; None if keys are not in use."""
     return authenticator.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
 
 
 def credentials(folder: Path, peer: str) -> authenticator.Credentials:
-    """Read a peer's key."""
+    """Read a peer's keys."""
     path = key_path(folder, peer)
     role, _, side = peer.partition(".")
     hint = f"make it at the server with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
@@ -134,7 +135,7 @@ def credentials(folder: Path, peer: str) -> authenticator.Credentials:
 
 
 class Ring:
-    """The server's own key, and what each peer's is for, as the files say now."""
+    """The server's own key, and the role of each peer's key as the files say now."""
 
     def __init__(self, folder: Path) -> None:
         self.secret = _read_key(key_path(folder, SERVER), "make it with: netboard keys init").secret
@@ -147,30 +148,30 @@ class Ring:
             raise ConfigError(self._trouble)
 
     def refuses(self, key: str, channel: str) -> str:
-        """Why a key may not come in to a channel; empty if it may."""
+        """Return why a key may not open a channel; empty if it may."""
         peer, reason = self._find(key)
         if peer is None or reason:
             return reason
         return "" if peer.what in OPENS[channel] else f"the key of {peer.name} is not for this channel"
 
     def forbids(self, key: str, role: str, side: str) -> str:
-        """Why the owner of a key may not speak as this; empty if it may."""
+        """Return why the owner of a key may not act in this role and side; empty if it may."""
         peer, reason = self._find(key)
         if peer is None or reason:
             return reason
         return "" if peer.what == what(role, side) else f"the key of {peer.name} is not that of {what(role, side)}"
 
     def owner(self, key: str) -> str:
-        """What a key is for, such as ``agent.left``; empty if that is not known."""
+        """Return the role and side of a key, such as ``agent.left``; empty if the key is unknown."""
         peer = self._peers.get(key)
         return peer.what if peer else ""
 
     def fingerprint(self, key: str) -> str:
-        """How people tell a key."""
+        """Return the fingerprint of a public key."""
         return fingerprint(key)
 
     def _find(self, key: str) -> tuple[Peer | None, str]:
-        """The owner of a key, and why it is not good, if it is not."""
+        """Return the owner of a key, and why the key is invalid; empty if it is valid."""
         self._look()
         peer = self._peers.get(key)
         if self._trouble:
@@ -180,7 +181,7 @@ class Ring:
         return peer, f"the key of {peer.name} has been revoked" if peer.revoked else ""
 
     def _look(self) -> None:
-        """Read the list again if it has changed; with one that is not in order nobody is let in."""
+        """Read the list again if it has changed; an invalid list admits nobody."""
         try:
             found = self._list.stat()
             stamp = (found.st_mtime_ns, found.st_ino, found.st_size)
@@ -194,11 +195,11 @@ class Ring:
             self._trouble = str(error)
 
 
-# --- for people --------------------------------------------------------------------------------------------------
+# --- management of keys ------------------------------------------------------------------------------------------
 
 
 def init(folder: Path) -> Path:
-    """Make the key of a server, and an empty list of peers."""
+    """Make a server's key and an empty list of peers."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _refuse_open(folder)
     path = key_path(folder, SERVER)
@@ -209,12 +210,12 @@ def init(folder: Path) -> Path:
 
 
 def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
-    """Make a peer's key and let it in.
+    """Make a peer's key and authorise it.
 
     Parameters
     ----------
     to : Path
-        The folder its file goes to; made if it is not there.
+        Folder for its file; created if missing.
     """
     if (role in AT_A_STATION) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
@@ -232,7 +233,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
 
 
 def revoke(folder: Path, name: str) -> Peer:
-    """Let a peer in no more."""
+    """Revoke a peer's key."""
     with _changed_list(folder) as peers:
         good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
         if not good:
@@ -243,7 +244,7 @@ def revoke(folder: Path, name: str) -> Peer:
 
 
 def read_list(folder: Path) -> tuple[Peer, ...]:
-    """Read which peers a server knows."""
+    """Read the list of peers."""
     path = folder / LIST
     peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
     for peer in peers:
@@ -255,12 +256,13 @@ def read_list(folder: Path) -> tuple[Peer, ...]:
 
 
 def key_files(folder: Path) -> list[tuple[str, str, str]]:
-    """Tell which secret keys are in a folder.
+    """List the secret keys in a folder.
 
     Returns
     -------
     list of (str, str, str)
-        For each file its name, the fingerprint of its key, and of that of the server it is for, empty for a server's.
+        For each file: its name, the fingerprint of its key, and that of its server's key (empty for a server's own
+        file).
     """
     found = []
     for path in sorted(folder.glob("*.key")):
@@ -271,18 +273,18 @@ def key_files(folder: Path) -> list[tuple[str, str, str]]:
 
 
 def fingerprint(public: str) -> str:
-    """How people tell a public key: the beginning of its SHA-256."""
+    """Return the fingerprint of a public key: the beginning of its SHA-256."""
     digest = hashlib.sha256(public.encode()).hexdigest()
     return "-".join(digest[at : at + 4] for at in range(0, 16, 4))
 
 
 def what(role: str, side: str) -> str:
-    """A role and a side in one word, as in ``agent.left``."""
+    """Join a role and a side, as in ``agent.left``."""
     return f"{role}.{side}" if side else role
 
 
 def key_path(folder: Path, name: str) -> Path:
-    """Where a key is."""
+    """Return the path of a key's file."""
     return folder / f"{name}.key"
 
 
@@ -291,7 +293,7 @@ def key_path(folder: Path, name: str) -> Path:
 
 @contextmanager
 def _changed_list(folder: Path) -> Iterator[list[Peer]]:
-    """The list, to be changed by one at a time; written anew at the end, as a whole or not at all."""
+    """Lock the list for a change, and write it at the end, completely or not at all."""
     new = folder / f"{LIST}.new"
     _write_new(new, "")
     try:
@@ -325,7 +327,7 @@ def _write_key(path: Path, file: _KeyFile) -> None:
 
 
 def _write_new(path: Path, text: str) -> None:
-    """Write a file that only its owner can read, and that is not there yet."""
+    """Write a new file that only its owner can read."""
     try:
         path.touch(mode=0o600, exist_ok=False)
         path.write_text(text, encoding="utf-8", newline="\n")
@@ -345,7 +347,7 @@ def _read_key(path: Path, hint: str) -> _KeyFile:
 
 
 def _read(path: Path, hint: str) -> str:
-    """Read a file that is for its owner's eyes only."""
+    """Read a file that only its owner may read."""
     try:
         with path.open(encoding="utf-8") as file:
             _refuse_open(path.parent)
@@ -358,7 +360,7 @@ def _read(path: Path, hint: str) -> str:
 
 
 def _refuse_open(path: Path) -> None:
-    """Refuse what others than its owner may read or change."""
+    """Refuse a file or folder that others than its owner may read or change."""
     mode = path.stat().st_mode & 0o777
     if os.name == "posix" and mode & 0o077:
         proper = "700" if path.is_dir() else "600"

@@ -1,8 +1,8 @@
-"""The rules of a session without its sockets: who is admitted, what is missing, who is silent, what time it is there.
+"""The rules of a session without its sockets: admission, missing samples, silent peers, clock offsets.
 
-Each class follows one peer or one stream, is told what happened and when, and answers questions. Nothing here reads a
-clock, so the same rules run live, in a simulation and in a test. What a peer does wrong on the way (a lost sample, a
-late answer, an impossible stamp) is counted; only a `Hello` that cannot be accepted is a `WireError`.
+Each class follows one peer or one stream, gets events with their times, and answers questions. Nothing here reads a
+clock, so the same rules run live, in a simulation and in a test. Errors of a peer on the way (a lost sample, a late
+answer, an impossible stamp) are counted; only a `Hello` that cannot be accepted is a `WireError`.
 """
 
 import math
@@ -14,10 +14,10 @@ from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 
 NEVER_NS = 2**63 - 1
-"""Age of what was never heard, and error bound of a clock that was never probed [ns]."""
+"""Age of a peer that was never heard, and error bound of a clock that was never probed [ns]."""
 
 FAR_NS = 2**61
-"""Clocks further apart than this, 73 years, are nonsense; nearer, every figure of an estimate fits 64 bits [ns]."""
+"""Clock offsets beyond this (73 years) are invalid; below it, every number of an estimate fits 64 bits [ns]."""
 
 _MILLION = 1_000_000
 
@@ -35,18 +35,18 @@ def admit(hello: Hello) -> str:
     Parameters
     ----------
     hello : Hello
-        What the peer said.
+        The peer's message.
 
     Returns
     -------
     str
-        What the peer is: ``agent.left``, ``display.right``, ``logger``, ``console``, ``listener``.
+        Role and side: ``agent.left``, ``display.right``, ``logger``, ``console``, ``listener``.
 
     Raises
     ------
     WireError
-        If it speaks another version of the protocol, or its side does not go with its role; the text says which, and
-        is fit for a `Refusal`.
+        If its protocol version differs, or its side does not fit its role. The text says which, and is fit for a
+        `Refusal`.
     """
     if hello.protocol != PROTOCOL_VERSION:
         raise WireError(f"the server speaks protocol {PROTOCOL_VERSION}, the {hello.role} {hello.protocol}")
@@ -57,7 +57,7 @@ def admit(hello: Hello) -> str:
 
 
 class SequenceGuard:
-    """Follows the numbers of one stream whose source counts from 0 without gaps.
+    """Follows the sequence numbers of one stream whose source counts from 0 without gaps.
 
     Attributes
     ----------
@@ -66,10 +66,10 @@ class SequenceGuard:
     taken : int
         Numbers taken: each was newer than all before it [1].
     stale : int
-        Numbers not taken: repeated or overtaken [1].
+        Numbers rejected: repeated or overtaken [1].
     missing : int
-        Numbers skipped between two that were taken. One that comes after all is stale and stays missing: it was of no
-        use [1].
+        Numbers skipped between two that were taken. A number that arrives later is stale and stays missing, because it
+        was of no use [1].
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class SequenceGuard:
         self.taken = self.stale = self.missing = 0
 
     def fresh(self, seq: int) -> bool:
-        """Take the number of what has just arrived; False if it is not newer than what came before.
+        """Take the number of a message that has just arrived; return False if it is not newer than those before.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class SequenceGuard:
         if seq <= self.newest:
             self.stale += 1
             return False
-        if self.taken:  # what was sent before the first one heard was sent to nobody
+        if self.taken:  # numbers before the first one heard are not missing: nobody was listening
             self.missing += seq - self.newest - 1
         self.newest = seq
         self.taken += 1
@@ -95,7 +95,7 @@ class SequenceGuard:
 
 
 class Liveness:
-    """Tells whether a peer has been heard of late.
+    """Tells whether a peer has been heard recently.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class Liveness:
         self.heard_ns: int | None = None
 
     def hear(self, now_ns: int) -> None:
-        """Note that the peer said something.
+        """Note that the peer has sent a message.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Liveness:
         self.heard_ns = now_ns
 
     def age_ns(self, now_ns: int) -> int:
-        """Time since the peer was last heard; `NEVER_NS` if it never was [ns].
+        """Return the time since the peer was last heard; `NEVER_NS` if it never was [ns].
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class Liveness:
         return NEVER_NS if self.heard_ns is None else now_ns - self.heard_ns
 
     def gone(self, now_ns: int) -> bool:
-        """Whether the peer has been silent for longer than the timeout, or was never heard.
+        """Return whether the peer has been silent for longer than the timeout, or was never heard.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Liveness:
 
 
 class _Span(NamedTuple):
-    """The best that the probes of an eighth of the window say: the limits of the offset as they would be at time 0."""
+    """Tightest limits of the offset from the probes of an eighth of the window, extrapolated back to time 0."""
 
     until_ns: int
     upper: int
@@ -148,7 +148,7 @@ class _Span(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """What the estimate was at a time."""
+    """The estimate at a time."""
 
     at_ns: int
     offset_ns: int
@@ -159,26 +159,27 @@ _NOTHING = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
 
 
 class ClockEstimator:
-    """Offset of a peer's clock, from the four stamps of an exchange, with a bound on its error.
+    """Offset of a peer's clock with a bound on its error, from the four stamps of an exchange.
 
-    The server sends at t0, the peer receives at t1 and sends at t2, the server receives at t3; t0 and t3 on the
-    server's clock, t1 and t2 on the peer's. A message takes no negative time: t1 - t0 is an upper limit of the offset
-    (peer minus server), t2 - t3 a lower one. Both loosen with age, by the largest skew assumed between two clocks: the
-    upper one from t0 on, the lower one from t3 on, however late the answer. The estimate is the middle between the
-    tightest limits of the window, which need not be of one probe, and the bound is half their distance: with a single
-    probe delay/2 and dispersion of NTP (RFC 5905). All limits loosen alike, so the tightest stays the tightest.
+    The server sends at t0, the peer receives at t1 and sends at t2, the server receives at t3; t0 and t3 are on the
+    server's clock, t1 and t2 on the peer's. No message takes a negative time, so t1 - t0 is an upper limit of the
+    offset (peer minus server) and t2 - t3 a lower one. Both loosen with age, by the largest assumed skew between two
+    clocks: the upper limit from t0 on, the lower one from t3 on, however late the answer. The estimate is the middle
+    between the tightest limits in the window, which may be of two probes, and the bound is half their distance. With a
+    single probe this is NTP's delay/2 plus dispersion (RFC 5905). All limits loosen alike, so the tightest stays the
+    tightest.
 
-    A probe whose limits contradict those before proves that a clock was stepped, suspended or ran away: the estimate
-    starts anew. A step that is smaller than the delay can hide in it. Until the window has passed, the error may then
-    exceed the bound, by the shortest delay one way since the step at most.
+    A probe whose limits contradict the earlier ones proves that a clock was stepped, suspended or ran away: the
+    estimate starts anew. A step smaller than the delay can go undetected. Until the window has passed, the error may
+    then exceed the bound, at most by the shortest one-way delay since the step.
 
-    The drift is the slope between two estimates of the last minutes. Its bound, the sum of theirs over the time between
-    them, is that of the mean rate. It never tightens the bound of the offset, for a rate may change.
+    The drift is the slope between two estimates of the last minutes. Its bound is the sum of their bounds over the time
+    between them, and holds for the mean rate. It never tightens the bound of the offset, because a rate may change.
 
     Parameters
     ----------
     window_ns : int
-        Probes older than this are forgotten, at times a quarter sooner [ns].
+        Window of the probes in use; some are dropped up to a quarter of it sooner [ns].
     skew_ppm : int
         Largest skew between two clocks: 100 allows 50 parts per million to each [1e-6].
 
@@ -187,13 +188,13 @@ class ClockEstimator:
     offset_ns : int
         Estimated peer clock minus server clock; 0 before the first probe [ns].
     bound_ns : int
-        Largest possible error of the offset when the newest probe came in; `NEVER_NS` before the first [ns].
+        Largest possible error of the offset at the newest probe; `NEVER_NS` before the first [ns].
     round_trip_ns : int
-        Shortest time on the way, there and back, of the probes in the window; `NEVER_NS` before the first [ns].
+        Shortest round trip of the probes in the window; `NEVER_NS` before the first [ns].
     drift_ppm : float
         Rate of the peer's clock minus that of the server's; NaN until it is known to 10e-6 [1e-6].
     drift_bound_ppm : float
-        Largest possible error of the drift; infinite before it can be told [1e-6].
+        Largest possible error of the drift; infinite before the first estimate [1e-6].
     accepted, rejected : int
         Probes used, and impossible ones: a negative round trip, or an answer before its question [1].
     restarts : int
@@ -221,7 +222,7 @@ class ClockEstimator:
         return self.accepted > 0
 
     def add(self, t0_ns: int, t1_ns: int, t2_ns: int, t3_ns: int) -> bool:
-        """Take one exchange; False if it is impossible.
+        """Take one exchange; return False if it is impossible.
 
         Parameters
         ----------
@@ -239,7 +240,7 @@ class ClockEstimator:
             self.rejected += 1
             return False
         self.accepted += 1
-        age = t3_ns * self._skew_ppm // _MILLION + 1  # at t3 an upper limit is its value at time 0 and this, rounded up
+        age = t3_ns * self._skew_ppm // _MILLION + 1  # rounded up: how much an upper limit has loosened since time 0
         upper = highest - t0_ns * self._skew_ppm // _MILLION
         lower = lowest + age - 1
         if upper + 2 * age < self._lower or lower - 2 * age > self._upper:
@@ -263,7 +264,7 @@ class ClockEstimator:
         return True
 
     def to_server(self, peer_ns: int) -> int:
-        """Turn a stamp of the peer's clock into server time [ns].
+        """Convert a stamp of the peer's clock to server time [ns].
 
         Parameters
         ----------
@@ -273,7 +274,7 @@ class ClockEstimator:
         return peer_ns - self.offset_ns
 
     def _forget(self) -> None:
-        """Begin without a past."""
+        """Forget all probes."""
         self._spans.clear()
         self._points.clear()
         self._turn_ns = self._point_ns = -NEVER_NS
@@ -281,13 +282,13 @@ class ClockEstimator:
         self.drift_ppm, self.drift_bound_ppm = math.nan, math.inf
 
     def _begin(self, best: _Span) -> None:
-        """Begin an empty span, after others of which this is the best."""
+        """Begin an empty span; `best` is the best of the earlier ones."""
         self._upper, self._lower, self.round_trip_ns = best.upper, best.lower, best.round_trip_ns
         self._span_upper, self._span_lower = _NOTHING.upper, _NOTHING.lower
         self._span_round_trip_ns = _NOTHING.round_trip_ns
 
     def _turn(self, now_ns: int) -> None:
-        """Put the present span to the others, drop the old ones, and begin a new one."""
+        """Close the current span, drop the spans that have left the window, and begin a new one."""
         length = self._window_ns // _SPANS
         self._spans.append(_Span(self._turn_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
         while self._spans and self._spans[0].until_ns < now_ns - (_SPANS - 2) * length:
@@ -297,7 +298,7 @@ class ClockEstimator:
         self._turn_ns = now_ns + length
 
     def _measure_drift(self, now_ns: int) -> None:
-        """Take the slope from the one of the earlier estimates that leaves the least doubt."""
+        """Take the slope from the earlier estimate that gives the smallest bound."""
         self._point_ns = now_ns + _POINT_NS
         new = _Point(now_ns, self.offset_ns, self.bound_ns)
         if self._points:
@@ -308,6 +309,6 @@ class ClockEstimator:
 
 
 def _slope(old: _Point, new: _Point) -> tuple[float, float]:
-    """Bound of the mean rate between two estimates, and the rate itself [1e-6]."""
+    """Return the bound of the mean rate between two estimates, and the rate itself [1e-6]."""
     per_million = _MILLION / (new.at_ns - old.at_ns)
     return (new.bound_ns + old.bound_ns) * per_million, (new.offset_ns - old.offset_ns) * per_million

@@ -1,14 +1,14 @@
 """Messages to bytes and back. `encode` and `decode` are the only way in and out.
 
-A frame is one MessagePack array ``[kind, field, field, ...]``, the fields in the order of the message's dataclass.
+A frame is one MessagePack array ``[kind, field, field, ...]``, with the fields in the order of the message's dataclass.
 
-Rule 1: `decode` gives a message that fits its dataclass or raises `WireError`, whatever the bytes.
-Rule 2: its work is bounded before it begins: each kind has a largest frame, a longest array and a largest map.
+Rule 1: for any bytes, `decode` returns a message that fits its dataclass or raises `WireError`.
+Rule 2: its work is bounded in advance: each kind has a largest frame, a longest array and a largest map.
 Rule 3: types are exact. A boolean is no integer and an integer is no float; `encode` converts, `decode` refuses.
 Rule 4: `netboard.network.protocol.messages.KINDS` only grows. A number is never used for another message.
 
-NaN and infinities are legal on the wire: whoever uses a quantity guards against them. The checks of each class are
-built once, at import, from its type hints.
+NaN and infinities are legal on the wire; code that uses a quantity must guard against them. The checks of each class
+are built once, at import, from its type hints.
 """
 
 import types
@@ -30,12 +30,12 @@ Check = Callable[[Any], Any]
 
 
 def encode(message: Message) -> bytes:
-    """Turn a message into a frame.
+    """Convert a message to a frame.
 
     Parameters
     ----------
     message : Message
-        Any message. What stands for a number (an `IntFlag`, a numpy scalar, an int for a float) is converted.
+        Any message. Numeric stand-ins (an `IntFlag`, a numpy scalar, an int for a float) are converted.
 
     Raises
     ------
@@ -50,12 +50,12 @@ def encode(message: Message) -> bytes:
 
 
 def kind_of(frame: bytes) -> type[Message]:
-    """Find which message a frame claims to be, before anything is unpacked.
+    """Return the class of message that a frame claims to be, before anything is unpacked.
 
     Parameters
     ----------
     frame : bytes
-        What came in, from anyone.
+        What arrived, from anyone.
 
     Raises
     ------
@@ -66,12 +66,12 @@ def kind_of(frame: bytes) -> type[Message]:
 
 
 def decode(frame: bytes) -> Message:
-    """Turn a frame into a message.
+    """Convert a frame to a message.
 
     Parameters
     ----------
     frame : bytes
-        What came in, from anyone.
+        What arrived, from anyone.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def decode(frame: bytes) -> Message:
         parts = plan.unpack(frame)
     except (ValueError, msgpack.UnpackException) as error:
         raise WireError(f"{plan.name}: not MessagePack within the limits: {error!s:.100}") from error
-    if type(parts) is not tuple or len(parts) != plan.length:  # the kind itself was read by `_plan_of`
+    if type(parts) is not tuple or len(parts) != plan.length:  # `_plan_of` has read the kind itself
         raise WireError(f"{plan.name}: not an array of {plan.length}")
     try:
         return plan.message(*map(_call, plan.readers, parts[1:]))
@@ -114,7 +114,7 @@ def _write_int(value: Any) -> int:
 
 
 def _write_float(value: Any) -> float:
-    if isinstance(value, str | bytes):  # which float() would parse
+    if isinstance(value, str | bytes):  # float() would parse them
         raise TypeError(f"expected a number, got {short(value)}")
     return float(value)
 
@@ -148,9 +148,9 @@ def _sequence(check: Check, most_items: int, value: Any) -> Any:
 
 
 def _rows_of_integers(slowly: Check, width: int, most_items: int, value: Any) -> Any:
-    """Read an array of records of integers: the check of each part is made for all of them at once.
+    """Read an array of records of integers, with each check applied to all of them at once.
 
-    What does not pass is checked part by part, to be refused in words.
+    An array that fails is checked part by part, to refuse it in words.
     """
     if type(value) is tuple and len(value) <= most_items and {*map(type, value)} <= {tuple}:
         numbers = tuple(chain.from_iterable(value))
@@ -171,7 +171,7 @@ _WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
 
 
 def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
-    """Make the check of one type hint of a kind of message; `scalars` says how its leaves are checked."""
+    """Make the check of one type hint of a kind of message; `scalars` has the checks of its leaves."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is None:
         return scalars[hint]
@@ -194,7 +194,7 @@ def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What there is to know about one kind of message, built once."""
+    """The limits and checks of one kind of message, built once."""
 
     number: int
     name: str
@@ -209,7 +209,7 @@ class _Plan:
 
 
 def _getter(names: tuple[str, ...]) -> Callable[[Message], tuple[Any, ...]]:
-    """Like `attrgetter`, which gives a bare value for one name and refuses none."""
+    """Return a getter like `attrgetter`'s that returns a tuple for any number of names."""
     if len(names) > 1:
         return attrgetter(*names)
     return lambda message: tuple(getattr(message, name) for name in names)
@@ -232,7 +232,7 @@ def _plan(number: int, kind: Kind) -> _Plan:
     unpack = partial(
         msgpack.unpackb,
         use_list=False,
-        max_array_len=max(length, kind.most_items),  # an array is made at its full claimed length, so not the default
+        max_array_len=max(length, kind.most_items),  # an array is allocated at its full claimed length
         max_map_len=kind.most_pairs,
         max_ext_len=0,
     )  # strings and bytes may claim no more than the frame has, which is msgpack's default
@@ -253,9 +253,9 @@ def _plan(number: int, kind: Kind) -> _Plan:
 
 
 def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:
-    """Unpack what may have long arrays: first make sure that everything they claim is there.
+    """Unpack a frame with long arrays, after checking that all their items are there.
 
-    Else a nest of a thousand arrays, each of a full length that never comes, would be made of 3 KB.
+    Otherwise 3 KB could claim a thousand nested arrays, each allocated at a full length that never comes.
     """
     whole = msgpack.Unpacker(read_size=64)
     whole.feed(frame)
@@ -268,7 +268,7 @@ _PLANS_BY_CLASS = {KINDS[number].message: plan for number, plan in _PLANS.items(
 
 
 def _plan_of(frame: bytes) -> _Plan:
-    """Find the plan for the kind a frame claims to be, before anything is unpacked."""
+    """Return the plan of the kind that a frame claims to be, before anything is unpacked."""
     kind_at = 3 if frame[:1] == b"\xdc" else 1  # after the array's header of three bytes, or of one
     if len(frame) <= kind_at:
         raise WireError(f"{len(frame)} bytes are no message")
@@ -279,7 +279,7 @@ def _plan_of(frame: bytes) -> _Plan:
 
 
 def _blame(plan: _Plan, values: tuple[Any, ...]) -> str:
-    """Say which field was refused, and why."""
+    """Return which field was refused, and why."""
     for name, check, value in zip(plan.names, plan.readers, values, strict=True):
         try:
             check(value)

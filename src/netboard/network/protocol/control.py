@@ -1,4 +1,4 @@
-"""What operators say and hear: commands, how the server is, what has become of the attempts.
+"""Messages of operators: commands, the session's status, the outcomes of attempts.
 
 A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 REPLAY_OF = "replay of "
-"""With this the notice of a replay begins, and no other."""
+"""Beginning of the notice of a replay, and of no other."""
 
 ReplayCommand = Literal[
     "play",
@@ -27,16 +27,16 @@ SessionCommand = Literal[
     "stop",  # the block, at once
     "emergency_stop",  # all commanded forces are zero
     "emergency_release",  # devices may be armed again
-    "take",  # be the commander
+    "take",  # become the commander
     "open",  # the session: its form, as JSON
-    "arm",  # devices may have forces
+    "arm",  # devices may render forces
     "disarm",
     "pause_after_trial",
-    "repeat",  # one more trial at the end of the block, for the last one or the one named
-    "veto",  # take that back
+    "repeat",  # the last trial, or the one named, once more at the end of the block
+    "veto",  # cancel a repeat
     "skip",  # count this trial as done without a success
     "stop_after_block",  # the session
-    "next",  # give up what is left of this block, and go on with the next one
+    "next",  # skip the rest of this block, and begin the next one
     "end",  # the session, and with it the server; it can be resumed
     "note",  # for the recording
 ]
@@ -53,7 +53,7 @@ COMMANDS: tuple[str, ...] = get_args(CommandName)
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """An operator's wish. Whoever commands first is the commander; others may watch, and stop everything.
+    """An operator's command. The first operator to give one is the commander; others may watch, and stop everything.
 
     Attributes
     ----------
@@ -91,12 +91,12 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class StatusRequest:
-    """Ask the server how it is."""
+    """Ask the server for its status."""
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """How the server is.
+    """Status of the server.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class OutcomesRequest:
-    """Ask what has become of the attempts of this session.
+    """Ask for the outcomes of this session's attempts.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class OutcomesRequest:
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """What has become of some attempts, in order.
+    """Outcomes of some attempts, in order.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ class Outcomes:
 
 @dataclass(frozen=True, slots=True)
 class TraceRequest:
-    """Ask for what has happened of late, to draw it.
+    """Ask for the most recent ticks, to plot them.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ class TraceRequest:
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Every fifth tick of late.
+    """Every fifth of the most recent ticks.
 
     Attributes
     ----------

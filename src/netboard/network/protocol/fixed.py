@@ -1,12 +1,12 @@
-"""The frames of the 1 kHz exchange in their fixed form, read and written by compiled code.
+"""The frames of the 1 kHz exchange in their fixed form, which compiled code reads and writes.
 
 A message of numbers only has a frame of fixed length if every number takes its widest form: nine bytes, a marker and
-the 64 bits of an integer or a float. Netboard writes `Stylus`, `Force` and `Point` like that and reads such frames
-without making an object of each number; `netboard.network.protocol.codec` reads them as it reads any other form of the
-same message.
+the 64 bits of an integer or a float. netboard writes `Stylus`, `Force` and `Point` in this form, and reads such frames
+without making an object of each number. `netboard.network.protocol.codec` reads them like any other form of the same
+message.
 
-In memory such a message is a row of words of 64 bits, one for each field, whatever its type: `fields_of` gives the
-record that names them.
+In memory such a message is a row of 64-bit words, one for each field, whatever its type; `fields_of` gives the record
+that names them.
 """
 
 import struct
@@ -45,7 +45,7 @@ class Form(NamedTuple):
 
 
 def form_of(message: type[Message]) -> Form:
-    """Fixed form of a message of numbers only.
+    """Return the fixed form of a message of numbers only.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def form_of(message: type[Message]) -> Form:
 
 
 def fields_of(message: type[Message]) -> list[tuple[str, str]]:
-    """Names and types of its words, as of a structured array.
+    """Return the names and types of a message's words, as for a structured array.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def fields_of(message: type[Message]) -> list[tuple[str, str]]:
 
 
 def packer_of(message: type[Message]) -> struct.Struct:
-    """Return what packs and unpacks the words of a message as they are in memory.
+    """Return a `struct.Struct` that packs and unpacks the words of a message.
 
     Parameters
     ----------
@@ -86,16 +86,16 @@ STYLUS, FORCE, POINT = form_of(Stylus), form_of(Force), form_of(Point)
 
 @kernel
 def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
-    """Read a frame of a fixed form; False, with nothing to rely on in the words, if it is not one.
+    """Read a frame of a fixed form; return False, and leave the words undefined, if it has another form.
 
     Parameters
     ----------
     frame : bytes or ndarray of uint8
-        What came in.
+        What arrived.
     head, markers : ndarray of uint8
         The form.
     words : ndarray of int64, shape (n,)
-        Where the numbers go, as they are in memory.
+        Output: the numbers as words.
     """
     start, count = len(head), len(markers)
     if len(frame) != start + 9 * count:
@@ -121,11 +121,11 @@ def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
     Parameters
     ----------
     frame : ndarray of uint8
-        Where it goes; as long as the form says.
+        Output: the frame, of the form's size.
     head, markers : ndarray of uint8
         The form.
     words : ndarray of int64, shape (n,)
-        The numbers, as they are in memory.
+        The numbers as words.
     """
     start = len(head)
     for k in range(start):

@@ -1,4 +1,4 @@
-"""What every peer and the server say when they meet, while they are connected, and when they part.
+"""Messages of every peer and the server: joining, clock probes and leaving.
 
 A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """
@@ -6,14 +6,14 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 from dataclasses import dataclass
 
 HELLO_FIRST = "say hello first"
-"""Refusal of what comes before a `Hello`, or from a peer that has been forgotten: it says hello again."""
+"""Refusal of a message before a `Hello`, or from a peer that was removed: the peer then says hello again."""
 
 ROLES = ("agent", "display", "logger", "console", "listener")
 
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """First message of every peer on every channel that has a way back.
+    """First message of every peer on every two-way channel.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """The server's answer to an accepted `Hello`; it comes again, to everybody, when a block begins.
+    """The server's answer to an accepted `Hello`; sent again to every peer when a block begins.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """The server's answer to what it does not accept.
+    """The server's answer to a message that it does not accept.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Goodbye:
-    """Either side leaves on purpose.
+    """The sender leaves on purpose.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Goodbye:
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """The server asks a peer for its time, a few times a second, on the log and control channels.
+    """The server's clock probe of a peer, a few times a second, on the log and control channels.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Ping:
 
 @dataclass(frozen=True, slots=True)
 class Pong:
-    """The peer's answer to a `Ping`, at once.
+    """The peer's immediate answer to a `Ping`.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
-"""Every message of the protocol, under its number: the register of what can be said.
+"""The registry of the protocol: every message under its number.
 
-Each message is one frozen dataclass, in the module of those who say it. A message is data only;
-`netboard.network.protocol.codec` turns it into bytes and back. Field order is wire order, so fields are only ever
+Each message is one frozen dataclass, in the module of its senders. A message is data only;
+`netboard.network.protocol.codec` converts it to bytes and back. Field order is wire order, so fields are only ever
 appended, and `PROTOCOL_VERSION` grows when one is. All times are nanoseconds of the sender's monotonic clock unless a
-field says "server time"; all other quantities are SI. PROTOCOL.md says who sends what to whom, when.
+field says "server time"; all other quantities are SI. PROTOCOL.md says who sends what to whom, and when.
 """
 
 from dataclasses import dataclass
@@ -145,7 +145,7 @@ KINDS: dict[int, Kind] = {
     61: Kind(Pointer, 64),
     62: Kind(Felt, 64),
 }
-"""The numbers on the wire. Append only; 127 is the highest."""
+"""Messages by their numbers on the wire. Append only; 127 is the highest."""
 
 CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Hello, "role"): ROLES,

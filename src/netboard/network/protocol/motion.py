@@ -1,9 +1,9 @@
-"""What agents say and hear: the motion of a hand, the force on it, and what moves a hand that nobody holds.
+"""Messages of agents: the motion of a hand, the force on it, and the commands of simulated hands.
 
 Agents and server exchange the first of these a thousand times a second. After an interruption the server asks an agent
-what it has rendered meanwhile (`BackfillRequest`, `Backfill`). The last three go past the server: from the
-brain of a simulated bimanual participant to its other hand, and between a played display and the agent of its side.
-A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
+what it has rendered meanwhile (`BackfillRequest`, `Backfill`). The last three do not pass through the server: they go
+from the brain of a simulated bimanual participant to its other hand, and between a player's display and the agent of
+its side. A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from enum import IntFlag
 
 
 class Safeguard(IntFlag):
-    """What the agent's safety chain did since the sample before, and the state it is in.
+    """Actions of the agent's safety chain since the previous sample, and its state.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Safeguard(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Stylus:
-    """One reading of a stylus, agent to server.
+    """One sample of a stylus, agent to server.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Stylus:
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """The vertical force on one hand for one tick, server to agent.
+    """The commanded vertical force on one hand for one tick, server to agent.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Force:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """The board's control point of one side at one tick, in place of `Force` where agents compute their own.
+    """The board's control point of one side at one tick, instead of `Force` where agents compute their own force.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Beat:
-    """In place of either where no force is rendered: the server is alive and the hand is to feel nothing vertical.
+    """Heartbeat while no force is rendered: the server is alive, and the commanded force is zero.
 
     Attributes
     ----------
@@ -190,12 +190,12 @@ class Beat:
 
 
 BACKFILL_ROWS = 64
-"""A `Backfill` has at most so many rows [1]."""
+"""Largest number of rows in a `Backfill` [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class BackfillRequest:
-    """The server asks an agent what it has rendered while its samples did not arrive.
+    """The server asks an agent what it rendered while its samples did not arrive.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ class BackfillRequest:
 
 @dataclass(frozen=True, slots=True)
 class Backfill:
-    """The answer of an agent, or the beginning of it.
+    """An agent's answer to a `BackfillRequest`, or the first part of it.
 
     Attributes
     ----------
@@ -231,7 +231,7 @@ class Backfill:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """What a simulated participant's other hand shall do.
+    """Movement of a simulated participant's other hand.
 
     Attributes
     ----------
@@ -253,7 +253,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """Where the player points in the display's window: there the hand of this side goes.
+    """Where the player points in the display's window: the target of this side's hand.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ class Pointer:
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """What a played hand would feel.
+    """Force that a player's hand would feel.
 
     Attributes
     ----------

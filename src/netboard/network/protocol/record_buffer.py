@@ -1,15 +1,15 @@
-"""The lossless log: the last so many records, numbered, until a logger has them on disk.
+"""The lossless log: a ring of the newest records, numbered, until a logger has them on disk.
 
-The server appends every record once; each logger has a cursor, which the server keeps and moves on by what it sent. A
-logger that comes late, asks again or starts anew moves the cursor back, as far as the ring still reaches. What it no
-longer reaches is counted in `LogBatch.lost`, never passed over in silence.
+The server appends every record once. It keeps a cursor for each logger, and advances it by what it sent. A logger that
+joins late, asks again or restarts moves its cursor back, as far as the ring still reaches. Records that it no longer
+reaches are counted in `LogBatch.lost`, so that no loss is silent.
 """
 
 from netboard.network.protocol.records import LogBatch
 
 
 class LogRing:
-    """The last records of a session; the record numbered n is in slot n modulo the capacity.
+    """The newest records of a session; record n is in slot n modulo the capacity.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ class LogRing:
     capacity : int
         Records kept [1].
     next : int
-        Number the next record will get: so many there have been [1].
+        Number of the next record, and of the records so far [1].
     acknowledged : int
         Number of the first record that no logger has on disk [1].
     """
@@ -36,11 +36,11 @@ class LogRing:
 
     @property
     def first(self) -> int:
-        """Number of the oldest record that is still held [1]."""
+        """Number of the oldest record in the ring [1]."""
         return max(0, self.next - self.capacity)
 
     def append(self, record: bytes) -> int:
-        """Keep a record, in place of the oldest one if need be, and return its number [1].
+        """Append a record, in place of the oldest one if the ring is full, and return its number [1].
 
         Parameters
         ----------
@@ -53,7 +53,7 @@ class LogRing:
         return number
 
     def start(self, first: int) -> int:
-        """Cursor of a logger that asks for records.
+        """Return the cursor of a logger that asks for records.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class LogRing:
         Returns
         -------
         int
-            Number of the first record to send, still held or not; at most that of the next one to come [1].
+            Number of the first record to send, whether still in the ring or not; at most that of the next record [1].
         """
         return self.acknowledged if first < 0 else min(first, self.next)
 
@@ -106,7 +106,7 @@ class LogRing:
         Returns
         -------
         bool
-            False if there are no such records yet: then nothing is acknowledged.
+            False if there are no such records yet; then nothing is acknowledged.
         """
         if durable > self.next:
             return False

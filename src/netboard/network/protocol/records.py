@@ -1,4 +1,4 @@
-"""What is recorded, and how records go from the server to a logger without any being lost.
+"""The messages that are recorded, and those that bring them from the server to a logger without loss.
 
 A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """
@@ -6,13 +6,15 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 from dataclasses import dataclass
 
 BLOCK_BEGAN = "block_began"
-"""Name of the event with which a block begins; its detail ``config`` is the block's configuration. All records from it
-on belong to that block: a logger begins another file with it."""
+"""Name of the event with which a block begins; its detail ``config`` is the block's configuration.
+
+All records from this event on belong to that block, and a logger begins another file with it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class LogRequest:
-    """A logger, or a listener, asks for records.
+    """A logger or a subscriber asks for records.
 
     Attributes
     ----------
@@ -93,7 +95,7 @@ class TickRecord:
 
 @dataclass(frozen=True, slots=True)
 class EventRecord:
-    """Something happened.
+    """An event.
 
     Attributes
     ----------
@@ -118,7 +120,7 @@ class EventRecord:
 
 @dataclass(frozen=True, slots=True)
 class ClockRecord:
-    """One raw clock probe of a peer, and the estimate then.
+    """One raw clock probe of a peer, and the estimate at that time.
 
     Attributes
     ----------
@@ -150,20 +152,20 @@ class ClockRecord:
 
 
 def connection_name(kind: str, number: int) -> str:
-    """Name a connection of a peer in `ClockRecord.peer`.
+    """Return the name of a peer's connection, as in `ClockRecord.peer`.
 
     Parameters
     ----------
     kind : str
-        What the peer is: ``agent.left``.
+        Role and side of the peer: ``agent.left``.
     number : int
-        How many connections of its kind there have been, with this one [1].
+        How many connections of its kind there have been, including this one [1].
     """
     return kind if number == 1 else f"{kind}#{number}"
 
 
 def kind_of_peer(name: str) -> str:
-    """Tell what a peer is, from the name of one of its connections.
+    """Return the role and side of a peer from the name of one of its connections.
 
     Parameters
     ----------
@@ -175,7 +177,7 @@ def kind_of_peer(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BackfillRecord:
-    """What an agent has rendered while its samples did not arrive, as it told later.
+    """What an agent rendered while its samples did not arrive, as it reported later.
 
     Attributes
     ----------
@@ -197,7 +199,7 @@ class BackfillRecord:
 
 @dataclass(frozen=True, slots=True)
 class FrameRecord:
-    """One frame a display has shown.
+    """One frame that a display has painted.
 
     Attributes
     ----------

@@ -1,4 +1,6 @@
-"""What displays say: which views they have shown. They are sent a `netboard.stage.view.View` up to 120 times a second.
+"""Messages of displays: which views they have painted.
+
+The server sends a display a `netboard.stage.view.View` up to 120 times a second.
 
 A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
 """
@@ -6,12 +8,12 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 from dataclasses import dataclass
 
 MOST_SHOWN = 256
-"""Frames in one report: those of a second at 240 Hz, the highest refresh rate that is supported, and some more [1]."""
+"""Frames in one report: those of a second at 240 Hz, the highest supported refresh rate, with some margin [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """What a display has shown since its last report, display to server on the control channel.
+    """Frames that a display has painted since its last report, display to server on the control channel.
 
     Attributes
     ----------

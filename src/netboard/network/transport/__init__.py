@@ -1,1 +1,1 @@
-"""Sockets, endpoints, polling and authentication: the only place that imports zmq."""
+"""Sockets, endpoints, pollers and authentication: the only package that imports zmq."""

@@ -1,11 +1,11 @@
-"""Who may come in: the server's door, at which peers show their keys, and what a peer knows to get in.
+"""Authentication: the server checks the keys of its peers, and each peer has the keys with which it connects.
 
-CURVE (ZeroMQ's RFC 26) encrypts, and lets libzmq ask at each handshake whether the peer's key may come in (ZAP, RFC
-27). It is answered by the server's own loop, a few at a time: there is no thread that could hold up a tick. What each
-key is for is not known here, but to a `Ring`.
+CURVE (ZeroMQ's RFC 26) encrypts, and at each handshake libzmq asks whether the peer's key is accepted (ZAP, RFC 27).
+The server's own loop answers, a few handshakes at a time, so no thread can hold up a tick. This module does not know
+which role a key has; a `Ring` does.
 
-With `netboard.network.transport.sockets`, `netboard.network.transport.endpoints` and
-`netboard.network.transport.fastpath` the only module that imports zmq.
+Only `netboard.network.transport.sockets`, `netboard.network.transport.endpoints`,
+`netboard.network.transport.fastpath` and this module import zmq.
 """
 
 import logging
@@ -26,29 +26,29 @@ log = logging.getLogger(__name__)
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
 MOST_HANDSHAKES = 3
-"""Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
+"""Handshakes answered, and failed ones read on a channel, at once, so that unknown peers cannot hold up a tick [1]."""
 MOST_FULL = 20
-"""If there are always more of them for so many times in a row, the channel is not listened to for a while [1]."""
+"""Consecutive full readings of failed handshakes after which a channel is not read for a while [1]."""
 DEAF_NS = 10_000_000_000
-"""A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
+"""Time for which a channel with too many failed handshakes is not read [ns]."""
 PRESSED_NS = 1_000_000_000
-"""After a handshake that is refused, the network's thread gives way to the loop for this time [ns]."""
+"""Time after a refused handshake for which libzmq's thread runs below the loop [ns]."""
 
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
-"""Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
+"""Where libzmq asks whether a key is accepted (ZeroMQ's RFC 27)."""
 
 EVENTS, POLLIN, NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
-"""As plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
+"""Plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
 
 
 def readable(socket: Socket) -> bool:
-    """Whether there is something to read: cheaper than being told by an exception that there is not."""
+    """Return whether there is something to read; cheaper than catching an exception."""
     return int(socket.getsockopt(EVENTS)) & POLLIN != 0
 
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """A peer's own keys, and the one by which it knows the server (Z85)."""
+    """A peer's own keys, and the server's public key (Z85)."""
 
     public: str
     secret: str = field(repr=False)
@@ -56,42 +56,42 @@ class Credentials:
 
 
 class Ring(Protocol):
-    """The server's own key, and what each peer's key is for."""
+    """The server's own key, and the role of each peer's key."""
 
     secret: str
     """The server's secret key (Z85)."""
 
     def refuses(self, key: str, channel: str) -> str:
-        """Why a key may not come in to a channel; empty if it may."""
+        """Return why a key may not open a channel; empty if it may."""
 
     def forbids(self, key: str, role: str, side: str) -> str:
-        """Why the owner of a key may not speak as this; empty if it may."""
+        """Return why the owner of a key may not act in this role and side; empty if it may."""
 
     def owner(self, key: str) -> str:
-        """What a key is for, such as ``agent.left``."""
+        """Return the role and side of a key, such as ``agent.left``."""
 
     def fingerprint(self, key: str) -> str:
-        """How people tell a key."""
+        """Return the fingerprint of a public key."""
 
 
 def new_keys() -> tuple[str, str]:
-    """A new pair of keys, public and secret (Z85)."""
+    """Return a new pair of keys, public and secret (Z85)."""
     public, secret = zmq.curve_keypair()
     return public.decode(), secret.decode()
 
 
 def public_of(secret: str) -> str:
-    """The public key that goes with a secret one (Z85)."""
+    """Return the public key of a secret one (Z85)."""
     return zmq.curve_public(secret.encode()).decode()
 
 
 class Door:
-    """Where one server lets its peers in, by their keys.
+    """The authenticator of one server's peers, by their keys.
 
     Parameters
     ----------
     port : int
-        By which it is told from other servers in the same context.
+        The server's port, which distinguishes it from other servers in the same context.
     """
 
     def __init__(self, ring: Ring, port: int) -> None:
@@ -103,19 +103,19 @@ class Door:
 
     @property
     def totals(self) -> dict[str, int]:
-        """Handshakes and frames refused so far, by reason [1]."""
+        """Refused handshakes and frames so far, by reason [1]."""
         return self._refused.totals
 
     def attend(self) -> None:
-        """Let in who knocks and may: a few at a time, on each channel's own context.
+        """Answer waiting handshakes, a few at a time, in the context of each channel.
 
-        Nobody gets in unless this is called; the session does so a thousand times a second.
+        Nobody gets in unless this is called; the session calls it a thousand times a second.
         """
         for gate in self._gates:
             gate.answer()
 
     def news(self, now_ns: int) -> list[dict[str, str]]:
-        """Hear of handshakes that failed; take what is to be told of those who were refused."""
+        """Count the handshakes that failed, and return the reports of refusals that are due."""
         for watched in self._watched:
             for reason in watched.listen():
                 watched.gate.press()
@@ -123,7 +123,7 @@ class Door:
         return self._refused.reports(now_ns)
 
     def rest(self) -> list[dict[str, str]]:
-        """Take the final counts of those who were refused."""
+        """Return the final counts of refusals."""
         return self._refused.rest()
 
     def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
@@ -133,7 +133,7 @@ class Door:
         self._refused.count((channel, key or address, reason), {"channel": channel, **details, "reason": reason})
 
     def guard(self, context: "Context", socket: Socket, name: str) -> None:
-        """Put a lock on the socket of a channel of that name, before it is bound."""
+        """Require keys on the socket of a channel with this name, before it is bound."""
         gate = context.gate = context.gate or _Gate(context)
         gate.doors[f"{self._port}.{name}"] = (self, name)
         if gate not in self._gates:
@@ -146,7 +146,7 @@ class Door:
 
 
 class _Gate:
-    """Where libzmq asks: one for a context, however many doors there are."""
+    """The ZAP handler of one context, for all its authenticators."""
 
     def __init__(self, context: "Context") -> None:
         self.doors: dict[str, tuple[Door, str]] = {}
@@ -157,11 +157,11 @@ class _Gate:
         self._socket.bind(ZAP_ADDRESS)
 
     def press(self) -> None:
-        """Note that somebody knocks who may not come in."""
+        """Note a handshake that was refused or failed."""
         self._pressed_until_ns = time.monotonic_ns() + PRESSED_NS
 
     def answer(self) -> None:
-        """Answer some of those who wait for it."""
+        """Answer some of the waiting handshakes."""
         self._context.give_way(self._pressed_until_ns > 0 and time.monotonic_ns() < self._pressed_until_ns)
         for _ in range(MOST_HANDSHAKES):
             if not readable(self._socket):
@@ -180,7 +180,7 @@ class _Gate:
 
 
 class _Watched:
-    """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
+    """A socket monitored for handshakes that failed before the key was checked; libzmq does not say whose they were."""
 
     def __init__(self, context: "Context", socket: Socket, channel: str, gate: _Gate) -> None:
         self.channel, self.gate = channel, gate
@@ -190,7 +190,7 @@ class _Watched:
         self._monitor = self._open()
 
     def listen(self) -> Iterator[str]:
-        """Why they failed."""
+        """Yield why they failed."""
         if self._socket.closed:
             return
         if self._deaf_until_ns:
@@ -216,7 +216,7 @@ class _Watched:
         yield "more handshakes fail here than can be told of"
 
     def _open(self) -> Socket:
-        """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
+        """Start the monitor. Its queue has no bound, because a full one would hold up libzmq's own thread."""
         address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
         self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
         monitor: Socket = self._context.socket(zmq.PAIR)
@@ -227,7 +227,7 @@ class _Watched:
 
 
 NO_KEY = "it came without a key, or hung up before the handshake was over"
-"""Whoever has no key may find out first that the server has one, and hang up."""
+"""A peer without a key may learn first that the server requires one, and hang up."""
 FAILURES: dict[int, str] = {
     int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
     int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
@@ -236,11 +236,11 @@ NO_HANDSHAKE = "it broke the rules of the handshake"
 
 
 class Context(zmq.Context["zmq.Socket[bytes]"]):
-    """Where sockets are made, the gate of the doors among them, and another context for channels that may wait.
+    """A ZeroMQ context with the ZAP handler, and a second context for channels that may wait.
 
-    Its threads may have a real-time priority above that of the loop they serve, so that what the loop sends is on its
-    way at once. A handshake takes such a thread as long as a third of a tick. While strangers knock the threads run
-    below the loop: then no tick waits for a handshake, and forces leave when the loop has done its tick.
+    Its threads may have a real-time priority above that of the loop they serve, so that the loop's frames leave at
+    once. A handshake takes such a thread up to a third of a tick. While handshakes are being refused, the threads run
+    below the loop: no tick then waits for a handshake, and forces leave when the loop has finished its tick.
     """
 
     gate: _Gate | None = None

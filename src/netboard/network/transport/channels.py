@@ -1,8 +1,8 @@
-"""The channels between the processes: which there are, and where.
+"""The channels between the processes, and their addresses.
 
-Each has a port of the server's, counted from the first; on one machine they can be sockets of the file system instead.
-What stays within a station, whatever the transport, is here as well. How a channel behaves is in
-`netboard.network.transport.sockets`.
+Each has one of the server's ports, counted from the first; on one machine they can be Unix domain sockets instead.
+Channels within a station, whatever the transport, are here as well. `netboard.network.transport.sockets` defines how
+each channel behaves.
 """
 
 import os
@@ -27,12 +27,12 @@ VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where a channel is bound or connected to.
+    """The address to which a channel is bound or connected.
 
     Attributes
     ----------
     lock : Door or Credentials or None
-        The door that is bound there, or the keys to come in with; None where nothing is encrypted.
+        The server's authenticator, or a peer's keys; None without encryption.
     """
 
     address: str
@@ -42,12 +42,12 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Addresses:
-    """Where the channels are.
+    """The addresses of the channels.
 
     Attributes
     ----------
     lock : Door or Credentials or None
-        At the server its door, at a peer its keys; None where nothing is encrypted.
+        The server's authenticator, or a peer's keys; None without encryption.
     """
 
     host: str
@@ -57,31 +57,31 @@ class Addresses:
     lock: Door | Credentials | None = None
 
     def listen(self, channel: int) -> Endpoint:
-        """Endpoint the server binds for a channel."""
+        """Return the endpoint that the server binds for a channel."""
         return self._endpoint(self.bind, channel)
 
     def reach(self, channel: int) -> Endpoint:
-        """Endpoint a peer connects to for a channel."""
+        """Return the endpoint to which a peer connects for a channel."""
         return self._endpoint(self.host, channel)
 
     def pointer(self, side: Side) -> Endpoint:
-        """Endpoint at which the agent of a side hears where its player points."""
+        """Return the endpoint at which a side's agent receives the pointer's position."""
         return self._beside("pointer", side)
 
     def felt(self, side: Side) -> Endpoint:
-        """Endpoint at which the agent of a side says what its player would feel."""
+        """Return the endpoint at which a side's agent publishes the force on its player's hand."""
         return self._beside("felt", side)
 
     def _beside(self, what: str, side: Side) -> Endpoint:
-        """What display and agent of one side say to each other stays on the machine, and with its user.
+        """Return an endpoint between the display and the agent of one side.
 
-        It is a socket of the file system whatever the transport: it takes no port, and nobody else who uses the
-        machine can move a hand or see its force.
+        It is a Unix domain socket whatever the transport. It takes no port, stays on the machine, and no other user of
+        the machine can move a hand or see its force.
         """
         return Endpoint(f"ipc://{_own_folder() / f'{self.port}.{what}.{side}'}")
 
     def _endpoint(self, machine: str, channel: int) -> Endpoint:
-        """The nerve does not leave the machine: who has two hands has them at one station."""
+        """Return an endpoint; the nerve stays on the machine, because both hands are at one station."""
         port = self.port + channel
         inside = channel == NERVE
         if self.transport == "ipc":
@@ -97,9 +97,9 @@ def addresses(network: Network, lock: Door | Credentials | None = None) -> Addre
 
 
 def _own_folder() -> Path:
-    """Where sockets of the file system are: a folder that is this user's alone.
+    """Return the folder of the Unix domain sockets, which only this user can open.
 
-    The same for every process of the user, whatever its environment.
+    It is the same for every process of the user, whatever its environment.
     """
     if not hasattr(os, "getuid"):
         raise ConfigError(

@@ -1,7 +1,6 @@
-"""The server's ends of the channels: frames of many peers, each known by its name and its key, and views for who looks.
+"""The server's endpoints: a router for frames of many peers, each known by name and key, and a publisher of views.
 
-They are made in `netboard.network.transport.sockets`, with the options that each channel needs; here is what is done
-with them. Nothing here waits.
+`netboard.network.transport.sockets` makes them, with the options that each channel needs. Nothing here waits.
 """
 
 import re
@@ -13,30 +12,30 @@ from netboard.network.transport.authenticator import NOBLOCK, Door, Socket, read
 from netboard.network.transport.channels import CHANNELS, Endpoint
 
 GOODBYE_LINGER_MS = 200
-"""Last words on a channel that else lets nothing linger are given so long [ms]."""
+"""Linger for the last messages on a channel that otherwise does not linger [ms]."""
 
 SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
-"""What an XPUB hears when the first one subscribes to everything, and when the last one leaves."""
+"""What an XPUB receives when the first subscriber subscribes to everything, and when the last one leaves."""
 MOST_SUBSCRIPTIONS = 16
-"""Subscriptions heard in one go [1]."""
+"""Subscriptions read at once [1]."""
 MOST_PARTS = 64
-"""Parts of a message skipped in one go: it may have any number of them, and no message of netboard has two [1]."""
+"""Parts of a message skipped at once; a peer may send any number, although netboard's messages have one [1]."""
 MOST_NAMES = 1000
-"""Peers whose name has been found to go with their key, remembered [1]."""
+"""Peers whose name is known to match their key [1]."""
 NOBLOCK_MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
 """A plain number, as `NOBLOCK`."""
 
 
 NOBODY = b"", b""
-"""In place of a peer and its frame: what came under a name that is not its sender's, which is refused already."""
+"""Result in place of a peer and its frame, if the name was not the sender's and the frame was refused."""
 
 _SECRET = re.compile(r"\.([0-9a-f]{4})[0-9a-f]{12}$")
 MOST_LETTERS = 64
-"""A name is shown up to this length [1]."""
+"""Length up to which a name is shown [1]."""
 
 
 def shown(peer: bytes) -> str:
-    """How people tell a peer: its name, without most of what nobody may guess at the end of it."""
+    """Return a peer's name for people, without most of the random part at its end."""
     name = _SECRET.sub(r".\1...", peer.decode(errors="replace"))
     return name if len(name) <= MOST_LETTERS else f"{name[:MOST_LETTERS]}..."
 
@@ -44,12 +43,12 @@ def shown(peer: bytes) -> str:
 class Router:
     """A ROUTER: frames of many peers, each with the peer's name.
 
-    With keys a peer must be named after what its key is for, such as ``agent.left@`` and something of its own.
+    With keys a peer's name must begin with the role and side of its key, as in ``agent.left@`` and a part of its own.
 
     Attributes
     ----------
     key : str
-        Key with which the sender of the last frame came in (Z85); empty without keys.
+        Key of the last frame's sender (Z85); empty without keys.
     """
 
     def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
@@ -62,13 +61,13 @@ class Router:
         self._owed: dict[bytes, bytes] = {}
 
     def receive(self) -> tuple[bytes, bytes] | None:
-        """Next (peer, frame), or None if there is none now.
+        """Return the next (peer, frame), or None if there is none now.
 
-        What is not one frame is taken for an empty one, which no message is. What comes under a name that is not the
-        sender's is `NOBODY`'s: whoever has that name has no part in it.
+        A message of several parts counts as an empty frame, which is no valid message. A frame under a name that is not
+        its sender's becomes `NOBODY`, so that the owner of that name is not affected.
         """
         socket = self.socket
-        if not readable(socket) or not self._skip_parts():  # quicker than an exception
+        if not readable(socket) or not self._skip_parts():  # cheaper than an exception
             return None
         try:
             peer = socket.recv(NOBLOCK)
@@ -82,7 +81,7 @@ class Router:
         return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), said)
 
     def _skip_parts(self) -> bool:
-        """Skip what is left of a message in several parts, a bounded number of them; whether nothing is left of it."""
+        """Skip the rest of a multipart message, a bounded number of parts; return whether a new message can be read."""
         for _ in range(MOST_PARTS):
             if not self._more:
                 break
@@ -91,12 +90,12 @@ class Router:
         return not self._more and readable(self.socket)
 
     def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
-        """(peer, frame) of what has just come in, as `receive` has it."""
+        """Return (peer, frame), or `NOBODY` if the peer's name does not match its key."""
         self.key = key
         return (peer, frame) if self._door is None or self._rightly_named(self._door, peer, key, address) else NOBODY
 
     def send(self, peer: bytes, frame: bytes) -> bool:
-        """Send without waiting; False if the peer is gone or its queue is full."""
+        """Send without waiting; return False if the peer is gone or its queue is full."""
         try:
             self.socket.send(peer, NOBLOCK_MORE)  # refused here or not at all
             self.socket.send(frame, NOBLOCK)
@@ -109,31 +108,34 @@ class Router:
         return True
 
     def owe(self, peer: bytes, frame: bytes) -> None:
-        """Send what a peer that is there must hear: if its queue is full now, whenever `pay` finds that it is not."""
+        """Send a frame that a connected peer must get: if its queue is full, `pay` sends it later."""
         self._owed[peer] = frame
         self.pay()
 
     def pay(self) -> None:
-        """Send whatever is still owed."""
+        """Send the frames that could not be sent before."""
         for peer, frame in list(self._owed.items()):
             if self.send(peer, frame):
                 del self._owed[peer]
 
     @property
     def keyed(self) -> bool:
-        """Whether peers come in by keys."""
+        """Whether peers are authenticated by keys."""
         return self._door is not None
 
     def forbids(self, role: str, side: str) -> str:
-        """Why the sender of the last frame may not speak as this; empty if it may, as everybody may without keys."""
+        """Return why the last frame's sender may not act in this role and side.
+
+        Empty if it may, as always without keys.
+        """
         return "" if self._door is None else self._door.ring.forbids(self.key, role, side)
 
     def close_after_goodbye(self) -> None:
-        """Close when the last words, which have just been sent, are gone."""
+        """Close after the last messages have been sent."""
         self.socket.close(linger=GOODBYE_LINGER_MS)
 
     def _rightly_named(self, door: Door, peer: bytes, key: str, address: str) -> bool:
-        """Whether a name goes with the key: it is looked up once."""
+        """Return whether a name matches the key; a match is remembered."""
         if self._names.get(peer) == key:
             return True
         if peer.partition(b"@")[0] != door.ring.owner(key).encode():
@@ -146,7 +148,7 @@ class Router:
 
 
 def _property(frame: zmq.Frame, name: str) -> str:
-    """What libzmq knows of where a frame came from; empty if it does not, as of addresses in the file system."""
+    """Return a property of a frame's connection; empty if libzmq has none, as for Unix domain sockets."""
     try:
         return str(frame.get(name))
     except ZMQError:
@@ -154,14 +156,14 @@ def _property(frame: zmq.Frame, name: str) -> str:
 
 
 class Publisher:
-    """The server's end of a view channel: knows whether anybody looks."""
+    """The server's endpoint of a view channel, which knows whether anybody subscribes."""
 
     def __init__(self, socket: Socket) -> None:
         self.socket = socket
         self._wanted = False
 
     def wanted(self) -> bool:
-        """Whether anybody has subscribed."""
+        """Return whether anybody has subscribed."""
         for _ in range(MOST_SUBSCRIPTIONS):
             if not readable(self.socket):
                 break
@@ -171,7 +173,7 @@ class Publisher:
         return self._wanted
 
     def send(self, frame: bytes) -> bool:
-        """Send to all who have subscribed and keep up, without waiting; False if nobody has."""
+        """Send to all subscribers that keep up, without waiting; return False if there are none."""
         if not self.wanted():
             return False
         self.socket.send(frame, NOBLOCK)

@@ -1,11 +1,11 @@
 """The fast path: the 1 kHz frames, received and sent by compiled code through libzmq's own functions.
 
-A loop that sleeps most of the time finds cold caches whenever it wakes, and there a handful of pyzmq's calls with what
-Python does between them takes a tenth of a tick. So kernels move the frames of the motion channel: they call what pyzmq
-calls itself, in the library that pyzmq has loaded, on a socket that `netboard.network.transport.sockets` has made and
-still owns.
+A loop that sleeps most of the time finds cold caches whenever it wakes. A few pyzmq calls, with the Python code between
+them, then take a tenth of a tick. So kernels handle the frames of the motion channel. They call the same functions as
+pyzmq, in the library that pyzmq has loaded, on a socket that `netboard.network.transport.sockets` has made and still
+owns.
 
-A fast path knows the peers it is to expect, by name and key. Whatever else comes in is handed to Python as it came.
+A fast path knows its peers by name and key. All other frames are handed to Python unchanged.
 """
 
 import ctypes
@@ -23,10 +23,10 @@ from netboard.base.compiled import kernel
 from netboard.base.errors import NetboardError
 
 MACHINES = -1
-"""In place of a time to go by: the machine's."""
+"""Value of ``set_ns`` that selects the machine's clock."""
 
 PLACES = 2
-"""Peers a fast path can know [1]."""
+"""Peers that a fast path can know [1]."""
 
 NAME_ROOM = 255
 """Longest name of a peer that ZeroMQ allows [bytes]."""
@@ -37,31 +37,31 @@ KEY_SIZE = 40
 ADDRESS_ROOM = 64
 
 MOST_PARTS = 256
-"""Parts of a message skipped in one go: it may have any number of them, and no message of netboard has two [1]."""
+"""Parts of a message skipped at once; a peer may send any number, although netboard's messages have one [1]."""
 
 NOTHING, OTHER, FAILED = -1, -2, -3
-"""What `receive` found in place of a frame of a peer that the fast path knows."""
+"""Results of `receive` other than the place of a known peer."""
 
 SENT, NOT_SENT = 0, 1
-"""What has become of a frame; or `FAILED`."""
+"""Results of sending, beside `FAILED`."""
 
 FAST_PATH = np.dtype(
     [
         ("message", "u1", (64,)),  # zmq_msg_t
         ("clock", "<i8", (2,)),  # struct timespec
-        ("set_ns", "<i8"),  # time to go by, where it is not the machine's [ns]
+        ("set_ns", "<i8"),  # simulated time, or MACHINES [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
         ("keyed", "<i8"),  # 1: peers are known by their keys, too
         ("size", "<i8"),  # of the newest frame
         ("more", "<i8"),  # 1: parts of a message are left to be skipped
         ("name_size", "<i8"),
-        ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for nobody
+        ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for no peer
         ("names", "u1", (PLACES, NAME_ROOM)),
         ("keys", "u1", (PLACES, KEY_SIZE)),
         ("name", "u1", (NAME_ROOM,)),  # of the newest frame's sender
         ("key", "u1", (KEY_SIZE,)),
         ("address", "u1", (ADDRESS_ROOM,)),
-        ("user_id", "u1", (8,)),  # names of properties, as libzmq wants them
+        ("user_id", "u1", (8,)),  # names of properties, as libzmq expects them
         ("peer_address", "u1", (16,)),
     ],
     align=True,
@@ -72,7 +72,7 @@ Socket: TypeAlias = zmq.Socket[bytes]
 
 
 def _symbol(name: str) -> int:
-    """Find where a function of libzmq is: looked for in what pyzmq's own binding was linked with."""
+    """Return the address of a libzmq function, in the library that pyzmq's own binding is linked with."""
     module = sys.modules[zmq.backend.Socket.__module__]
     try:
         library = ctypes.CDLL(str(module.__file__))
@@ -84,12 +84,12 @@ def _symbol(name: str) -> int:
 
 
 def _called(name: str, returns: Any, *arguments: Any) -> Any:
-    """Let kernels call a function of the C library; addresses are whole numbers."""
+    """Make a C library function callable from kernels; addresses are integers."""
     return types.ExternalFunction(name, returns(*arguments))
 
 
 def _imported(name: str, returns: Any, *arguments: Any) -> Any:
-    """Let kernels call a function of libzmq."""
+    """Make a libzmq function callable from kernels."""
     binding.add_symbol(name, _symbol(name))
     return _called(name, returns, *arguments)
 
@@ -117,7 +117,7 @@ _CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 
 
 @kernel
 def now_ns(fast: Any) -> int:
-    """Monotonic time of this machine, as `netboard.base.clock.now_ns` has it, or what a simulation has set [ns]."""
+    """Return this machine's monotonic time, as `netboard.base.clock.now_ns` does, or the simulated time [ns]."""
     if fast[0]["set_ns"] != MACHINES:
         return int(fast[0]["set_ns"])
     clock = fast[0]["clock"]
@@ -127,21 +127,21 @@ def now_ns(fast: Any) -> int:
 
 @kernel
 def _no_frame() -> int:
-    """Tell why nothing could be received."""
+    """Return why nothing was received."""
     number = _zmq_errno()
     return NOTHING if number in (_AGAIN, _INTERRUPTED) else FAILED
 
 
 @kernel
 def _not_sent() -> int:
-    """Tell why nothing could be sent."""
+    """Return why nothing was sent."""
     number = _zmq_errno()
     return NOT_SENT if number in (_AGAIN, _INTERRUPTED, _UNREACHABLE) else FAILED
 
 
 @kernel
 def _known(fast: Any) -> int:
-    """Place of the newest frame's sender, or `OTHER`."""
+    """Return the place of the newest frame's sender, or `OTHER`."""
     us = fast[0]
     size = us["name_size"]
     for place in range(PLACES):
@@ -155,7 +155,7 @@ def _known(fast: Any) -> int:
 
 @kernel
 def _note_sender(fast: Any) -> None:
-    """Note with which key the newest frame's sender came in, and from where."""
+    """Store the key and the address of the newest frame's sender."""
     us = fast[0]
     message = us["message"].ctypes.data
     us["key"][:] = 0
@@ -170,7 +170,7 @@ def _note_sender(fast: Any) -> None:
 
 @kernel
 def _skip_parts(fast: Any) -> bool:
-    """Skip what is left of a message in several parts, a bounded number of them; whether nothing is left."""
+    """Skip the rest of a multipart message, a bounded number of parts; return whether nothing is left of it."""
     us = fast[0]
     message = us["message"].ctypes.data
     for _ in range(MOST_PARTS):
@@ -186,8 +186,8 @@ def _skip_parts(fast: Any) -> bool:
 def receive(fast: Any, frame: Any) -> int:
     """Receive one frame of a router, without waiting.
 
-    What is not one frame, or is longer than there is room, is taken for an empty one, which no message is. The parts of
-    a message that has many are skipped a bounded number at a time; until then there is nothing.
+    A message of several parts, or one that is too long, counts as an empty frame, which is no valid message. Parts are
+    skipped a bounded number at a time; until all are skipped the result is `NOTHING`.
 
     Returns
     -------
@@ -237,12 +237,12 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
 
 @kernel
 def hear(fast: Any, frame: Any) -> int:
-    """Receive one frame of a socket of one peer, without waiting.
+    """Receive one frame on a socket with one peer, without waiting.
 
     Parameters
     ----------
     frame : ndarray of uint8
-        Where the frame goes; what is longer than that is cut off.
+        Output: the frame, truncated to the size of this buffer.
     """
     size = _zmq_recv(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
     return min(size, len(frame)) if size >= 0 else _no_frame()
@@ -250,18 +250,18 @@ def hear(fast: Any, frame: Any) -> int:
 
 @kernel
 def say(fast: Any, frame: Any) -> int:
-    """Send a frame on a socket of one peer, without waiting.
+    """Send a frame on a socket with one peer, without waiting.
 
     Returns
     -------
     int
-        `SENT`, `NOT_SENT` if nobody is there or the queue is full, or `FAILED`.
+        `SENT`, `NOT_SENT` if no peer is connected or the queue is full, or `FAILED`.
     """
     return SENT if _zmq_send(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
 
 class Sender(NamedTuple):
-    """Who sent a frame."""
+    """The sender of a frame."""
 
     name: bytes
     key: str
@@ -269,7 +269,7 @@ class Sender(NamedTuple):
 
 
 def sender_of(row: Any) -> Sender:
-    """Read who sent a frame from whatever has ``name``, ``name_size``, ``key`` and ``address``, as `FAST_PATH` has."""
+    """Read a sender from a row with ``name``, ``name_size``, ``key`` and ``address``, as in `FAST_PATH`."""
     key, address = (row[name].tobytes().rstrip(b"\0").decode(errors="replace") for name in ("key", "address"))
     return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
 
@@ -280,7 +280,7 @@ class FastPath:
     Parameters
     ----------
     socket : zmq.Socket or None
-        A router or a dealer, which must not be closed before the fast path is; None for one that leads nowhere.
+        A router or a dealer, which must not be closed before the fast path; None for a fast path without a socket.
     """
 
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
@@ -292,19 +292,19 @@ class FastPath:
             us[name][: len(text)] = np.frombuffer(text, np.uint8)
 
     def know(self, place: int, name: bytes, key: str) -> None:
-        """Expect frames of a peer."""
+        """Register a peer at a place, by name and key."""
         us = self.record[0]
         us["known"][place] = len(name)
         us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
         us["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
 
     def forget(self, place: int) -> None:
-        """Take the peer at a place for a stranger again."""
+        """Remove the peer at a place."""
         self.record[0]["known"][place] = 0
 
     @property
     def sender(self) -> Sender:
-        """Who sent the newest frame."""
+        """Sender of the newest frame."""
         return sender_of(self.record[0])
 
     @property
@@ -313,10 +313,10 @@ class FastPath:
         return int(self.record[0]["size"])
 
     def fail(self, channel: str) -> None:
-        """Say why the socket is of no use any more."""
+        """Raise an error that says why the socket is unusable."""
         number = zmq.zmq_errno()
         raise NetboardError(f"the {channel} channel failed: {zmq.strerror(number)}")
 
     def close(self) -> None:
-        """Let go of the socket: from now on nothing is received or sent."""
+        """Release the socket: from now on nothing is received or sent."""
         self.record[0]["socket"] = 0

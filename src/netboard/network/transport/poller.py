@@ -1,7 +1,7 @@
-"""Waiting for sockets without burning a core, and to less than a millisecond.
+"""Pollers: wait for sockets with a resolution below a millisecond, without busy polling.
 
-ZeroMQ's own poll counts in whole milliseconds, a tick. A socket's file descriptor only tells that something has
-changed, so what can be read is asked before and after every wait. No frame is read here.
+ZeroMQ's own poll counts in whole milliseconds, which is a tick. A socket's file descriptor only signals that something
+has changed, so pollers check whether the socket is readable before and after every wait. They read no frame.
 """
 
 import select
@@ -12,7 +12,7 @@ from netboard.network.transport.authenticator import Socket, readable
 
 
 class Waiter:
-    """Waits until any of some sockets can be read."""
+    """Waits until any of several sockets can be read."""
 
     def __init__(self, sockets: Iterable[Socket]) -> None:
         self._sockets = tuple(sockets)
@@ -20,7 +20,7 @@ class Waiter:
         self._files = list(self._by_file)
 
     def wait(self, timeout: float) -> bool:
-        """Wait at most so long [s]; whether there is something to read."""
+        """Wait until the timeout [s]; return whether there is something to read."""
         until = time.monotonic() + timeout
         changed: Iterable[Socket] = self._sockets
         while True:
@@ -34,21 +34,21 @@ class Waiter:
             changed = [self._by_file[file] for file in files]
 
     def signalled(self, timeout: float) -> list[Socket]:
-        """Wait at most so long for any that may be read [s].
+        """Wait until the timeout [s]; return the sockets that may be readable.
 
-        A signal comes only after a socket has been read until nothing is left, and what is done with a socket in
-        between may swallow it: whoever waits like this looks at every socket now and then, signalled or not.
+        A signal comes only after a socket has been read until it was empty, and other operations on the socket can
+        consume it. A caller must therefore check every socket now and then, signalled or not.
         """
         return [self._by_file[file] for file in select.select(self._files, (), (), max(timeout, 0.0))[0]]
 
 
 def wait_signal(socket: Socket, timeout: float) -> bool:
-    """Wait until something may have come, at most so long [s]: quicker than being sure of it."""
+    """Wait until something may have arrived, or until the timeout [s]; faster than `wait_readable`."""
     return readable(socket) or bool(select.select((socket.fileno(),), (), (), timeout)[0])
 
 
 def wait_readable(socket: Socket, timeout: float) -> bool:
-    """Wait until a socket can be read, at most so long [s]; for one socket alone, as `Waiter` does."""
+    """Wait until a socket can be read, or until the timeout [s]; `Waiter` does this for several."""
     until = time.monotonic() + timeout
     while not readable(socket):
         left = until - time.monotonic()

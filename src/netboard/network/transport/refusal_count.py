@@ -1,35 +1,35 @@
-"""How often what was refused: each kind is reported when it first happens, then ever more seldom, and whole at the end.
+"""Counts of refusals by kind, reported when a kind first occurs, then less and less often, and finally in full.
 
-A flood of refusals must cost neither the tick nor the recording: a report has the number of times so far, reports of
-one kind are one second apart, then two, four and so on, and kinds beyond the first few hundred are counted together.
-Pure: it is told the time.
+A flood of refusals must cost neither the tick nor the recording. A report has the count so far. Reports of one kind are
+one second apart, then two, four and so on; kinds beyond the first few hundred are counted together.
+Pure: time is an argument.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 FIRST_WAIT_NS, LONGEST_WAIT_NS = 1_000_000_000, 64_000_000_000
-"""The second report of a kind comes at least this long after the first; the wait doubles up to the longest [ns]."""
+"""Wait between the first two reports of a kind; it doubles up to the longest [ns]."""
 
 LOOK_NS = 100_000_000
 MOST_REPORTS = 8
-"""In each tenth of a second no more reports are made than this [1]."""
+"""Largest number of reports in each tenth of a second [1]."""
 
 MOST_KINDS = 64
-"""Kinds told apart [1]; beyond those, as many again by their channel and reason alone."""
+"""Kinds counted separately; beyond those, as many again by channel and reason alone [1]."""
 
 MOST_REASONS = 32
-"""Reasons told apart in the totals [1]."""
+"""Reasons counted separately in the totals [1]."""
 
 OTHERS = "others"
-"""The peers of all further kinds."""
+"""Stands for the peers of all further kinds."""
 
 OTHER_REASONS = "other reasons"
 
 
 @dataclass(slots=True)
 class _Kind:
-    """One kind of refusal: how often it has happened, and of how many of them a report has told."""
+    """One kind of refusal: its count, and the count that was reported."""
 
     details: dict[str, str]
     times: int = 0
@@ -49,7 +49,7 @@ class RefusalCount:
         self._reports = 0
 
     def count(self, kind: tuple[str, ...], details: dict[str, str], times: int = 1) -> None:
-        """Count refusals of a kind; ``details`` say what it is, its ``reason`` among them."""
+        """Count refusals of a kind; ``details`` describe it, including its ``reason``."""
         reason = details["reason"]
         if reason not in self.totals and len(self.totals) >= MOST_REASONS:
             reason = OTHER_REASONS
@@ -65,7 +65,7 @@ class RefusalCount:
         self._untold[id(known)] = known
 
     def reports(self, now_ns: int, *, again: bool = True) -> list[dict[str, str]]:
-        """Take the reports that are due, with ``again`` those of known kinds too: details, and ``times`` so far."""
+        """Return the reports that are due, with ``again`` those of known kinds too: details, and ``times`` so far."""
         if self._look_ns is None or now_ns >= self._look_ns:
             self._look_ns, self._reports = now_ns + LOOK_NS, 0
         elif self._reports >= MOST_REPORTS:
@@ -78,7 +78,7 @@ class RefusalCount:
         return list(self._told(due))
 
     def rest(self) -> list[dict[str, str]]:
-        """Take the last reports: the final count of every kind that has grown since its last one."""
+        """Return the final count of every kind that has grown since its last report."""
         return list(self._told(list(self._untold.values())))
 
     def _told(self, kinds: list[_Kind]) -> Iterator[dict[str, str]]:

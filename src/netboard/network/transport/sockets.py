@@ -1,12 +1,11 @@
-"""Makes every ZeroMQ socket of netboard. What the server does with its ends is in `endpoints`.
+"""Makes every ZeroMQ socket of netboard. `endpoints` has what the server does with its sockets.
 
-Rules that hold here: options are set before bind or connect (later ones do not take hold); the motion channel keeps at
-most a few frames and never waits (the newest sample wins, an absent peer gets nothing stale); the log channel keeps
-many and lingers; views are single frames, sent to who looks, and conflated where they are seen. With keys (a `Door` at
-the server, `Credentials` at a peer) every frame is encrypted, and a peer is let in by its key, at the handshake. A cut
-cable is noticed by TCP keepalive and, much earlier, by silence; not by ZeroMQ's heartbeats: libzmq 4.3.5 aborts a
-process that was stopped for some seconds with full queues and heartbeats on. Sockets are used by the thread that made
-them.
+Rules: options are set before bind or connect, because later ones have no effect. The motion channel queues a few frames
+at most and never waits: the newest sample wins, and an absent peer gets nothing stale. The log channel queues many
+frames and lingers. Views are single frames, sent to subscribers and conflated by them. With keys (a `Door` at the
+server, `Credentials` at a peer) every frame is encrypted, and peers are authenticated at the handshake. A broken
+connection is detected by TCP keepalive and, much earlier, by silence. ZeroMQ's heartbeats are off: with them, libzmq
+4.3.5 aborts a process that was stopped for some seconds with full queues. A socket is used by the thread that made it.
 """
 
 import errno
@@ -41,23 +40,27 @@ MOTION_HWM = 4
 LOG_HWM = 64
 CONTROL_HWM = 1000
 SERVED_HWM, HEARD_HWM = 64, 16
-"""Messages for a peer, and of a peer, that wait at the server's ends: what waits takes memory, and making room for much
-of it at once would hold up the tick [1]."""
+"""Messages queued for a peer, and from a peer, at the server.
+
+Queued messages take memory, and allocating much of it at once would hold up the tick [1].
+"""
 VIEW_HWM = 2
 LOG_LINGER_MS = 2000
 LARGEST_FRAME = 2**20
-"""Whoever sends a larger frame is cut off, before it is received [bytes]."""
+"""Size above which a frame is rejected unread and its sender disconnected [bytes]."""
 LARGEST_SAMPLE, LARGEST_REQUEST = 2**12 + 2**8, 2**13 + 2**8
-"""The same for what a server takes on the motion channel, and on the log and control channels: the largest message of a
-peer, and what encryption adds [bytes]."""
+"""The same for frames to the server on the motion channel, and on the log and control channels [bytes].
+
+This is a peer's largest message plus the overhead of encryption.
+"""
 LARGEST_SUBSCRIPTION = 2**10
-"""The same for views, to which a peer only subscribes: each byte of that becomes a node of a tree [bytes]."""
+"""The same for views, where peers only subscribe: each byte of a subscription becomes a node of a tree [bytes]."""
 _THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
-"""Which thread of a context of their own serves channels that may wait."""
+"""Thread of the second context that serves each channel that may wait."""
 IO_THREAD = "ZMQbg/IO"
-"""How libzmq's threads that exchange frames are called."""
+"""Prefix of the names of libzmq's threads that exchange frames."""
 START_S = 1.0
-"""They have begun within this time [s]."""
+"""Time within which these threads have started [s]."""
 PROMPT = -15
 """Niceness of the threads that serve channels that may wait."""
 KEEPALIVE_S = 1
@@ -65,8 +68,10 @@ KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
 RENEW_S, MOST_RENEW_S = 2.0, 16.0
-"""A peer that finds nobody at the other end connects anew after this time, and after twice as long each time, up to
-the longest: a server that is slow to answer must not be asked again and again before it has [s]."""
+"""Time after which a peer that finds no server connects anew, doubled each time up to the longest [s].
+
+A server that is slow to answer must not get new handshakes before it has answered.
+"""
 _renewed: WeakKeyDictionary[Socket, tuple[float, float]] = WeakKeyDictionary()
 
 
@@ -74,7 +79,7 @@ _renewed: WeakKeyDictionary[Socket, tuple[float, float]] = WeakKeyDictionary()
 
 
 def library() -> str:
-    """Which libzmq this is, and whether it cannot encrypt."""
+    """Return the version of libzmq, and a note if it cannot encrypt."""
     return f"libzmq {zmq.zmq_version()}{'' if zmq.has('curve') else ' without CURVE'}"
 
 
@@ -82,19 +87,21 @@ def library() -> str:
 def open_context(
     io_priority: int | None = None, io_cpus: Iterable[int] = (), *, apart: bool = False, loop_priority: int = 0
 ) -> Iterator[Context]:
-    """Make a context; on leaving, its sockets are closed and what lingers is sent.
+    """Make a context; on leaving, its sockets are closed and lingering frames are sent.
 
     Parameters
     ----------
     io_priority : int or None
         SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
     io_cpus : iterable of int
-        CPUs it runs on; empty: any. What the system refuses is said, and not asked of libzmq, which would abort.
+        CPUs on which it runs; empty: any. A setting that the system refuses is logged and not given to libzmq, which
+        would abort.
     apart : bool
-        Server ends of all channels but motion are made in a context of their own, with a thread for each, that run on
-        any CPU at no priority: whoever knocks there takes no time from the motion channel.
+        Make the server's sockets of all channels but motion in a second context, with a thread for each, on any CPU and
+        without priority. Handshakes there take no time from the motion channel.
     loop_priority : int
-        Priority of the loop that uses the context: while strangers knock, libzmq's thread runs below it; 0: never.
+        Priority of the loop that uses the context: while handshakes are being refused, libzmq's thread runs below it;
+        0: never.
     """
     context = Context()
     if apart:
@@ -118,14 +125,14 @@ def open_context(
 
 
 def _started(context: Context) -> tuple[int, ...]:
-    """Let the threads of a context start, and find those that exchange frames; none where the system does not tell."""
+    """Start the threads of a context and return those that exchange frames; empty if the system does not tell."""
     tasks = Path("/proc/self/task")
     if not tasks.exists():
         return ()
     before = {task.name for task in tasks.iterdir()}
     context.socket(zmq.PAIR).close()
     end = time.monotonic() + START_S
-    while time.monotonic() < end:  # each gives itself a name when it begins
+    while time.monotonic() < end:  # each thread sets its name when it begins
         new = [task for task in tasks.iterdir() if task.name not in before]
         found = tuple(int(task.name) for task in new if (task / "comm").read_text().startswith(IO_THREAD))
         if found:
@@ -135,23 +142,23 @@ def _started(context: Context) -> tuple[int, ...]:
 
 
 def _patient_context() -> Context:
-    """A context whose threads may run anywhere, whatever CPU the thread that makes them keeps to."""
+    """Return a context whose threads may run on any CPU, whatever the affinity of the calling thread."""
     context = Context(io_threads=len(_THREADS))
     cpus = range(os.cpu_count() or 1)
     if hasattr(os, "sched_setaffinity") and _granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     with _promptly():
-        context.socket(zmq.PAIR).close()  # with the first socket its threads begin, as nice as the one that makes it
+        context.socket(zmq.PAIR).close()  # the first socket starts the threads, with the niceness of this thread
     return context
 
 
 @contextmanager
 def _promptly() -> Iterator[None]:
-    """While entered, threads begin ahead of all others that have no real-time priority, where the system allows it.
+    """Within this block, threads start ahead of all others without real-time priority, where the system allows it.
 
-    A loop with such a priority may wait for them for a moment (they allocate memory as it does), and one that had to
-    wait for its turn would keep the loop waiting, too.
+    A real-time loop may briefly wait for them, because both allocate memory. A thread that had to wait for its turn
+    would keep the loop waiting, too.
     """
     if sys.platform != "linux" or not _granted(f"niceness {PROMPT}", lambda: _be_nice(PROMPT)):
         yield
@@ -165,12 +172,12 @@ def _promptly() -> Iterator[None]:
 
 
 def _be_nice(niceness: int) -> None:
-    """Set the niceness of this thread alone, as Linux has it."""
+    """Set the niceness of this thread alone, as Linux allows."""
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
 
 
 def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
-    """The context of a server end, and the set of its threads that serve the channel, as libzmq wants it."""
+    """Return the context of a server's socket, and the bit mask of its threads that serve the channel."""
     thread = _THREADS.get(endpoint.channel)
     if context.patient is None or thread is None:
         return context, 0
@@ -178,7 +185,7 @@ def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
 
 
 def _granted(what: str, ask: Callable[[], None]) -> bool:
-    """Whether the system gives a thread what it asks for, as one that is made for asking finds out."""
+    """Return whether the system grants a thread what it asks for, tried in a thread made for that."""
     refused: list[Exception] = []
 
     def find_out() -> None:
@@ -199,7 +206,7 @@ def _granted(what: str, ask: Callable[[], None]) -> bool:
 
 
 def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: int = LARGEST_FRAME) -> Socket:
-    """A socket with the options every link has."""
+    """Make a socket with the options that all have in common."""
     socket: Socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, linger_ms)
     socket.setsockopt(zmq.SNDHWM, hwm)
@@ -215,7 +222,7 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
 
 
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
-    """Bind, or say in words why not."""
+    """Bind, or raise an error that says why not."""
     if isinstance(endpoint.lock, Door):
         endpoint.lock.guard(context, socket, CHANNELS[endpoint.channel])
     try:
@@ -230,7 +237,7 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
 
 
 def require_free(endpoint: Endpoint) -> None:
-    """Find out whether another server listens on a channel, before anything is started that would join its session."""
+    """Raise an error if another server listens on a channel, before processes start that would join its session."""
     try:
         _refuse_taken(endpoint.address)
         if endpoint.address.startswith("tcp://"):
@@ -244,11 +251,11 @@ def require_free(endpoint: Endpoint) -> None:
                 f"another server listens on {endpoint.address}, perhaps another user's; "
                 "end it, or choose another [network] port"
             ) from error
-        # Whatever else is wrong with the address, the server itself will say.
+        # The server itself reports any other error of the address.
 
 
 def _refuse_taken(address: str) -> None:
-    """Find out whether somebody listens on a socket of the file system: libzmq would just take it away."""
+    """Raise an error if somebody listens on a Unix domain socket, which libzmq would take over silently."""
     if not address.startswith("ipc://"):
         return
     with net.socket(net.AF_UNIX) as probe:
@@ -260,7 +267,7 @@ def _refuse_taken(address: str) -> None:
 
 
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
-    """Connect, or say in words why not; that nobody is there yet is no error."""
+    """Connect, or raise an error that says why not; a missing server is no error."""
     if isinstance(endpoint.lock, Credentials):
         socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.lock.server.encode())
         socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.lock.public.encode())
@@ -274,7 +281,7 @@ def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
 
 
 def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger_ms: int = 0) -> Router:
-    """A ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
+    """Make a ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
     context, threads = _place_of(context, endpoint)
     socket = _make(context, zmq.ROUTER, hwm, linger_ms, largest)
     socket.setsockopt(zmq.RCVHWM, min(hwm, HEARD_HWM))
@@ -285,9 +292,9 @@ def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger
 
 
 def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linger_ms: int = 0) -> Socket:
-    """A DEALER with a name, that queues nothing for a server that is not there.
+    """Make a DEALER with a name, which queues nothing for a server that is not there.
 
-    With keys the name ends in what nobody can guess: who connects under another one's name gets what is sent to it.
+    With keys the name ends in a random part, because a peer that connects under another's name gets its messages.
     """
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
     if endpoint.lock is not None:
@@ -298,37 +305,37 @@ def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linge
 
 
 def motion_server(context: Context, endpoint: Endpoint) -> Router:
-    """Server end of the motion channel."""
+    """Make the server's socket of the motion channel."""
     return _router(context, endpoint, MOTION_HWM, LARGEST_SAMPLE)
 
 
 def motion_agent(context: Context, endpoint: Endpoint, identity: str) -> Socket:
-    """Agent end of the motion channel."""
+    """Make the agent's socket of the motion channel."""
     return _dealer(context, endpoint, identity, MOTION_HWM)
 
 
 def log_server(context: Context, endpoint: Endpoint) -> Router:
-    """Server end of the log channel."""
+    """Make the server's socket of the log channel."""
     return _router(context, endpoint, LOG_HWM, LARGEST_REQUEST, LOG_LINGER_MS)
 
 
 def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
-    """Logger end of the log channel."""
+    """Make a logger's or subscriber's socket of the log channel."""
     return _dealer(context, endpoint, identity, LOG_HWM, LOG_LINGER_MS)
 
 
 def control_server(context: Context, endpoint: Endpoint) -> Router:
-    """Server end of the control channel."""
+    """Make the server's socket of the control channel."""
     return _router(context, endpoint, SERVED_HWM, LARGEST_REQUEST)
 
 
 def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
-    """Peer end of the control channel."""
+    """Make a peer's socket of the control channel."""
     return _dealer(context, endpoint, identity, CONTROL_HWM)
 
 
 def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
-    """Server end of one station's view channel."""
+    """Make the server's socket of one station's view channel."""
     context, threads = _place_of(context, endpoint)
     socket = _make(context, zmq.XPUB, VIEW_HWM, largest=LARGEST_SUBSCRIPTION)
     socket.setsockopt(zmq.AFFINITY, threads)
@@ -336,7 +343,7 @@ def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
 
 
 def view_subscriber(context: Context, endpoint: Endpoint) -> Socket:
-    """Station end of its view channel: the newest view only."""
+    """Make a station's socket of its view channel, which keeps only the newest view."""
     socket = _make(context, zmq.SUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     socket.setsockopt(zmq.SUBSCRIBE, b"")
@@ -344,18 +351,18 @@ def view_subscriber(context: Context, endpoint: Endpoint) -> Socket:
 
 
 def nerve_sender(context: Context, endpoint: Endpoint) -> Socket:
-    """Where the brain of a simulated bimanual participant sends what the other hand shall do."""
+    """Make the socket with which the brain of a simulated bimanual participant commands the other hand."""
     return _bind(context, _make(context, zmq.PUSH, CONTROL_HWM), endpoint)
 
 
 def nerve_receiver(context: Context, endpoint: Endpoint) -> Socket:
-    """Where that other hand receives it."""
+    """Make that other hand's socket."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
     return _connect(socket, endpoint)
 
 
 def pointer_sender(context: Context, endpoint: Endpoint) -> Socket:
-    """Where a played display says where its player points; the newest counts, and nothing is kept for later."""
+    """Make the socket with which a player's display sends the pointer's position; only the newest counts."""
     socket = _make(context, zmq.PUSH, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     socket.setsockopt(zmq.IMMEDIATE, 1)
@@ -363,18 +370,18 @@ def pointer_sender(context: Context, endpoint: Endpoint) -> Socket:
 
 
 def pointer_receiver(context: Context, endpoint: Endpoint) -> Socket:
-    """Where the agent of that side hears it."""
+    """Make the socket at which the agent of that side receives it."""
     socket = _make(context, zmq.PULL, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     return _bind(context, socket, endpoint)
 
 
 felt_publisher, felt_subscriber = view_publisher, view_subscriber
-"""Where that agent says what its player would feel, and where the display hears it: like views."""
+"""The force on a player's hand, from its agent to the display, is sent like views."""
 
 
 def receive(socket: Socket) -> bytes | None:
-    """Next frame of a one-frame socket, or None if there is none now."""
+    """Return the next frame of a single-frame socket, or None if there is none now."""
     try:
         return socket.recv(zmq.NOBLOCK)
     except Again:
@@ -382,7 +389,7 @@ def receive(socket: Socket) -> bytes | None:
 
 
 def send(socket: Socket, frame: bytes) -> bool:
-    """Send without waiting; False if nobody is there or the queue is full."""
+    """Send without waiting; return False if no peer is connected or the queue is full."""
     try:
         socket.send(frame, zmq.NOBLOCK)
     except Again:
@@ -391,7 +398,7 @@ def send(socket: Socket, frame: bytes) -> bool:
 
 
 def send_or_renew(socket: Socket, frame: bytes) -> bool:
-    """Send as `send` does; where nobody is there, connect anew, for the next time."""
+    """Send as `send` does; if no peer is connected, connect anew for the next time."""
     if send(socket, frame):
         _renewed.pop(socket, None)
         return True
@@ -400,10 +407,10 @@ def send_or_renew(socket: Socket, frame: bytes) -> bool:
 
 
 def renew(socket: Socket) -> None:
-    """Connect anew, unless it was done lately: after a handshake that failed libzmq itself never tries again."""
+    """Connect anew, unless that was done recently: libzmq itself does not retry after a failed handshake."""
     now = time.monotonic()
     since, wait = _renewed.get(socket, (now, RENEW_S))
-    if now - since > 2 * MOST_RENEW_S:  # all has been well since
+    if now - since > 2 * MOST_RENEW_S:  # the connection has worked since then
         since, wait = now, RENEW_S
     _renewed[socket] = since, wait
     if now - since < wait:
@@ -415,5 +422,5 @@ def renew(socket: Socket) -> None:
 
 
 def close_after_goodbye(socket: Socket) -> None:
-    """Close a socket whose last words have just been sent."""
+    """Close a socket after its last messages have been sent."""
     socket.close(linger=GOODBYE_LINGER_MS)

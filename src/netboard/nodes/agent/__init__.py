@@ -1,1 +1,1 @@
-"""The agent: one loop that owns one device."""
+"""The agent: one loop that owns one haptic device."""

@@ -1,14 +1,14 @@
-"""The agent: one loop that owns one device.
+"""The agent: one loop that owns one haptic device.
 
-Each millisecond it reads the stylus and sends it. As soon as a force comes back, and at the latest before the next
-millisecond, the safety chain turns it into what the device may render. The agent trusts nobody: without fresh messages
-the force fades, and on every way out the device gets zero force first.
+Each millisecond it reads the stylus and sends the sample. When a commanded force arrives, and at the latest before the
+next millisecond, the safety chain turns it into the force that the device renders. The agent trusts no peer: without
+fresh messages the force fades, and on every exit path the device gets zero force first.
 
-A device that is lost ends nothing: the agent leaves the session, looks for the device again and again, and comes back
-with it. Forces come back as after any pause.
+A lost device does not end the agent: it leaves the session, looks for the device, and joins again with it. Forces then
+return as after any pause.
 
-Its milliseconds follow the server's ticks: the server says how long before the tick's deadline a sample came, and the
-agent moves its phase, slowly, until that is `LEAD_NS`. So a sample waits for nothing but the other side's.
+The agent's milliseconds follow the server's ticks. The server reports how long before the tick's deadline a sample
+arrived, and the agent slowly shifts its phase until that is `LEAD_NS`. A sample then waits only for the other side's.
 """
 
 import logging
@@ -40,35 +40,36 @@ from netboard.physics.stability.delayed_coupling import Mechanism
 log = logging.getLogger(__name__)
 
 LEAD_NS = 300_000
-"""A sample shall come so long before its tick's deadline: enough for most of what delays one [ns]."""
+"""Target for the arrival of a sample before its tick's deadline; absorbs most jitter [ns]."""
 
 SHIFT_SHARE = 0.02
-"""Share of the error by which the phase is moved with each message [1]."""
+"""Share of the phase error that is corrected with each message [1]."""
 
 LARGEST_SHIFT_NS = 5_000
-"""The phase is moved by at most so much in a tick: the interval of the samples stays 1 ms within 0.5 % [ns]."""
+"""Largest phase shift in a tick, which keeps the interval of the samples within 0.5 % of 1 ms [ns]."""
 
 SEEK_NS = 500_000_000
-"""A lost device is looked for so often [ns]."""
+"""Interval at which the agent looks for a lost device [ns]."""
 
 _NOT_READY = int(Safeguard.NOT_READY)
 _STYLUS = fixed.packer_of(Stylus)
 
 
 def phase_shift(lead_ns: int) -> int:
-    """How much later the next sample shall be, for one that came so long before its deadline [ns]."""
+    """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
+    # Wrapped to half a tick: a sample that misses its tick is early for the next one.
     error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
     return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
 
 
 class Companion(Protocol):
-    """What lives with the device in the agent's process: the simulated person who holds a virtual stylus."""
+    """The simulated participant or player that moves a virtual stylus, in the agent's process."""
 
     def begin(self, text: str) -> None:
-        """Hear the configuration of the block that begins."""
+        """Take the configuration of the block that begins."""
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Live for a millisecond; `haptics` tells whether the hand is given forces at all."""
+        """Advance by a millisecond; `haptics` says whether haptic feedback is on."""
 
 
 class Agent:
@@ -98,7 +99,7 @@ class Agent:
         self._ring = RenderedRing()
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve the device until told to stop; its owner closes it."""
+        """Serve the device until stopped; the caller closes the device."""
         self._link.warm()
         steady_loop()
         while not stopping():
@@ -110,7 +111,7 @@ class Agent:
         self._link.leave("the agent was stopped")
 
     def _serve(self, stopping: Callable[[], bool]) -> None:
-        """Serve the device that is there; leave it with zero force."""
+        """Serve the connected device, and leave it with zero force."""
         pacer = Pacer(now_ns() + TICK_NS)
         while not stopping():
             pacer.wait()
@@ -118,7 +119,7 @@ class Agent:
         self._device.write(0.0, 0.0, 0.0)
 
     def _lose(self, error: DeviceError) -> None:
-        """Release what is left of the device, with zero force, and leave the session without it."""
+        """Close the lost device, with zero force, and leave the session."""
         self._safety.device_lost()
         self._rendered = 0.0
         try:
@@ -129,7 +130,7 @@ class Agent:
         self._link.part(f"the device is lost: {error}")
 
     def _seek(self, stopping: Callable[[], bool]) -> None:
-        """Look for the lost device until it is there again."""
+        """Look for the lost device until it is back."""
         log.info("looking for the device every %g s", SEEK_NS * 1e-9)
         trouble = Seldom(log)
         while not stopping():
@@ -148,9 +149,9 @@ class Agent:
             return
 
     def _tick(self, until_ns: int) -> int:
-        """Read and send the stylus, then render what comes until the next tick is due; how to shift that [ns].
+        """Read and send the stylus, then render until the next tick is due; return the phase shift [ns].
 
-        Where the agent computes the force itself nothing has to come: it is rendered at once.
+        An agent that computes the force itself need not wait for a message, and renders at once.
         """
         reading = self._device.read(now_ns())
         self._arm(reading)
@@ -161,6 +162,7 @@ class Agent:
         if alone:
             self._render(reading)
         while (left_ns := until_ns - now_ns()) > 0:
+            # The companion runs in the last quarter of the tick if no force has come by then.
             wait_ns = left_ns if lived else left_ns - TICK_NS // 4
             if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
                 if not self._link.receive():
@@ -181,7 +183,7 @@ class Agent:
         return shift_ns
 
     def _live(self) -> None:
-        """Let whoever lives with the device live for a millisecond, when that holds up no force."""
+        """Advance the companion by a millisecond, at a time when that delays no force."""
         if self._companion is not None:
             if self._link.block:
                 self._companion.begin(self._link.block)
@@ -189,9 +191,9 @@ class Agent:
             self._companion.step(now_ns(), isinstance(self._link.newest, Force | Point))
 
     def _arm(self, reading: Reading) -> None:
-        """Arm the device only while the server says that it may be, and that nothing is to be felt.
+        """Arm the device only while the server allows it and commands no force.
 
-        So a device that has lost the server in a trial stays without force until the trial has been paused and resumed.
+        A device that loses the server in a trial thus renders no force until the trial has been paused and resumed.
         """
         buttons, mine = reading.buttons, self._device.agent
         if buttons & mine.stop_buttons:
@@ -209,7 +211,7 @@ class Agent:
                 self._safety.arm()
 
     def _render(self, reading: Reading) -> None:
-        """Hand the device the newest force, or our own copy of it, and the fixture's, through the safety chain."""
+        """Render the newest commanded or own force and the fixture's force, through the safety chain."""
         message = self._link.newest
         fz = message.force if isinstance(message, Force) else 0.0
         if isinstance(message, Point):
@@ -225,7 +227,7 @@ class Agent:
         self._safeguards |= int(limited.safeguards)
 
     def _limited(self, passivity: Passivity, reading: Reading) -> float:
-        """Return the force of the server, kept from making energy."""
+        """Return the commanded force, limited by the passivity controller."""
         message = self._link.newest
         if not isinstance(message, Force):
             passivity.reset()
@@ -233,7 +235,7 @@ class Agent:
         return passivity.step(message.force, message.stylus_seq, reading.z, reading.vz, self._rendered)
 
     def _send(self, reading: Reading) -> None:
-        """Send the sample with what has become of the forces since the one before."""
+        """Send the sample, with the safeguards and the rendered force since the last one."""
         message, seq = self._link.newest, self._seq
         if self._passivity is not None:
             self._passivity.remember(seq, reading.z)
@@ -264,7 +266,7 @@ class Agent:
 
 
 def introduction(side: Side, config: Config, info: DeviceInfo) -> Hello:
-    """How an agent introduces itself, with what is worth recording of its device."""
+    """Return the agent's `Hello`, with the details of its device for the recording."""
     agent = config.agents.left if side == "left" else config.agents.right
     details = {
         **info.details,

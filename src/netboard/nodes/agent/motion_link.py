@@ -1,7 +1,7 @@
-"""The agent's end of the motion channel: introduced until welcomed, samples out, the newest answer in.
+"""The agent's endpoint of the motion channel: says hello until welcomed, sends samples, keeps the newest answer.
 
-The frames that come a thousand times a second are moved by compiled code (`netboard.network.transport.fastpath`), all
-others as messages. Nothing here waits longer than it is told to, and nothing knows the device.
+Compiled code (`netboard.network.transport.fastpath`) handles the frames that come a thousand times a second; all others
+are decoded as messages. Nothing here waits longer than its timeout, and nothing knows the device.
 """
 
 import logging
@@ -23,28 +23,28 @@ from netboard.network.transport import fastpath, poller, sockets
 log = logging.getLogger(__name__)
 
 HELLO_NS = 500_000_000
-"""Hello is said again after so long without a word from the server [ns]."""
+"""Silence of the server after which `Hello` is sent again [ns]."""
 
 REMEMBERED = 256
-"""Samples whose time of reading is remembered [1]."""
+"""Samples whose stamps are remembered [1]."""
 
 PARTING_TRIES = 50
-"""A goodbye without its device is tried so often, once in a millisecond [1]."""
+"""Attempts to send the goodbye after a lost device, one each millisecond [1]."""
 
 _FORCE, _POINT = fixed.packer_of(Force), fixed.packer_of(Point)
 
 FORCE_CAME, POINT_CAME = -4, -5
-"""What `hear` returns for a force or a point in its fixed form, beside what `fastpath.hear` does [1]."""
+"""Results of `hear` for a fixed-form force or point, beside those of `fastpath.hear` [1]."""
 
 
 @kernel
 def hear(fast: Any, frame: Any, head: Any, markers: Any, words: Any, point: Any) -> int:
-    """Receive one frame: `FORCE_CAME` or `POINT_CAME` for one in its fixed form, whose numbers are in the words then.
+    """Receive one frame; return `FORCE_CAME` or `POINT_CAME` if it has the fixed form and its words have been read.
 
     Parameters
     ----------
     point : tuple of ndarray
-        The form of a `Point`, head and markers, and room for its numbers.
+        Head, markers and word buffer of a `Point`.
     """
     size = fastpath.hear(fast, frame)
     if size >= 0:
@@ -63,23 +63,23 @@ def say(fast: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
 
 
 class Link:
-    """The agent's end of the motion channel: hello until welcomed, the newest force, and when things were sent.
+    """The agent's endpoint of the motion channel.
 
     Parameters
     ----------
     timeout_ns : int
-        An answer to an older sample than this is not fresh [ns].
+        Age of a sample from which an answer to it is not fresh [ns].
 
     Attributes
     ----------
     heard_ns : int
-        When that was received, 0 for never [ns].
+        When the newest answer was received, 0 for never [ns].
     received_ns : int or None
-        When the server last said something fresh [ns].
+        When the server's last fresh message was received [ns].
     block : str
-        Configuration of the block that has begun, for whoever wants to know; the reader empties it.
+        Configuration of the block that has begun; the reader empties it.
     asked : BackfillRequest or None
-        What the server wants to know of an interruption; `answer` answers it.
+        The server's open request about an interruption; see `answer`.
     """
 
     def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
@@ -105,18 +105,18 @@ class Link:
         self._nonsense = Seldom(log)
 
     def introduce(self, hello: Hello) -> None:
-        """Belong to no session, and say hello like this from now on."""
+        """Leave the session, and use this `Hello` from now on."""
         self._hello = encode(hello)
         self._session, self.newest = "", None
 
     def warm(self) -> None:
-        """Compile (or load) what sends and receives, so that the first tick is not late."""
+        """Compile or load the kernels, so that the first tick is not late."""
         nowhere = fastpath.FastPath(None).record
         hear(nowhere, self._heard, *fixed.FORCE[:2], self._force, self._point)
         say(nowhere, self._said, *fixed.STYLUS[:2], self.sample)
 
     def send(self, seq: int, stamp_ns: int) -> None:
-        """Send the sample, of this number and time, and a hello first where the server is silent."""
+        """Send the sample with this number and stamp, and a `Hello` first if the server is silent."""
         if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
             self._said_hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
@@ -125,7 +125,7 @@ class Link:
             self._fast.fail("motion")
 
     def receive(self) -> bool:
-        """Take one message, if one has come; True if it is a newer force, point or beat."""
+        """Take one message if there is one; return True if it is a newer force, point or heartbeat."""
         came = hear(self._fast.record, self._heard, *fixed.FORCE[:2], self._force, self._point)
         if came == FORCE_CAME:
             return self._take(Force(*_FORCE.unpack(self._force.data)))
@@ -136,7 +136,7 @@ class Link:
         return came != fastpath.NOTHING and self._understand(self._heard[:came].tobytes())
 
     def _understand(self, frame: bytes) -> bool:
-        """Take what is no force in its fixed form."""
+        """Handle a message that is not a fixed-form force or point."""
         try:
             message = decode(frame)
         except WireError as error:
@@ -159,23 +159,23 @@ class Link:
         return False
 
     def answer(self, backfill: Backfill) -> None:
-        """Answer what the server has asked; if the queue is full it asks again."""
+        """Answer the server's backfill request; if the queue is full, the server asks again."""
         self.asked = None
         sockets.send(self._socket, encode(backfill))
 
     def rendered(self, at_ns: int) -> None:
-        """Note that the newest answer is felt at the device: the loop is closed for the sample it was computed from."""
+        """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
         message = self.newest
         if isinstance(message, Force | Point) and message.stylus_seq > self._looped:
             self._looped = message.stylus_seq
             self.loop_ns = at_ns - self._stamps[message.stylus_seq % REMEMBERED]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the server, at most so long [s]; whether something may have come."""
+        """Wait for the server [s]; return whether a message may have arrived."""
         return poller.wait_signal(self._socket, seconds)
 
     def part(self, reason: str) -> None:
-        """Say goodbye, with some patience if samples are still on their way, and belong to no session."""
+        """Leave the session with a goodbye, trying again while samples fill the queue."""
         for _ in range(PARTING_TRIES):
             if sockets.send(self._socket, encode(Goodbye(reason))):
                 break
@@ -197,16 +197,16 @@ class Link:
         return True
 
     def _is_fresh(self, seq: int) -> bool:
-        """Whether what was just heard answers a recent sample, or says that there is none; not so what had to wait.
+        """Return whether the message just received answers a recent sample, or says that there is none.
 
-        So an agent that stood still does not take for fresh what came meanwhile.
+        An agent that stood still thus does not treat as fresh what arrived meanwhile.
         """
         if seq < 0:
             return True
         return self._sent - seq < REMEMBERED and self.heard_ns - self._stamps[seq % REMEMBERED] < self._timeout_ns
 
     def _enter(self, session: str) -> None:
-        """Belong to a session; in a new one nothing of the old one counts."""
+        """Enter a session; in a new one nothing of the old one counts."""
         self._refused = ""
         if session != self._session:
             log.info("in session %s", session[:8])

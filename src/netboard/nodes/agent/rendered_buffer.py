@@ -1,7 +1,6 @@
-"""The agent's ring buffer of what it has rendered: for the server to ask after an interruption of the link.
+"""The agent's ring buffer of rendered forces, which the server asks for after an interruption of the link.
 
-Every sample has a row, sent or not. The ring holds the last two minutes; what is older is forgotten, and so is
-everything when the process ends.
+Every sample has a row, whether it was sent or not. The ring holds the last two minutes, until the process ends.
 """
 
 import struct
@@ -10,14 +9,14 @@ from netboard.base.tick import RENDERED
 from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRequest
 
 CAPACITY = 131_072
-"""Samples that are remembered: two minutes of them [1]."""
+"""Samples that are remembered: two minutes [1]."""
 
 _ROW = struct.Struct("<qqdq")
 assert _ROW.size == RENDERED.itemsize
 
 
 class RenderedRing:
-    """Remembers what was rendered at each sample."""
+    """Remembers the rendered force of each sample."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._capacity = capacity
@@ -25,12 +24,12 @@ class RenderedRing:
         self._next = 0
 
     def add(self, seq: int, stamp_ns: int, rendered: float, safeguards: int) -> None:
-        """Remember the force handed to the device before a sample; samples are numbered from 0 without a gap."""
+        """Store the force rendered before a sample; samples are numbered from 0 without a gap."""
         _ROW.pack_into(self._rows, seq % self._capacity * _ROW.size, seq, stamp_ns, rendered, safeguards)
         self._next = seq + 1
 
     def answer(self, asked: BackfillRequest) -> Backfill:
-        """Answer the server with the first rows it asks for, as far as they are remembered."""
+        """Return the first of the requested rows that are still in the ring."""
         stop = min(asked.stop, self._next)
         first = max(asked.first, self._next - self._capacity, 0)
         if first >= stop:

@@ -1,11 +1,10 @@
-"""Who lives with a device in the agent's process: a simulated person, or what stands there for a real one.
+"""Who moves the stylus of a virtual device, in the agent's process: a simulated participant or a player with a mouse.
 
-A simulated person sees what the station's display is sent, feels what the own device renders, and acts. In a dyadic
-block each station has its own brain, which moves the hand on that side's device. In a bimanual block one brain lives in
-the left agent, looks at what the block's station is shown, and moves both hands: what the right one shall do travels
-over the nerve, a channel from the left agent to the right one. With each block these people begin anew. A real person
-who plays with the mouse sits at the display, which tells the agent of its side where the pointer is, and is told what
-the hand would feel.
+A simulated participant sees the views of its station's display, feels the force that its device renders, and acts. In a
+dyadic block each station has its own brain, which moves the hand on that side's device. In a bimanual block one brain
+in the left agent sees the view of the block's station and moves both hands: commands for the right hand travel over the
+nerve, a channel from the left agent to the right one. Simulated participants are made anew for each block. A player
+sits at the display, which sends the pointer's position to its side's agent and receives the force on the hand.
 """
 
 from collections.abc import Iterable
@@ -28,48 +27,48 @@ from netboard.participants.submovement import Submovement
 from netboard.stage.view import View
 
 HOST: Side = "left"
-"""Where the brain of a bimanual participant sits."""
+"""Side whose agent runs the brain of a bimanual participant."""
 
 SHORTEST_MOVE = 1e-3
-"""No movement over the nerve is shorter than this [s]."""
+"""Shortest movement that the nerve may command [s]."""
 
 FELT_NS = 8_000_000
-"""A player is told what the hand would feel this often, as often as views come [ns]."""
+"""Interval at which a player's display receives the force on the hand: the interval of views [ns]."""
 
 
 @runtime_checkable
 class Held(Protocol):
-    """A device in a simulated hand, which can be felt and told to move."""
+    """A device in a simulated hand, which can be felt and moved."""
 
     side: Side
 
     @property
     def felt(self) -> float:
-        """Vertical force the motors exert on the hand now [N]."""
+        """Vertical force of the motors on the hand [N]."""
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Let the hand do something."""
+        """Begin submovements of the hand."""
 
     def live(self, now_ns: int) -> None:
-        """Let the hand's mechanics run up to now."""
+        """Integrate the hand's mechanics up to now."""
 
 
 @runtime_checkable
 class Pointed(Protocol):
-    """A device whose stylus goes where somebody points."""
+    """A device whose stylus follows a pointer."""
 
     side: Side
 
     @property
     def felt(self) -> float:
-        """Vertical force on the hand now [N]."""
+        """Vertical force on the hand [N]."""
 
     def point(self, z: float | None, now_ns: int) -> None:
-        """Hear where the player points; None before the player has pointed anywhere."""
+        """Take the pointer's position [m]; None before the player has pointed anywhere."""
 
 
 class Eye:
-    """Looks at what a station's display is sent."""
+    """Receives the views of a station."""
 
     def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
@@ -90,17 +89,17 @@ class Eye:
             )
 
     def close(self) -> None:
-        """Look no more."""
+        """Close the subscription."""
         self._socket.close()
 
 
 class Person:
-    """A brain with one or two hands; the hand on the own device is moved directly, the other one over the nerve.
+    """A brain with one or two hands; it moves the hand on this device directly, the other one over the nerve.
 
     Parameters
     ----------
     nerve : zmq.Socket or None
-        Where the other hand is told what to do, if it is this person's too.
+        Channel to the other hand, if this participant has two.
     """
 
     def __init__(
@@ -114,7 +113,7 @@ class Person:
         self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
         self._eye = Eye(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
         self._device = device
-        self._reads = config.block.force == "full"  # only the whole force tells where the partner is
+        self._reads = config.block.force == "full"  # only the full force shows where the partner is
         self._nerve = nerve
 
     def step(self, now_ns: int, haptics: bool) -> None:
@@ -131,19 +130,19 @@ class Person:
                 sockets.send(self._nerve, encode(Move(move.side, delay, move.duration, move.displacement)))
 
     def close(self) -> None:
-        """Be no more."""
+        """Close the subscription."""
         self._eye.close()
 
 
 class Limb:
-    """A hand without a brain of its own: it does what comes over the nerve."""
+    """A hand without a brain of its own: it follows the commands of the nerve."""
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._device = device
         self._nerve = sockets.nerve_receiver(context, channels.addresses(config.network).reach(channels.NERVE))
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Do what has been asked for."""
+        """Begin the movements that the nerve commands."""
         self._device.live(now_ns)
         while (frame := sockets.receive(self._nerve)) is not None:
             try:
@@ -155,12 +154,12 @@ class Limb:
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
 
     def close(self) -> None:
-        """Be no more."""
+        """Close the nerve."""
         self._nerve.close()
 
 
 class Player:
-    """A person at the display of this side, who points at where the stylus shall go."""
+    """A player at this side's display, whose pointer moves the stylus."""
 
     def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
         where = channels.addresses(config.network)
@@ -170,10 +169,10 @@ class Player:
         self._told_ns = 0
 
     def begin(self, text: str) -> None:
-        """Play on: who is there does not change with the block."""
+        """Keep the player: it is the same in every block."""
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Hear where the player points, and tell what is felt."""
+        """Take the pointer's position, and send the force on the hand."""
         frame = sockets.receive(self._pointer)
         if frame is not None:
             self._take(frame, now_ns)
@@ -191,12 +190,12 @@ class Player:
 
 
 def _possible(move: Move) -> bool:
-    """Whether a hand can move like that."""
+    """Return whether a movement is within the limits of a hand."""
     return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 
 class Life:
-    """Whoever is simulated at a device, made anew for each block."""
+    """The simulated participant at a device, made anew for each block."""
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._config, self._device, self._context = config, device, context
@@ -204,7 +203,7 @@ class Life:
         self._who = self._made()
 
     def begin(self, text: str) -> None:
-        """Live for another block, of this configuration; for the same one nothing changes."""
+        """Make a new participant for a block, unless its configuration is the current one."""
         told = parse(text, "the server's configuration")
         config = replace(self._config, block=told.block, physics=told.physics, task=told.task)
         if config != self._config:
@@ -213,7 +212,7 @@ class Life:
             self._who = self._made()
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Live for a millisecond."""
+        """Advance by a millisecond."""
         self._who.step(now_ns, haptics)
 
     def _made(self) -> Person | Limb:
@@ -224,7 +223,7 @@ class Life:
         return Person(self._config, self._device, self._context, self._own_nerve())
 
     def _own_nerve(self) -> sockets.Socket:
-        """Where the other hand is told what to do; bound once, for an address is not free again at once."""
+        """Return the channel to the other hand; bound only once, because an address is not free again at once."""
         if self._nerve is None:
             where = keys.reach(self._config.network, f"agent.{self._device.side}")
             self._nerve = sockets.nerve_sender(self._context, where.reach(channels.NERVE))
@@ -232,7 +231,7 @@ class Life:
 
 
 def companion_of(config: Config, device: Device, context: sockets.Context) -> Life | Player | None:
-    """Make who lives with a device; nobody with one that a real hand holds."""
+    """Return the simulated participant or player of a device; None if a real hand holds it."""
     if isinstance(device, Pointed):
         return Player(config, device, context)
     return Life(config, device, context) if isinstance(device, Held) else None

@@ -1,1 +1,1 @@
-"""Is this machine fit for a session? Disk, network, timing, software, USB."""
+"""Checks whether this machine is fit for a session: disk, network, timing, software, USB."""

@@ -1,6 +1,6 @@
-"""Whether the recordings' disk is fast enough and large enough for a session.
+"""Checks whether the recordings' disk is fast enough and large enough for a session.
 
-The logger writes a chunk and waits until it is on disk, over and over; this does the same, in the same folder.
+The logger writes a chunk, waits until it is on disk, and repeats; these checks do the same in the same folder.
 """
 
 import os
@@ -16,17 +16,17 @@ from netboard.base.finding import Colour, Finding
 from netboard.base.tables.rig import Recording
 
 BYTES_PER_SECOND = 250_000
-"""A recording grows by this, with a margin: demos took 120 to 190 kB/s."""
+"""Growth of a recording, with a margin: demos took 120 to 190 kB/s."""
 
 GOOD_HOURS, FEWEST_HOURS = 24.0, 4.0
-"""Recording hours that should be left, and that must [h]."""
+"""Recording time for which the free space should suffice, and must suffice [h]."""
 
 GOOD_MS, BEARABLE_MS = 200.0, 2000.0
-"""A chunk should be on disk within the time between two flushes; the server's ring bears much more [ms]."""
+"""Good and bearable time to sync a chunk: the interval of flushes, and much less than the server's ring holds [ms]."""
 
 
 def nearest(folder: Path) -> Path:
-    """The folder, or the nearest one above it that is there."""
+    """Return the folder, or its nearest parent that exists."""
     folder = folder.absolute()
     while not folder.is_dir() and folder != folder.parent:
         folder = folder.parent
@@ -34,7 +34,7 @@ def nearest(folder: Path) -> Path:
 
 
 def space(settings: Recording) -> Finding:
-    """How long a recording could go on."""
+    """Check how long a recording could go on."""
     name = "disk space"
     free = shutil.disk_usage(nearest(Path(settings.directory))).free
     hours = free / BYTES_PER_SECOND / 3600
@@ -47,7 +47,7 @@ def space(settings: Recording) -> Finding:
 
 
 def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -> Finding:
-    """How long a chunk takes to be on disk."""
+    """Measure how long a chunk takes to reach the disk."""
     name = "disk speed"
     folder = nearest(Path(settings.directory))
     try:
@@ -64,7 +64,7 @@ def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -
 
 
 def sync_times(folder: Path, chunk_bytes: int, chunks: int, progress: Callable[[float], None]) -> list[float]:
-    """Write and sync so many chunks of noise, and return how long each took [ms]."""
+    """Write and sync this many chunks of noise, and return how long each took [ms]."""
     took = []
     with tempfile.NamedTemporaryFile(dir=folder, prefix=".netboard-doctor-", buffering=0) as file:
         for number in range(chunks):

@@ -1,7 +1,7 @@
-"""What the network's side of a machine is like: how well clocks can be compared here, and are ports and keys in order.
+"""Checks of the machine's network: how well clocks can be compared, and whether ports and keys are in order.
 
 Two sockets of this process exchange stamps over loopback, through ZeroMQ, as server and agents do over the network.
-Both ends have one clock, so the offset found must be 0 within the bound; between machines a bound cannot be smaller.
+Both ends use one clock, so the offset found must be 0 within the bound. Between machines no bound can be smaller.
 """
 
 import errno
@@ -21,7 +21,7 @@ from netboard.network.transport import channels, poller, sockets
 
 LOOPBACK = "127.0.0.1"
 PATIENCE_NS = 5_000_000_000
-"""Loopback that takes longer for one frame is out of order [ns]."""
+"""Timeout for one frame over loopback [ns]."""
 
 T = TypeVar("T")
 
@@ -65,7 +65,7 @@ def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator
 
 
 def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
-    """Send as soon as somebody listens."""
+    """Send as soon as a peer is connected."""
     until = now_ns() + PATIENCE_NS
     while not sockets.send(peer, frame):
         if now_ns() > until:
@@ -74,7 +74,7 @@ def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
 
 
 def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
-    """What has come, when it has."""
+    """Wait for the next result of `receive`, and return it."""
     heard = receive() if waiter.wait(PATIENCE_NS * 1e-9) else None
     if heard is None:
         raise NetboardError(f"a frame did not come through loopback within {PATIENCE_NS * 1e-9:g} s")
@@ -82,14 +82,14 @@ def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
 
 
 def free_port() -> int:
-    """First port of which the one of the control channel is free now."""
+    """Return a first port with which the control channel's port is free now."""
     with net.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1]) - channels.CONTROL
 
 
 def ports(network: Network) -> Finding:
-    """Whether a server could listen here."""
+    """Check whether a server could listen here."""
     name = "ports"
     if network.transport != "tcp":
         return Finding(name, "green", f"none needed: transport is {network.transport}")
@@ -109,7 +109,7 @@ def ports(network: Network) -> Finding:
 
 
 def secrets(network: Network) -> Finding:
-    """Whether the keys that are needed are here, and for their owner's eyes only."""
+    """Check whether the required keys are here, and only their owner can read them."""
     name = "keys"
     if not keys.encrypted(network):
         if keys.local(network.bind) and keys.local(network.host):

@@ -1,6 +1,6 @@
-"""The doctor's whole examination, and the report of it, which the logger puts into every recording it makes here.
+"""The doctor's examination and its report, which the logger adds to every recording that it makes here.
 
-A report names no person and no machine: it says what the machine is like.
+A report names no person and no machine: it only describes the machine.
 """
 
 import json
@@ -28,12 +28,12 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Effort:
-    """How much time an examination takes.
+    """How thorough an examination is.
 
     Attributes
     ----------
     timer_seconds : float
-        How long each of the two timers runs [s].
+        Duration of each of the two timer tests [s].
     """
 
     timer_seconds: float
@@ -47,7 +47,7 @@ QUICK = Effort(1.0, 100, 20)
 
 @dataclass(frozen=True)
 class Report:
-    """All findings, and of what machine they are."""
+    """All findings, and a description of the machine."""
 
     utc: str
     machine: dict[str, str]
@@ -67,7 +67,7 @@ class Report:
         return told + "".join(f"; timer p99.9 {us:.0f} us" for us in late)
 
     def text(self) -> str:
-        """Write the report as JSON."""
+        """Return the report as JSON."""
         head = {"format": FORMAT, "summary": self.summary, "utc": self.utc, "machine": self.machine}
         return json.dumps({**head, "findings": [asdict(finding) for finding in self.findings]}, indent=2)
 
@@ -83,7 +83,7 @@ class Report:
 
 
 def steps(config: Config, effort: Effort) -> dict[str, Step]:
-    """What is looked at, in order; each step says how far it has got, of 1."""
+    """Return the examination's steps in order; each reports its progress, up to 1."""
     return {
         "software": lambda progress: [software.versions()],
         "timer": lambda progress: list(_timers(config, effort, progress)),
@@ -105,7 +105,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
 
 
 def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Finding]:
-    """Run a loop as the server's, and one that asks for nothing; what the first was granted is told too."""
+    """Test a loop with the server's settings and one with none, and report which settings were granted."""
     wanted = config.realtime
     real = timing.measure(wanted, effort.timer_seconds, lambda done: progress(done / 2))
     yield system.scheduling(real.came["scheduling"])
@@ -120,12 +120,12 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
 
 
 def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:
-    """Look at everything.
+    """Run all steps.
 
     Parameters
     ----------
     follow : callable
-        Told what is looked at, and how much of that is done, of 1.
+        Gets the name of the current step, and its progress up to 1.
     """
     findings: list[Finding] = []
     for what, step in steps(config, effort).items():
@@ -136,6 +136,6 @@ def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]
 
 
 def machine() -> dict[str, str]:
-    """What this machine is, without its name."""
+    """Describe this machine without its name."""
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "?"
     return {"platform": platform.platform(), "cpus": str(os.cpu_count()), "load": load}

@@ -1,4 +1,4 @@
-"""What netboard is made of on this machine: versions, and whether a window can be opened."""
+"""Checks of netboard's software on this machine: versions, and whether a window can be opened."""
 
 import platform
 import subprocess
@@ -9,20 +9,20 @@ from netboard.base.finding import Finding
 from netboard.network.transport import sockets
 
 QT_SECONDS = 60.0
-"""Loading Qt takes seconds on a slow disk, and for ever on a broken screen [s]."""
+"""Timeout for loading Qt, which takes seconds on a slow disk and hangs on a broken screen [s]."""
 
 OPEN_A_WINDOW = "from netboard.windows.participant.window import application; print(application().platformName())"
 
 
 def versions() -> Finding:
-    """Which Python and which libraries."""
+    """Report the versions of Python and the libraries."""
     python = f"{platform.python_implementation()} {platform.python_version()}"
     libraries = [f"{name} {version(name)}" for name in ("netboard", "numba", "numpy", "pyzmq")]
     return Finding("software", "green", ", ".join([python, *libraries, sockets.library()]))
 
 
 def qt(opening: str = OPEN_A_WINDOW) -> Finding:
-    """Whether displays can run here; a process of its own finds out, because Qt ends one that it cannot serve."""
+    """Check whether displays can run here, in a separate process, because Qt aborts the process if they cannot."""
     name = "Qt"
     try:
         tried = subprocess.run(

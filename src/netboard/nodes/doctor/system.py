@@ -1,7 +1,7 @@
-"""How the operating system is set up: what it would do to a loop that wants to wake every millisecond.
+"""Checks of the operating system: settings that delay a loop which must wake every millisecond.
 
-All of it is read from /proc, /sys and /dev below a root that a test may choose; where a file is not there, the system
-does not offer what it is about.
+All of it is read from /proc, /sys and /dev below a root that a test may choose. A missing file means that the system
+does not have that setting.
 """
 
 import sys
@@ -16,16 +16,19 @@ STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc
 """Clock sources that are read in well under a microsecond."""
 
 LIGHT_SLEEP_US = 20
-"""A core that wakes from its deepest sleep within this is no trouble [us]."""
+"""Wake-up time from a core's deepest sleep that is still acceptable [us]."""
 
 LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in anew"
 
 LEAST_RUNTIME = 0.8
-"""Real-time loops should be allowed at least this share of a core [1]."""
+"""Smallest share of a core that real-time loops should be allowed [1]."""
 
 
 def throttle(root: Path = ROOT) -> Finding:
-    """How much of a core real-time loops may take: all but a bit, so that a hung one does not freeze the machine."""
+    """Check how much of a core real-time loops may take.
+
+    It should be less than all, so that a hung loop does not freeze the machine.
+    """
     name = "real-time throttle"
     kernel = root / "proc/sys/kernel"
     runtime, period = text_of(kernel / "sched_rt_runtime_us"), text_of(kernel / "sched_rt_period_us")
@@ -42,7 +45,7 @@ def throttle(root: Path = ROOT) -> Finding:
 
 
 def governor(root: Path = ROOT) -> Finding:
-    """Whether cores change their clock rate, which makes a loop that sleeps most of the time a slow one."""
+    """Check whether cores change their clock rate, which slows down a loop that sleeps most of the time."""
     name = "CPU governor"
     found = {text_of(file) for file in (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")}
     if not found:
@@ -53,7 +56,7 @@ def governor(root: Path = ROOT) -> Finding:
 
 
 def preemption(root: Path = ROOT) -> Finding:
-    """Whether the kernel lets go of what it does when a loop is due."""
+    """Check whether the kernel can be preempted when a loop is due."""
     name = "kernel preemption"
     version = text_of(root / "proc/version")
     if not version:
@@ -70,7 +73,7 @@ def preemption(root: Path = ROOT) -> Finding:
 
 
 def core_sleep(granted: bool, root: Path = ROOT) -> Finding:
-    """How long a core takes to wake; with `granted`, netboard keeps it from sleeping deep while it runs."""
+    """Check how long a core takes to wake; `granted` says that netboard prevents deep sleep while it runs."""
     name = "sleep of cores"
     states = (root / "sys/devices/system/cpu/cpu0/cpuidle").glob("state*/latency")
     deepest = max((int(text_of(state) or 0) for state in states), default=0)
@@ -84,7 +87,7 @@ def core_sleep(granted: bool, root: Path = ROOT) -> Finding:
 
 
 def clock_source(root: Path = ROOT) -> Finding:
-    """What the kernel reads the time from."""
+    """Check which clock source the kernel uses."""
     name = "clock source"
     found = text_of(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
     if not found:
@@ -95,7 +98,7 @@ def clock_source(root: Path = ROOT) -> Finding:
 
 
 def scheduling(came: str) -> Finding:
-    """Whether the loops are scheduled in real time; `came` is what came of asking for it."""
+    """Check whether the loops get real-time scheduling; `came` is the result of the request."""
     name = "real-time scheduling"
     if came == OK:
         return Finding(name, "green", "granted")
@@ -107,7 +110,7 @@ def scheduling(came: str) -> Finding:
 
 
 def memory(came: str) -> Finding:
-    """Whether memory is kept from being paged out; `came` is what came of asking for it."""
+    """Check whether memory is locked against paging; `came` is the result of the request."""
     name = "locked memory"
     if came == OK:
         return Finding(name, "green", "granted")
@@ -119,7 +122,7 @@ def memory(came: str) -> Finding:
 
 
 def cpus(wanted: str, came: str) -> Finding:
-    """Whether the server may run on the CPUs that are set aside for it."""
+    """Check whether the server may run on its dedicated CPUs."""
     if came == OK:
         return Finding("server's CPUs", "green", wanted)
     advice = "name CPUs of the server's machine in [realtime] server_cpus"

@@ -1,8 +1,7 @@
-"""How late a 1 kHz loop is woken on this machine, with what the services ask for and without.
+"""Measures the wake-up latency of a 1 kHz loop on this machine, with the services' real-time settings and without.
 
-The loop is a process of its own, which asks for everything exactly as the server does
-(`netboard.base.process.prepare`), so that nothing of the doctor's own is in its way, and nothing of what it was granted
-stays.
+The loop runs in its own process, which asks for everything exactly as the server does
+(`netboard.base.process.prepare`). The doctor's own load does not disturb it, and its settings end with it.
 """
 
 import json
@@ -26,7 +25,7 @@ TIMER = "timer"
 """Name of the finding that sums a machine up."""
 
 GOOD_US, BEARABLE_US = 300.0, 1000.0
-"""Lateness that one wake-up in a thousand may have: to be green, and to be at least yellow; a tick is 1000 [us]."""
+"""Latency of one wake-up in a thousand: limits of green and yellow; a tick is 1000 [us]."""
 
 ROUND_SECONDS = 0.1
 WARM_UP_TICKS = 200
@@ -34,12 +33,12 @@ WARM_UP_TICKS = 200
 
 @dataclass(frozen=True)
 class Woken:
-    """How a loop fared.
+    """Wake-up latencies of a loop.
 
     Attributes
     ----------
     p50_us, p99_us, p999_us, max_us : float
-        Lateness: half of the wake-ups were no later, and so on [us].
+        Median, 99 % and 99.9 % quantile, and maximum of the latency [us].
     """
 
     came: dict[str, str]
@@ -50,12 +49,12 @@ class Woken:
 
 
 def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Woken:
-    """Let a loop run in a process of its own.
+    """Run a loop in a process of its own.
 
     Parameters
     ----------
     progress : callable
-        Told again and again how much has been done of 1 [1].
+        Called repeatedly with the share that is done, up to 1 [1].
     """
     asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
     command = [sys.executable, "-m", "netboard.nodes.doctor.timing", asked]
@@ -73,7 +72,7 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
 
 
 def verdict(woken: Woken) -> Finding:
-    """Judge how a loop fared that asked for what the server asks for."""
+    """Judge a loop that asked for the server's settings."""
     found, figures = told(woken), figures_of(woken)
     if woken.p999_us <= GOOD_US:
         return Finding(TIMER, "green", found, figures=figures)
@@ -82,22 +81,22 @@ def verdict(woken: Woken) -> Finding:
 
 
 def comparison(woken: Woken) -> Finding:
-    """Tell how a loop fared that asked for nothing."""
+    """Report a loop that asked for no settings."""
     return Finding(f"{TIMER}, nothing asked for", "green", told(woken), figures=figures_of(woken))
 
 
 def told(woken: Woken) -> str:
-    """Write lateness for people."""
+    """Return the latencies in words."""
     return f"p50 {woken.p50_us:.0f}, p99 {woken.p99_us:.0f}, p99.9 {woken.p999_us:.0f}, max {woken.max_us:.0f} us late"
 
 
 def figures_of(woken: Woken) -> dict[str, float]:
-    """Write lateness for programs."""
+    """Return the latencies as numbers."""
     return {"p50_us": woken.p50_us, "p99_us": woken.p99_us, "p999_us": woken.p999_us, "max_us": woken.max_us}
 
 
 def lateness(ticks: int) -> list[int]:
-    """Sleep until each of so many deadlines, 1 ms apart, and return how late each wake-up was [ns]."""
+    """Sleep until each of this many deadlines, 1 ms apart, and return the latency of each wake-up [ns]."""
     late = []
     due = now_ns() + TICK_NS
     for _ in range(ticks):
@@ -108,13 +107,13 @@ def lateness(ticks: int) -> list[int]:
 
 
 def percentiles(late_ns: list[int]) -> dict[str, float]:
-    """Sum up lateness [us]."""
+    """Return the percentiles of latencies [us]."""
     p50, p99, p999, most = np.percentile(late_ns, [50, 99, 99.9, 100]) / 1000
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "max_us": float(most)}
 
 
 def main(asked: dict[str, Any]) -> None:
-    """Be that process."""
+    """Run the loop in this process."""
     wanted = Realtime(**asked["wanted"])
     came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     steady_loop()

@@ -1,1 +1,1 @@
-"""The logger, and other subscribers to the log: LSL outlets."""
+"""The logger, and subscribers to the log such as LSL outlets."""

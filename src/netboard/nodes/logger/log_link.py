@@ -1,4 +1,4 @@
-"""The log channel as its peers have it: whoever takes records from the server, to disk or elsewhere."""
+"""The client's endpoint of the log channel, for loggers and subscribers."""
 
 from typing import Protocol
 
@@ -8,43 +8,43 @@ from netboard.network import keys
 from netboard.network.transport import channels, poller, sockets
 
 HELLO_NS = 500_000_000
-"""Hello is said again after so long without an answer [ns]."""
+"""Time without an answer after which `Hello` is sent again [ns]."""
 
 SILENT_NS = 1_000_000_000
-"""A server silent for so long may have been started anew: it is greeted again [ns]."""
+"""Silence after which the server may have been restarted and is sent another `Hello` [ns]."""
 
 WAIT_SECONDS = 0.02
 BURST = 16
 
 
 class Link(Protocol):
-    """The peer's end of the log channel."""
+    """The client's endpoint of the log channel."""
 
     def wait(self, seconds: float) -> bool:
-        """Wait until there is something to receive, at most so long [s]."""
+        """Wait until a frame can be received, or until the timeout [s]."""
 
     def receive(self) -> bytes | None:
-        """Next frame, or None if there is none now."""
+        """Return the next frame, or None if there is none now."""
 
     def send(self, frame: bytes) -> bool:
-        """Send without waiting; False if nobody is there."""
+        """Send without waiting; return False if no peer is connected."""
 
 
 class SocketLink:
-    """The log channel over a real socket."""
+    """The log channel over a ZeroMQ socket."""
 
     def __init__(self, network: Network, role: str, context: sockets.Context) -> None:
         endpoint = keys.reach(network, role).reach(channels.LOG)
         self._socket = sockets.log_client(context, endpoint, f"{role}@{NAME}")
 
     def wait(self, seconds: float) -> bool:
-        """Wait until there is something to receive, at most so long [s]."""
+        """Wait until a frame can be received, or until the timeout [s]."""
         return poller.wait_readable(self._socket, seconds)
 
     def receive(self) -> bytes | None:
-        """Next frame, or None if there is none now."""
+        """Return the next frame, or None if there is none now."""
         return sockets.receive(self._socket)
 
     def send(self, frame: bytes) -> bool:
-        """Send without waiting; False if nobody is there."""
+        """Send without waiting; return False if no peer is connected."""
         return sockets.send_or_renew(self._socket, frame)

@@ -1,10 +1,10 @@
-"""The logger: takes every record of a session from the server and brings it to disk.
+"""The logger: takes every record of a session from the server and writes it to disk.
 
-Records are numbered. What is doubled is dropped, what is missing is asked for again, and what the server no longer has
-is noted as lost; so a recording has no silent hole. Each block has a file of its own, which is made when its first
-record comes. Only what is safely on disk is acknowledged: a logger that starts anew goes on with the first record that
-is not, in the next part. A disk that runs out of space or goes away ends it:
-what was written is saved, and the server is told why.
+Records are numbered. Duplicates are dropped, missing records are requested again, and records that the server no longer
+has are noted as lost, so a recording has no silent gap. Each block has its own file, which is created with its first
+record. Only records that are safely on disk are acknowledged. A restarted logger continues with the first record that
+is not acknowledged, in the next part. If the disk runs out of space or disappears, the logger saves what was written,
+tells the server why, and ends.
 """
 
 import logging
@@ -33,14 +33,14 @@ from netboard.recording.format.disk import Space, require_space
 log = logging.getLogger(__name__)
 
 ASK_NS = 200_000_000
-"""Missing records are asked for again after so long [ns]."""
+"""Interval at which missing records are requested again [ns]."""
 
 LOOK_NS = 1_000_000_000
-"""That the file was deleted or moved is noticed after so long although nothing comes [ns]."""
+"""Interval at which the logger checks that the file still exists while nothing arrives [ns]."""
 
 
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
-    """Decide what a batch means to a logger that expects a certain record next.
+    """Decide how a batch fits a logger that expects a certain record next.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     Returns
     -------
     (int, int) or None
-        How many records from `expected` on are lost for good, and how many of the batch the logger has already [1];
+        How many records from `expected` on are lost for good, and how many of the batch the logger already has [1];
         None if records are missing that the server still has.
     """
     if expected is None:
@@ -63,7 +63,7 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
 
 
 class Logger:
-    """Everything the logger is made of.
+    """Receives the log and writes the recordings.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Logger:
         self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
 
     def run(self, stopping: Callable[[], bool]) -> int:
-        """Record until told to stop, or with `once` until the session is over.
+        """Record until stopped, or with `once` until the session is over.
 
         Returns
         -------
@@ -129,7 +129,7 @@ class Logger:
         return 0
 
     def step(self) -> None:
-        """Wait a moment for the server, take what has come, and do what is due."""
+        """Wait briefly for the server, take what has arrived, and do what is due."""
         self._link.wait(WAIT_SECONDS)
         for _ in range(BURST):
             frame = self._link.receive()
@@ -142,7 +142,7 @@ class Logger:
             self._keep(self._writer)
 
     def _keep(self, writer: RecordingWriter) -> None:
-        """Bring to disk what is due; where nothing comes, see now and then that the file is still there."""
+        """Flush the file when due; if nothing arrives, check now and then that the file still exists."""
         due = writer.is_due(self._log_time())
         if due:
             writer.flush(self._log_time())
@@ -153,14 +153,14 @@ class Logger:
         self._link.send(encode(message))
 
     def _log_time(self) -> int:
-        """UTC when the file was opened plus monotonic time since: never stepped."""
+        """Return UTC when the file was opened plus the monotonic time since, which is never stepped [ns]."""
         return self._clock() + self._log_time_minus_clock
 
     def _greet(self) -> None:
-        """Say hello to a server that has not answered yet, or not for a while.
+        """Send `Hello` to a server that has not answered yet or has fallen silent.
 
-        A server that has welcomed us is not greeted again while it is heard, however late its first records are: each
-        hello begins the exchange anew, which on a slow way would never come to its end.
+        A server that has sent a welcome gets no further `Hello` while it is heard, however late its first records are.
+        Each `Hello` restarts the exchange, which over a slow link would then never finish.
         """
         now = self._clock()
         silent = now - self._heard_ns >= SILENT_NS
@@ -195,7 +195,7 @@ class Logger:
                     log.warning("the server refuses: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
-        """Begin a session, or go on with the one we are in."""
+        """Enter a session, or continue the current one."""
         self._refused = ""
         if welcome.session == self._ended:
             return
@@ -215,7 +215,7 @@ class Logger:
         self._ask()
 
     def _folder(self) -> Path:
-        """Make the folder of the recordings, and see that there is space."""
+        """Create the folder of the recordings, and check the free space."""
         directory = Path(self._settings.directory)
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -225,7 +225,7 @@ class Logger:
         return directory
 
     def _open(self, welcome: Welcome) -> RecordingWriter:
-        """Begin a file."""
+        """Open a recording."""
         config = parse(welcome.config, "the server's configuration")
         directory = self._folder()
         utc_ns, monotonic_ns = self._wall_clock(), self._clock()
@@ -239,13 +239,13 @@ class Logger:
         return writer
 
     def _ask(self) -> None:
-        """Ask for the next record we want, and all that follow."""
+        """Request the next record and all that follow."""
         self._asked_ns = self._clock()
         first = None if self._writer is None else self._writer.next_record
         self._say(LogRequest(-1 if first is None else first))
 
     def _ask_again(self) -> None:
-        """Ask, but not for every batch that comes before the answer."""
+        """Request missing records, but not once for every batch that arrives before the answer."""
         if self._clock() - self._asked_ns >= ASK_NS:
             self._ask()
 
@@ -280,22 +280,22 @@ class Logger:
         writer.write(record, number, self._log_time())
 
     def _begin_another(self, writer: RecordingWriter, config: str) -> RecordingWriter:
-        """Finish the file of a block, and begin that of the next one."""
+        """Finish the file of a block, and open that of the next one."""
         assert self._welcome is not None
         self._finish(writer, "complete")
         self._welcome = replace(self._welcome, config=config)
         return self._open(self._welcome)
 
     def _end(self, last: int) -> None:
-        """Finish the recording if it is whole; otherwise ask for the rest.
+        """Finish the recording if it is complete; otherwise request the rest.
 
-        While a welcome is awaited nothing could be acknowledged: the server says the end again after it.
+        Before the welcome nothing can be acknowledged; the server repeats the end after it.
         """
         if self._welcome is None or not self._welcomed:
             return
         following = None if self._writer is None else self._writer.next_record
-        # After a request for what no logger has yet, an end without any record says that there is nothing left; it is
-        # believed the second time.
+        # After a request for what no logger has yet, an end without any record means that nothing is left.
+        # The logger believes it only the second time.
         nothing_left = last < 0 or (following is None and self._end_doubted)
         if nothing_left or (following is not None and following > last):
             self._close("complete")
@@ -305,7 +305,7 @@ class Logger:
         self._ask()
 
     def _close(self, ended: str) -> None:
-        """Be done with the session: finish the recording, if there is one, and tell the server that it is on disk."""
+        """End the session: finish its recording, if there is one, and acknowledge it."""
         if self._welcome is None:
             return
         if self._writer is not None:
@@ -313,7 +313,7 @@ class Logger:
         self._welcome, self._ended = None, self._session
 
     def _finish(self, writer: RecordingWriter, ended: str) -> None:
-        """Give a recording its final name."""
+        """Finish a recording and give it its final name."""
         writer.finish(self._log_time(), ended)
         self._writer = None
         self.finished.append(writer.path)
@@ -339,7 +339,7 @@ class Logger:
         self._look_at_space(space)
 
     def _look_at_space(self, space: Space) -> None:
-        """Say when space becomes scarce; stop while there is enough to finish the recording."""
+        """Warn when space becomes scarce; stop while there is enough to finish the recording."""
         if space.low and not self._space_is_low:
             log.warning("%s: only %s", self._settings.directory, space)
         self._space_is_low = space.low

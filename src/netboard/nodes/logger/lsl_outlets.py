@@ -1,9 +1,9 @@
-"""A running session as streams of the Lab Streaming Layer, for LabRecorder and whoever else listens.
+"""A running session as streams of the Lab Streaming Layer (LSL), for LabRecorder and other LSL clients.
 
-The streams are there as long as the process, so that they can be chosen before a session begins, and a recorder stays
-connected when the next one does. A sample has the time of its tick, not that of its sending: server time, turned to the
-layer's clock by what the server's probes of this machine have found. Samples wait until that is known. Where both are
-found to be one clock, stamps are exact. What the streams have lost, and the clock, is told in the streams themselves.
+The streams exist as long as the process, so that they can be selected before a session begins, and a recorder stays
+connected when the next one does. A sample has the time of its tick, not of its sending: server time, converted to the
+LSL clock by means of the server's clock probes of this machine. Samples wait until that offset is known. If both clocks
+are the same, stamps are exact. Lost records and the clock offset are reported in the event stream.
 """
 
 import logging
@@ -36,14 +36,14 @@ from netboard.recording.export.lsl_streams import (
 log = logging.getLogger(__name__)
 
 COMPARISONS = 100
-"""The layer's clock is compared with the machine's so often at the start; the closest counts [1]."""
+"""Comparisons of the LSL clock with the machine's at the start; the closest one counts [1]."""
 
 MOST_WAITING = 10_000
-"""Ticks that wait for the clock to be known [1]."""
+"""Largest number of ticks that wait for the clock offset [1]."""
 
 
 def library() -> Any:
-    """Load what speaks to the layer."""
+    """Import pylsl, or raise an error that says how to install it."""
     try:
         return import_module("pylsl")
     except (ImportError, RuntimeError) as error:
@@ -53,12 +53,12 @@ def library() -> Any:
 
 
 def compare(layer_clock: Callable[[], float], clock: Callable[[], int] = now_ns) -> tuple[int, int]:
-    """Compare the layer's clock with this machine's monotonic one.
+    """Compare the LSL clock with this machine's monotonic clock.
 
     Returns
     -------
     (int, int)
-        How much the layer's is ahead, 0 if both may be the same, and a bound of the error [ns].
+        Offset by which the LSL clock is ahead, 0 if both may be the same, and a bound of its error [ns].
     """
     best = None
     for _ in range(COMPARISONS):
@@ -73,7 +73,7 @@ def compare(layer_clock: Callable[[], float], clock: Callable[[], int] = now_ns)
 
 
 class Outlets:
-    """The streams of one server."""
+    """The LSL outlets of one server."""
 
     def __init__(self, name: str, port: int) -> None:
         self.ticks = self.events = 0
@@ -98,14 +98,14 @@ class Outlets:
         )
 
     def begin(self, welcome: Welcome) -> None:
-        """Another session begins, with a server whose clock is yet to be known."""
+        """Begin a session, with a server whose clock is not known yet."""
         self._shift_ns, self._exact = None, False
         self._waiting.clear()
         log.info("session %s", welcome.session)
         self._remark("lsl_session", {"session": welcome.session, "config": welcome.config})
 
     def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
-        """Set the clock by what the server has found; one that cannot be told from its own is its own."""
+        """Set the clock offset [ns]; within its bound of zero both machines are taken to share one clock."""
         known = self._shift_ns is not None
         if known and self._exact and abs(offset_ns) <= bound_ns:
             return
@@ -123,12 +123,12 @@ class Outlets:
             self._send(self._shift_ns, ticks, events)
 
     def tell_lost(self, first: int, count: int) -> None:
-        """Tell of records that did not come."""
+        """Report records that did not arrive."""
         log.warning("%d records from number %d on did not come: the streams have a hole", count, first)
         self._remark("lsl_lost", {"first": str(first), "count": str(count)})
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
-        """Send what has happened, as soon as it is known when that was."""
+        """Send ticks and events, or hold them until the clock offset is known."""
         if self._shift_ns is not None:
             self._send(self._shift_ns, ticks, events)
             return
@@ -151,7 +151,7 @@ class Outlets:
             self.events += 1
 
     def _remark(self, name: str, details: dict[str, str]) -> None:
-        """Say something about the streams, in the one that says it all."""
+        """Report something about the streams in the event stream."""
         self._outlets[EVENTS.name].push_sample([remark_text(name, details)])
 
     def _open(self, stream: Stream, name: str, source: str, notes: dict[str, dict[str, str]]) -> Any:
@@ -167,7 +167,7 @@ class Outlets:
 
 
 def _describe(to: Any, element: Element) -> None:
-    """Put what an element holds into one of the layer's."""
+    """Copy the children of an element to an LSL description."""
     for child in element:
         if len(child):
             _describe(to.append_child(child.tag), child)

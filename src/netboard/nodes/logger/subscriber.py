@@ -1,8 +1,8 @@
-"""The other end of the log for whoever only listens: hears every record as it is made, keeps nothing, confirms nothing.
+"""A subscriber to the log: receives every record as it is made, stores nothing and acknowledges nothing.
 
-Records are numbered, so what was not heard is known and told. Who waited for the server hears a session from its first
-record on, who comes to one that goes on from then on. A server that ends or is started anew is awaited again, without
-end. The server's probes of this machine's clock are among the records: they tell what its time is here.
+Records are numbered, so missed records are known and reported. A subscriber that waited for the server gets a session
+from its first record; one that joins a running session gets it from then on. It waits for a server that ends or
+restarts, without a timeout. The records include the server's probes of this machine's clock, which give the offset.
 """
 
 import logging
@@ -35,30 +35,30 @@ from netboard.recording.format.channels import record_of
 log = logging.getLogger(__name__)
 
 WAITED_NS = 3_000_000_000
-"""Who is welcomed within this time has come to a server that was there before [ns]."""
+"""Time from the start within which a welcome means that the server was already running [ns]."""
 
 ANSWERS = 64
-"""Own answers to the server's probes that are remembered: of 10 s and more [1]."""
+"""Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
 class Ear(Protocol):
-    """Whoever wants to know what is heard."""
+    """Receiver of what a subscriber hears."""
 
     def begin(self, welcome: Welcome) -> None:
-        """Another session of the server is heard."""
+        """Begin another session of the server."""
 
     def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
-        """What the server knows of this machine's clock: how much it is ahead of its own, and a bound [ns]."""
+        """Take the offset of this machine's clock from the server's, and its error bound [ns]."""
 
     def tell_lost(self, first: int, count: int) -> None:
-        """So many records from this number on were not heard [1]."""
+        """Take the number of the first missed record, and how many were missed [1]."""
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
-        """Ticks and events that have been heard, in order."""
+        """Take ticks and events, in order."""
 
 
 class Listener:
-    """Listens to the log of one server.
+    """Subscribes to the log of one server.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ class Listener:
         self._nonsense = Seldom(log)
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Listen until told to stop."""
+        """Receive until stopped."""
         log.info("waiting for the server")
         while not stopping():
             self.step()
         self._say(Goodbye("the listener was stopped"))
 
     def step(self) -> None:
-        """Wait a moment for the server, and take what has come."""
+        """Wait briefly for the server, and take what has arrived."""
         self._link.wait(WAIT_SECONDS)
         for _ in range(BURST):
             frame = self._link.receive()
@@ -101,7 +101,7 @@ class Listener:
         self._greet()
 
     def _greet(self) -> None:
-        """Say hello to a server that has not answered yet, or not for a while."""
+        """Send `Hello` to a server that has not answered yet or has fallen silent."""
         now = self._clock()
         silent = now - self._heard_ns >= SILENT_NS
         if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
@@ -129,7 +129,7 @@ class Listener:
                     log.warning("the server refuses: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
-        """Begin to hear a session, or go on with it."""
+        """Enter a session, or continue the current one, and request its records."""
         self._welcomed, self._refused = True, ""
         if welcome.session != self._session:
             waited = bool(self._session) or self._clock() - self._began_ns > WAITED_NS
@@ -154,7 +154,7 @@ class Listener:
             self._ear.take(np.frombuffer(b"".join(rows), TICK), events)
 
     def _sort(self, number: int, frame: bytes, rows: list[bytes], events: list[EventRecord]) -> None:
-        """Put a record where it belongs."""
+        """Add a record to the ticks or events, or use it as a clock probe."""
         try:
             record = record_of(frame)
         except WireError as error:

@@ -1,1 +1,1 @@
-"""The operator's end of the control channel, and the launcher of local processes."""
+"""The operator's endpoint of the control channel, and the launcher of local processes."""

@@ -1,7 +1,7 @@
-"""A set of netboard processes on this machine: started together, watched, and none left behind.
+"""A set of netboard processes on this machine: started together, supervised, and all ended at the end.
 
-Each runs ``netboard ...`` in a session of its own, so that a Ctrl-C in the terminal reaches only whoever started them,
-who then ends them in order. What a process says goes to a file, or where its starter speaks.
+Each runs ``netboard ...`` in a process session of its own. A Ctrl-C in the terminal thus reaches only this process,
+which then ends the others in order. Their output goes to files, or to this process's output.
 """
 
 import os
@@ -21,13 +21,13 @@ from netboard.base.errors import NetboardError
 from netboard.base.process import SUPERVISOR, WITH_PARENT
 
 STOP_SECONDS = 15.0
-"""Processes get this long to end cleanly before they are killed [s]."""
+"""Time for processes to end cleanly before they are killed [s]."""
 
 CHANNELS = 6
-"""Ports that a session takes, one after the other [1]."""
+"""Consecutive ports that a session takes [1]."""
 
 _guards: list[net.socket] = []
-"""They hold the places of rows of ports that this process has found free."""
+"""Sockets that reserve the ranges of ports which this process has found free."""
 
 
 @dataclass(frozen=True)
@@ -44,18 +44,18 @@ class Ended:
 
 
 class Launcher:
-    """Runs and watches processes; on leaving, ends all that still run.
+    """Runs and supervises processes; on leaving, ends all that still run.
 
     Parameters
     ----------
     folder : Path or None
-        Where what they say is kept, one file each; None lets them speak where this process speaks.
+        Folder for their output, one file each; None passes it on to this process's output.
     """
 
     def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:
         self._folder = folder
         self._environment = os.environ | environment | {WITH_PARENT: "1"}
-        self._environment.pop(SUPERVISOR, None)  # who watches over this process does not over those
+        self._environment.pop(SUPERVISOR, None)  # this process's supervisor does not supervise the ones started here
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Self:
@@ -81,19 +81,19 @@ class Launcher:
             )
 
     def log_of(self, name: str) -> Path | None:
-        """File with what a process has said."""
+        """Return the file with a process's output."""
         return None if self._folder is None else self._folder / f"{name.replace(' ', '-')}.log"
 
     def running(self) -> list[str]:
-        """Names of all that have not been stopped, in the order they were started."""
+        """Return the names of all processes that were not stopped, in the order of their start."""
         return list(self._running)
 
     def process_id(self, name: str) -> int:
-        """Process id of a running process."""
+        """Return the process id of a running process."""
         return self._running[name].pid
 
     def ended(self) -> Ended | None:
-        """Tell of a process that has ended although nobody asked it to, if there is one."""
+        """Return a process that has ended without being asked to, if there is one."""
         for name, process in self._running.items():
             code = process.poll()
             if code is not None:
@@ -101,7 +101,7 @@ class Launcher:
         return None
 
     def wait(self, name: str, seconds: float) -> str:
-        """Wait for a process to end cleanly by itself, at most so long [s]; what went wrong, or nothing."""
+        """Wait until a process ends by itself, or until the timeout [s]; return what went wrong, or nothing."""
         try:
             code = self._running[name].wait(seconds)
         except subprocess.TimeoutExpired:
@@ -110,9 +110,9 @@ class Launcher:
         return str(Ended(name, code, self._last_words(name))) if code else ""
 
     def stop(self, *names: str) -> list[Ended]:
-        """Ask processes to stop, all at once, and kill what does not; which of them have failed.
+        """Ask processes to stop, all at once, and kill those that do not; return those that failed.
 
-        One that was still starting, and had no answer to being asked yet, has not.
+        A process that was still starting, and was ended by the signal, has not failed.
         """
         processes = {name: self._running.pop(name) for name in names}
         for process in processes.values():
@@ -137,9 +137,9 @@ class Launcher:
 
 
 def free_port() -> int:
-    """First of enough free ports in a row; while this process lives, no other one finds the same here.
+    """Return the first of enough consecutive free ports; no other process finds the same while this one lives.
 
-    They are taken only later, by processes that take their time to start: until then the port behind them is held.
+    The ports are bound only later, by processes that are slow to start. Until then the port behind them is held.
     """
     ports = range(5550, 32_000, CHANNELS + 1)
     for port in random.sample(ports, len(ports)):

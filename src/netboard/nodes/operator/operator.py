@@ -1,7 +1,7 @@
-"""The operator's end of the control channel: ask how the server is, tell it what to do.
+"""The operator's endpoint of the control channel: ask for the status, give commands.
 
-Whoever has a loop of its own (a window) calls `poll` often and `command` when something is wished; whoever has none
-(a shell command) calls `ask` and `do`, which wait.
+A caller with its own loop (a window) calls `poll` often, and `command` as needed. A caller without one (a shell
+command) calls `ask` and `do`, which wait.
 """
 
 import logging
@@ -29,27 +29,27 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
 
 HELLO_NS = 500_000_000
-"""Hello is said again after so long without an answer [ns]."""
+"""Time without an answer after which `Hello` is sent again [ns]."""
 
 ANSWER_SECONDS = 3.0
-"""The server has so long to answer a command [s]."""
+"""Timeout of the server's reply to a command [s]."""
 
 MOST_POINTS = 4000
 """Points of the trace that are kept: 20 s [1]."""
 
 SILENT_NS = 3_000_000_000
-"""A server that was there and has not even asked for the time for so long is called anew [ns]."""
+"""Silence of a known server, without even a ping, after which the connection is renewed [ns]."""
 
 log = logging.getLogger(__name__)
 
 
 class Operator:
-    """Talks to one server; nothing here waits longer than it is told to.
+    """Talks to one server; nothing here waits longer than its timeout.
 
     Attributes
     ----------
     attempts : list of tuple
-        What has become of all attempts of the session so far, as in `Outcomes`.
+        Outcomes of all attempts of the session so far, as in `Outcomes`.
     """
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
@@ -66,7 +66,7 @@ class Operator:
         self._heard_ns = 0
 
     def ask(self, seconds: float) -> Status | None:
-        """Ask for the status and wait for an answer at most so long [s]; None without an answer."""
+        """Ask for the status and wait until the timeout [s]; return None without an answer."""
         self.poll(trace=False)
         answered = None
         while answered is None and poller.wait_readable(self._socket, seconds):
@@ -74,7 +74,7 @@ class Operator:
         return answered
 
     def poll(self, *, trace: bool = True) -> Status | None:
-        """Take what has come, and ask for what is new: the status, outcomes, and the trace if wanted; never waits."""
+        """Take what has arrived, and ask for the status, new outcomes and, if wanted, the trace; never waits."""
         newest = self._take()
         if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
             log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
@@ -93,21 +93,21 @@ class Operator:
 
     @property
     def silent_seconds(self) -> float:
-        """Time since the server was heard; infinite before the first time [s]."""
+        """Time since the server was last heard; infinite before the first time [s]."""
         return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
 
     def command(self, name: str, argument: str = "") -> int:
-        """Tell the server what to do; the number by which `reply` knows the answer."""
+        """Send a command; return the number with which to ask for its `reply`."""
         self._number += 1
         self._say(Command(name, argument, self._number))
         return self._number
 
     def reply(self, number: int) -> Reply | None:
-        """Take the answer to a command, once; None while there is none."""
+        """Take the reply to a command, once; None while there is none."""
         return self._replies.pop(number, None)
 
     def do(self, name: str, argument: str = "", seconds: float = ANSWER_SECONDS) -> Reply:
-        """Tell the server what to do, and wait for its answer at most so long [s]."""
+        """Send a command, and wait for its reply until the timeout [s]."""
         number = self.command(name, argument)
         until_ns = now_ns() + int(seconds * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
@@ -118,7 +118,7 @@ class Operator:
         raise NetboardError(f"{name}: the server has not answered within {seconds:g} s")
 
     def attend(self, seconds: float) -> None:
-        """Let time pass, answering what the server asks [s]."""
+        """Wait for this time [s], and answer the server's pings meanwhile."""
         until_ns = now_ns() + int(seconds * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
             if poller.wait_readable(self._socket, left_ns * 1e-9):
@@ -155,14 +155,17 @@ class Operator:
                 case Trace(points=points):
                     last = self.points[-1][0] if self.points else -1
                     self.points.extend(point for point in points if point[0] > last)
-                case Refusal(reason=reason) if reason == HELLO_FIRST:  # it was silent, and had to make room
+                case Refusal(reason=reason) if reason == HELLO_FIRST:  # removed as a silent peer
                     self._welcomed = False
                 case Refusal(reason=reason):
                     raise NetboardError(f"the server refuses: {reason}")
         return newest
 
     def _hear(self, status: Status) -> Status:
-        """Keep a status; forget what has become of another session, or in a replay that has gone back, came later."""
+        """Store a status.
+
+        Drop outcomes and points of another session, and those that lie ahead of a replay's position.
+        """
         if self.status is not None and status.session != self.status.session:
             self.attempts.clear()
             self.points.clear()

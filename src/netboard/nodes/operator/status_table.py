@@ -10,7 +10,7 @@ from netboard.network.protocol.control import Status
 
 
 def status_tables(status: Status) -> RenderableType:
-    """Where the session is, and how each of its peers is connected."""
+    """Return tables of the session's state and its peers' connections."""
     return Group(*_lines(status), _links(status), *_loops(status))
 
 
@@ -48,7 +48,7 @@ def _links(status: Status) -> FittedTable:
 
 
 def _loops(status: Status) -> list[Text]:
-    """From stylus to force: the delay of late, and how much of it is stable."""
+    """Return each hand's sample-to-force latency, and the largest with which its device is stable by itself."""
     return [
         Text(f"{what}: stylus to force {_milliseconds(late)} of late; left alone, stable to {_milliseconds(most)}")
         for what, late, most in status.loops

@@ -1,1 +1,1 @@
-"""The server's ends of the channels: peers, samples, forces, commands, views and the lossless log."""
+"""The server's endpoints of the channels: peers, samples, forces, commands, views and the lossless log."""

@@ -1,17 +1,18 @@
-"""Who comes and goes on a channel, as events: a few a second, and of more than that only how many there were.
+"""Peers that join and leave a channel, as events at a limited rate.
 
-Peers that come and go as fast as they can must fill neither the recording nor the tick. Pure: it is told the time.
+Peers that reconnect as fast as they can must flood neither the recording nor the tick: events beyond the rate are only
+counted. Pure: time is an argument.
 """
 
 EVENTS_HZ, EVENTS_AT_ONCE = 5, 40
-"""Comings and goings on a channel that are told of for long, and at once [Hz, 1]."""
+"""Sustained rate and burst of the events on a channel [Hz, 1]."""
 
 News = list[tuple[str, dict[str, str]]]
-"""What has happened: names and details of events."""
+"""Names and details of events."""
 
 
 class Comings:
-    """The comings and goings on one channel."""
+    """The rate-limited events of one channel."""
 
     def __init__(self, news: News) -> None:
         self._news = news
@@ -20,7 +21,7 @@ class Comings:
         self._untold = 0
 
     def tell(self, name: str, details: dict[str, str], now_ns: int) -> None:
-        """Note an event; if there were too many, only count it: ``untold`` of the next one says how many those are."""
+        """Add an event, or only count it if there were too many; ``untold`` of the next event is that count."""
         elapsed = 0 if self._seen_ns is None else (now_ns - self._seen_ns) * 1e-9
         self._seen_ns = now_ns
         self._left = min(self._left + elapsed * EVENTS_HZ, EVENTS_AT_ONCE)

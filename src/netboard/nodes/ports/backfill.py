@@ -1,9 +1,8 @@
-"""What the server asks agents after an interruption: what their devices rendered while no sample arrived.
+"""Backfill after an interruption: the server asks the agents what their devices rendered while no sample arrived.
 
-The rows of those ticks say that it is not known (NaN). The agent remembers it for two minutes and tells it in parts,
-one request at a time, each made when the server has time for it: nothing of this delays a tick. A request without an
-answer is repeated, so that a link that fails again loses nothing. An agent that was started anew has forgotten it: then
-it stays unknown. Time is an argument.
+The rows of those ticks hold NaN for the rendered force. The agent remembers it for two minutes and sends it in parts,
+one for each request. The server makes requests between ticks, so that none is delayed, and repeats a request without an
+answer. An agent that was restarted has forgotten it, and the force stays unknown. Time is an argument.
 """
 
 from collections import deque
@@ -18,22 +17,22 @@ from netboard.network.protocol.records import BackfillRecord
 from netboard.nodes.ports.motion_port import MotionPort
 
 AGAIN_NS = 200_000_000
-"""A request without an answer is repeated after so long [ns]."""
+"""Interval at which an unanswered request is repeated [ns]."""
 
 MARGIN = 10
-"""There may be so many samples more than there were ticks without one, and one more in so many [1]."""
+"""Samples to ask for beyond the ticks without one: this many, and one more for each this many ticks [1]."""
 
 MOST_GAPS = 64
-"""So many interruptions of each side are remembered; the oldest give way [1]."""
+"""Interruptions of each side that are remembered; the oldest are dropped [1]."""
 
 
 class Gaps:
-    """The interruptions of one side whose samples the server has not asked for yet.
+    """Interruptions of one side whose samples have not been received yet.
 
     Attributes
     ----------
     asked_ns : int or None
-        When the first of them was asked for; None if it was not, or is answered [ns].
+        When the first of them was requested; None if no request is open [ns].
     """
 
     def __init__(self) -> None:
@@ -43,7 +42,7 @@ class Gaps:
         self._ticks = 0
 
     def look(self, unknown: list[bool], seqs: list[int]) -> None:
-        """Look at the next ticks: whether the rendered force is unknown, and the number of the newest sample."""
+        """Scan the next ticks: whether the rendered force is unknown, and the number of the newest sample."""
         for missing, seq in zip(unknown, seqs, strict=True):
             if missing:
                 self._ticks += 1
@@ -53,14 +52,14 @@ class Gaps:
             self._seen, self._ticks = True, 0
 
     def _end(self, seq: int) -> None:
-        """A sample has come after ticks without one; an agent that was started anew counts from 0."""
+        """End an interruption with the sample `seq`; a restarted agent counts from 0."""
         first = max(seq - self._ticks - MARGIN - self._ticks // MARGIN, 0)
         if first < seq:
             self.open.append(BackfillRequest(first, seq + 1))
 
 
 class Backfiller:
-    """Finds interruptions in the ticks, asks the agents, and makes records of their answers."""
+    """Finds interruptions in the ticks, asks the agents about them, and turns the answers into records."""
 
     def __init__(self) -> None:
         self._gaps: dict[Side, Gaps] = {side: Gaps() for side in SIDES}
@@ -68,7 +67,7 @@ class Backfiller:
         self._records = 0
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
-        """Take the answers that have come, look at the new ticks, and ask what is due."""
+        """Take the answers that have arrived, scan the new ticks, and send the requests that are due."""
         taken = [self.take(side, answer, motion.seats[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
         self.look(rows, number)
@@ -78,7 +77,7 @@ class Backfiller:
         return [record for record in taken if record is not None]
 
     def look(self, rows: Any, number: int) -> None:
-        """Look at the ticks done since the last time."""
+        """Scan the ticks since the last call."""
         places = np.arange(max(self._looked, number - len(rows)), number) % len(rows)
         self._looked = number
         for side, gaps in self._gaps.items():
@@ -86,7 +85,7 @@ class Backfiller:
             gaps.look(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
 
     def due(self, side: Side, now_ns: int) -> BackfillRequest | None:
-        """Return what to ask the agent of a side now, which is then taken to be asked."""
+        """Return the request to send to a side's agent now, and mark it as open."""
         gaps = self._gaps[side]
         if not gaps.open or (gaps.asked_ns is not None and now_ns - gaps.asked_ns < AGAIN_NS):
             return None
@@ -94,13 +93,7 @@ class Backfiller:
         return gaps.open[0]
 
     def take(self, side: Side, answer: Backfill, offset_ns: int) -> BackfillRecord | None:
-        """Take an answer; what is to be recorded of it, if anything.
-
-        Parameters
-        ----------
-        answer : Backfill
-            The answer; one that was not asked for, or that breaks the rules, is ignored.
-        """
+        """Return the record of an answer; None if the answer is empty, breaks the rules or was not asked for."""
         gaps = self._gaps[side]
         asked = gaps.open[0] if gaps.open and gaps.asked_ns is not None else None
         count, odd = divmod(len(answer.rows), RENDERED.itemsize)

@@ -1,12 +1,11 @@
-"""The server's end of the control channel: displays that report their frames, and operators.
+"""The server's endpoint of the control channel: displays that report their painted frames, and operators.
 
-It only collects what they say, and answers what they ask; the server decides. A display's word goes no further than its
-own frames: it cannot command. A station may have several displays, of which the one that came last tells what was
-shown.
+It collects messages and answers questions; the server decides. A display may only report its own frames: it cannot
+command. A station may have several displays; the one that joined last reports what was shown.
 
-No peer can hold up a tick: a few messages are taken at a time, each peer may send so many messages and bytes a second
-(`netboard.nodes.ports.rate_limit`), what a peer may not say is not unpacked, and what takes longer (a report of frames,
-an answer to an operator) is done in pieces, between ticks, when the session asks for the next piece.
+No peer can hold up a tick. A few messages are taken at a time, and the rate of each peer is limited
+(`netboard.nodes.ports.rate_limit`). Messages that a peer may not send are not decoded. Longer work (a report of frames,
+an answer to an operator) is done in pieces between ticks, when the session asks for the next piece.
 """
 
 from collections import deque
@@ -43,42 +42,42 @@ MAY_SAY: dict[str, frozenset[type[Message]]] = {
     "display": frozenset((Hello, Goodbye, Pong, Frames)),
     "console": frozenset((Hello, Goodbye, Pong, Command, *QUESTIONS)),
 }
-"""What a peer of each role may say, and a stranger (of no role); what else it says is not unpacked."""
+"""Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
 MOST_FRAMES, MOST_BYTES = 4, 2048
-"""Frames taken in one go, and no more once they are so long together: the longest takes a tenth of a tick [1, 1]."""
+"""Frames and bytes after which `drain` stops; at worst this takes a tenth of a tick [1, 1]."""
 
 MOST_PEERS = 16
-"""Peers of each role remembered: one that is silent makes room for one more [1]."""
+"""Peers of each role; a silent one makes room for a new one [1]."""
 
 TRY_NS = 20_000_000
-"""Whether all of them are still there is tried so often [ns]."""
+"""Shortest interval between two checks whether all peers are still connected [ns]."""
 
 MOST_WISHES = 8
-"""Commands of one peer that wait to be decided on [1]."""
+"""Commands of one peer that may wait for a decision [1]."""
 
 MOST_REPORTS = 16
-"""Reports of a station that wait to be recorded [1]."""
+"""Reports of one station that may wait to be recorded [1]."""
 
 SILENT_NS = 3_000_000_000
-"""A peer that has said nothing for so long is not there; it is welcome back without another hello [ns]."""
+"""Silence after which a peer counts as absent; it may return without another `Hello` [ns]."""
 
 
 class Answers(Protocol):
-    """Who knows what operators ask for."""
+    """Source of the answers to operators' questions."""
 
     def status(self) -> Status:
-        """How the session is."""
+        """Return the status of the session."""
 
     def outcomes(self, first: int) -> Outcomes:
-        """What has become of the attempts from this one on."""
+        """Return the outcomes of the attempts, starting with attempt number `first`."""
 
     def trace(self, after: int) -> Trace:
-        """What has happened after this tick."""
+        """Return what has happened after this tick."""
 
 
 class Wish(NamedTuple):
-    """A command, and who gave it."""
+    """A command, and the peer that sent it."""
 
     who: bytes
     name: str
@@ -86,7 +85,7 @@ class Wish(NamedTuple):
 
 
 class ControlPort:
-    """Who is on the control channel, what they wish and what they have shown."""
+    """Peers on the control channel, their commands and their reports of painted frames."""
 
     def __init__(self, router: endpoints.Router, welcome: Welcome, answers: Answers) -> None:
         self.wishes: list[Wish] = []
@@ -108,11 +107,11 @@ class ControlPort:
 
     @property
     def peers(self) -> tuple[str, ...]:
-        """What the displays and consoles are that have said hello, and can still be heard."""
+        """Role and side of the displays and consoles that are connected and not silent."""
         return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))
 
     def drain(self, now_ns: int) -> bool:
-        """Take what has arrived and answer it; whether there may be more."""
+        """Take and handle what has arrived; return whether there may be more."""
         frames = size = 0
         while frames < MOST_FRAMES and size < MOST_BYTES:
             received = self._router.receive()
@@ -124,14 +123,14 @@ class ControlPort:
         return True
 
     def answer(self) -> None:
-        """Answer the question that has waited longest, if there is one: each takes the time of several messages."""
+        """Answer the oldest open question, if any; only one, because an answer takes as long as several messages."""
         if self._asked:
             who, kind = next(iter(self._asked))
             answer = self._find_answer(self._asked.pop((who, kind)))
             self._router.send(who, encode(answer))
 
     def take_frames(self, most: int | None = None) -> list[FrameRecord]:
-        """Take records of the frames that displays have shown, no more than so many [1]."""
+        """Take records of painted frames, at most this many [1]."""
         found: list[FrameRecord] = []
         while self._reports and (most is None or len(found) < most):
             station, shown, dropped = self._reports[0]
@@ -143,7 +142,7 @@ class ControlPort:
         return found
 
     def pump(self, now_ns: int) -> None:
-        """Ask the peers for their time, note who has fallen silent, and send what is owed."""
+        """Ping the peers, note which have fallen silent, and send messages that could not be sent before."""
         self._router.pay()
         self.refusals.look(now_ns)
         for name, peer in self._peers.items():
@@ -154,38 +153,38 @@ class ControlPort:
                 self._tell("silent", peer.hello, now_ns)
 
     def links(self, now_ns: int) -> list[Link]:
-        """Tell how the peers are connected."""
+        """Return the connections of the peers."""
         return [peer.link(now_ns) for name, peer in self._peers.items() if name not in self._silent]
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
-        """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
+        """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
         return self._probes.records(self._peers.values(), seq)
 
     def renew(self, welcome: Welcome) -> None:
-        """Another block: tell everybody what counts now."""
+        """Send the welcome of a new block to all peers."""
         self._welcome = encode(welcome)
         for name in self._peers:
             self._router.owe(name, self._welcome)
 
     def reply(self, wish: Wish, accepted: bool, reason: str) -> None:
-        """Tell whoever gave a command what becomes of it."""
+        """Reply to the peer that sent a command."""
         self._router.send(wish.who, encode(Reply(wish.command.number, accepted, reason)))
 
     def is_there(self, who: bytes) -> bool:
-        """Whether a peer can still be heard."""
+        """Return whether a peer is connected and not silent."""
         return who in self._peers and who not in self._silent
 
     def goodbye(self, reason: str) -> None:
-        """Tell everybody that the session is over."""
+        """Tell all peers that the session is over."""
         for name in self._peers:
             self._router.send(name, encode(Goodbye(reason)))
 
     def close(self) -> None:
-        """Close, some time after the goodbye: what a peer has not read by then is lost."""
+        """Close some time after the goodbye; messages that a peer has not read by then are lost."""
         self._router.close_after_goodbye()
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
-        """Take a message; False if its peer may not send so many, and it was not looked at."""
+        """Handle a message; return False if its peer sends too much and the message was dropped unread."""
         if not self._allowance.takes(name, len(frame), now_ns):
             self.refusals.refuse(name, CROWDED, now_ns)
             return False
@@ -202,7 +201,7 @@ class ControlPort:
         return True
 
     def _hear(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
-        """Take what a peer says."""
+        """Handle a peer's message."""
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in MAY_SAY[role]:
             raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
@@ -223,7 +222,7 @@ class ControlPort:
                 self._asked.setdefault((name, kind), question)
 
     def _wish(self, wish: Wish, now_ns: int) -> None:
-        """Let a command wait to be decided on: behind all others, or before them if it must not wait."""
+        """Queue a command; an emergency stop goes first."""
         waiting = sum(other.who == wish.who for other in self.wishes)
         if wish.command.name == emergency.STOP:
             if not any(other.command.name == emergency.STOP for other in self.wishes):
@@ -237,7 +236,7 @@ class ControlPort:
             self.wishes.append(wish)
 
     def _find_answer(self, question: Message) -> Message:
-        """Let whoever knows answer an operator."""
+        """Return the answer to an operator's question."""
         match question:
             case OutcomesRequest(first=first):
                 return self._answers.outcomes(first)
@@ -259,7 +258,7 @@ class ControlPort:
         self._router.owe(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
-        """If a role has too many peers, forget one that is silent, or else all that have disconnected."""
+        """If a role has too many peers, forget a silent one, or else all that have disconnected."""
         same = [name for name, peer in self._peers.items() if peer.hello.role == role]
         if len(same) < MOST_PEERS:
             return
@@ -285,7 +284,7 @@ class ControlPort:
         self._comings.tell(f"{hello.role}_{happened}", details, now_ns)
 
     def _note(self, name: bytes, side: str, frames: Frames) -> None:
-        """Let a report wait to be recorded."""
+        """Queue a display's report of painted frames."""
         if frames.station != side:
             raise WireError(f"the {side} display may not report for the {frames.station} station")
         if self._reporting[side] != name:

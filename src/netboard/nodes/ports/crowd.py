@@ -1,6 +1,6 @@
-"""Peers without a seat on the motion channel: what they send is kept by compiled code until there is time for it.
+"""Frames of unregistered peers on the motion channel, which compiled code keeps until there is time for them.
 
-Samples lie behind it in the same socket, so it is taken out of the way at once; it is looked at after the tick.
+Samples wait behind them in the same socket, so such a frame is set aside at once and handled after the tick.
 """
 
 from typing import Any
@@ -13,14 +13,14 @@ from netboard.network.protocol.messages import KINDS
 from netboard.network.transport import fastpath
 
 STRANGERS_FRAME = 4096
-"""Longest frame of a peer without a seat that is looked at, that of a greeting [bytes]."""
+"""Longest frame of an unregistered peer that is kept: that of a `Hello` [bytes]."""
 
 ROOM_FOR_STRANGERS = 16
-"""Frames of peers without a seat that are kept until there is time for them [1]."""
+"""Frames of unregistered peers that are kept at once [1]."""
 
 PLACES_HEARD = 8192
 DEAF_NS = 200_000_000
-"""After a frame of a peer without a seat nothing more of it is looked at for this time; greetings count apart [ns]."""
+"""Time for which further frames of an unregistered peer are dropped after one was kept; `Hello` counts apart [ns]."""
 
 _HELLO = next(number for number, kind in KINDS.items() if kind.message is Hello)
 
@@ -35,7 +35,7 @@ STRANGER = np.dtype(
     ],
     align=True,
 )
-"""A frame of a peer without a seat, and who sent it."""
+"""A frame of an unregistered peer, and its sender."""
 
 CROWD = np.dtype(
     [
@@ -46,18 +46,19 @@ CROWD = np.dtype(
     ],
     align=True,
 )
-"""What peers without a seat have sent: frames that are kept, and how many were dropped unread."""
+"""Frames of unregistered peers: those that are kept, and how many were dropped unread."""
 
 
 @kernel
 def keep(crowd: Any, fast: Any, frame: Any, now_ns: int) -> None:
-    """Keep a frame of a peer without a seat for later, or only count it.
+    """Keep a frame of an unregistered peer for later, or only count it.
 
-    Each name is heard once in a while, its greetings apart from all else: so a peer that says hello is heard however
-    much others send.
+    The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is
+    thus heard however much others send.
     """
     us, them = fast[0], crowd[0]
     size = us["size"]
+    # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261
     for k in range(us["name_size"]):
         place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF

@@ -1,8 +1,8 @@
-"""Emergency stops, and what trips the safety of a device: for the recording, and for the operator to read.
+"""Emergency stops, and trips of a device's safety chain, as events for the recording and text for the operator.
 
-An emergency stop comes from an operator or from a button at a device. It holds for both devices until an operator
-releases it, and then a block goes on only when an operator resumes it.
-Pure: it is told everything and does nothing but remember.
+An emergency stop comes from an operator or from a button on a device. It holds for both devices until an operator
+releases it; even then a block goes on only when an operator resumes it.
+Pure: it gets everything as arguments and only remembers.
 """
 
 from netboard.base.config import SIDES, Side
@@ -10,13 +10,13 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports import samples
 
 STOP, RELEASE = "emergency_stop", "emergency_release"
-"""The operator's commands for it, and the names of the events."""
+"""Commands of the operator, and names of the events."""
 
 LACKING = "the emergency stop to be released"
-"""What a block waits for meanwhile."""
+"""What a block lacks until the stop is released."""
 
 AGAIN_NS = 1_000_000_000
-"""The same cause at the same device is told once in so long [ns]."""
+"""Interval within which the same cause at the same device is reported once [ns]."""
 
 WORDS = {
     Safeguard.STALE: "no fresh force from the server",
@@ -33,28 +33,28 @@ Event = tuple[str, dict[str, str]]
 
 
 class Alarm:
-    """Remembers whether everything is stopped, and what has tripped."""
+    """State of the emergency stop, and what has tripped."""
 
     def __init__(self) -> None:
         self.halted = ""
         self._told: dict[tuple[Side, Safeguard], int] = {}
 
     def halt(self, reason: str) -> list[Event]:
-        """Let no device have a force; what is to be recorded."""
+        """Stop both devices; return the events to record."""
         if self.halted:
             return []
         self.halted = reason
         return [(STOP, {"reason": reason})]
 
     def release(self) -> list[Event]:
-        """End an emergency stop; what is to be recorded."""
+        """Release an emergency stop; return the events to record."""
         if not self.halted:
             return []
         self.halted = ""
         return [(RELEASE, {})]
 
     def look(self, found: int, safeguards: dict[Side, int], now_ns: int) -> list[Event]:
-        """Look at what the samples of a tick say; what is to be recorded."""
+        """Take the safeguard bits of a tick's samples; return the events to record."""
         events: list[Event] = []
         for place, side in enumerate(SIDES):
             if found & (samples.TRIPPED << place):
@@ -64,12 +64,12 @@ class Alarm:
         return events
 
     def why(self, side: Side, now_ns: int) -> str:
-        """What has tripped the safety of a device a moment ago, in brackets; empty if nothing has."""
+        """Return what has just tripped a device's safety chain, in brackets; empty if nothing has."""
         causes = [WORDS[cause] for (whose, cause), at in self._told.items() if whose == side and now_ns - at < AGAIN_NS]
         return f" ({', '.join(causes)})" if causes else ""
 
     def _tell(self, side: Side, bits: int, now_ns: int) -> list[Event]:
-        """What has not been told a moment ago."""
+        """Return events for the causes that were not reported within `AGAIN_NS`."""
         new = [
             cause
             for cause in WORDS

@@ -1,11 +1,11 @@
-"""The server's end of the lossless log: the records of a session, and a cursor for every logger.
+"""The server's endpoint of the lossless log: the records of a session, and a cursor for every logger.
 
-Rules: a record gets its number when it is made and keeps it; a logger that was away asks for what it misses and gets
-it, from the ring or from the spill, a file that takes what the ring must let go while no logger takes it. What neither
-holds is counted and said with its cause, never passed over. Nothing here waits: what a logger's queue does not take
-now, or a disk has not read yet, is sent later. Listeners come by the same channel, and nothing here asks after them.
-No peer can hold up a tick: a few messages are taken and a few batches sent at a time, each peer may send so many
-messages a second (`netboard.nodes.ports.rate_limit`), and what a peer may not say is not unpacked.
+Rules: a record gets its number when it is made and keeps it. A logger that was away asks for the records that it
+misses, and gets them from the ring or from the spill, a file that takes what leaves the ring while no logger is there.
+Records that neither holds are counted and reported with the cause. Nothing here waits: what a logger's queue cannot
+take now, or a disk has not read yet, is sent later. Subscribers use the same channel, and nothing here depends on them.
+No peer can hold up a tick: a few messages are taken and a few batches sent at a time, the rate of each peer is limited
+(`netboard.nodes.ports.rate_limit`), and messages that a peer may not send are not decoded.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,49 +29,49 @@ from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery.spill import Spill
 
 BATCHES, MOST_BATCHES = 2, 3
-"""Batches that one logger is sent in one go, and all together: a long backlog must not hold up a tick [1]."""
+"""Batches sent at once to one logger, and to all: a long backlog must not hold up a tick [1]."""
 
 BATCH_RECORDS = 256
 BATCH_BYTES = 65_536
 
 GONE_NS = 2_000_000_000
-"""A logger that has said nothing for so long is gone; one that has been told the end may still be writing [ns]."""
+"""Silence after which a logger is gone, unless it was sent the end of the log and may still be writing [ns]."""
 
 MARGIN = 4096
-"""Records go to the spill so many before the ring lets go of them, or a quarter of the ring if that is less [1]."""
+"""Records are spilled this many before the ring drops them, at most a quarter of the ring [1]."""
 
 FULL_SHARE = 0.8
-"""With this share of the ring held by nobody else, and a spill that takes nothing, the log is nearly full [1]."""
+"""Share of the ring held by nobody else at which a trial stops, if the spill takes nothing [1]."""
 
 LISTEN_NS = 20_000_000
-"""The answer to a ping is listened for so long at every tick [ns]."""
+"""Time after a ping for which every tick looks for the answer [ns]."""
 
 MOST_LOGGERS = 8
 MOST_FRAMES = 8
-"""Frames taken in one go [1]."""
+"""Frames taken at once [1]."""
 
 MAY_SAY: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello,)),
     "logger": frozenset((Hello, Goodbye, Pong, LogRequest, LogAck)),
     "listener": frozenset((Hello, Goodbye, Pong, LogRequest)),
 }
-"""What a peer of each role may say, and a stranger (of no role); what else it says is not unpacked."""
+"""Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
 
 class _Logger:
-    """A logger as the server sees it."""
+    """The server's state of a logger."""
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         self.cursor: int | None = None
-        self.takes = False  # it has asked for records since it came
+        self.takes = False  # it has asked for records since it joined
         self.told_end = False
         self.lost = self.lost_before = 0
-        self.writes = ("", 0, 0, 0)  # file; when it last told of it [ns]; bytes written and free
+        self.writes = ("", 0, 0, 0)  # file; time of its last report [ns]; bytes written and free
 
 
 class LogPort:
-    """Keeps the records of a session and brings them to the loggers.
+    """Keeps the records of a session and sends them to the loggers.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ class LogPort:
     Attributes
     ----------
     trouble : str
-        Why a trial that is to be recorded cannot go on, or nothing; as of the last `pump`.
+        Why a trial that must be recorded cannot go on, or empty; set by `pump`.
     listeners : Listeners
-        Who hears the records, and has no part in keeping them.
+        Subscribers, which get the records but have no part in keeping them.
     """
 
     def __init__(
@@ -123,17 +123,17 @@ class LogPort:
 
     @property
     def loggers(self) -> int:
-        """Loggers that are there and have asked for records."""
+        """Number of connected loggers that have asked for records."""
         return sum(logger.takes for logger in self._loggers.values())
 
     @property
     def backlog(self) -> int:
-        """Records not yet acknowledged as safely on disk."""
+        """Number of records not yet acknowledged as safely on disk."""
         return self.ring.next - self.ring.acknowledged
 
     @property
     def notice(self) -> str:
-        """What an operator should know, or nothing."""
+        """What an operator should know; empty if nothing."""
         if self._space_is_low:
             return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
         if self._spill.next > self.ring.acknowledged and not self.loggers:
@@ -141,21 +141,21 @@ class LogPort:
         return ""
 
     def links(self, now_ns: int) -> list[Link]:
-        """Tell how the loggers are connected, and the listeners."""
+        """Return the connections of the loggers and the subscribers."""
         loggers = [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
         return loggers + self.listeners.links(now_ns)
 
     def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
-        """Tell what each logger writes, as `Status.recordings` has it."""
+        """Return what each logger writes, as in `Status.recordings`."""
         writing = [logger.writes for logger in self._loggers.values()]
         return tuple(
             (file, (now_ns - told_ns) * 1e-9 if told_ns else nan, size, free) for file, told_ns, size, free in writing
         )
 
     def renew(self, welcome: Welcome) -> None:
-        """Another block begins with the next record: its configuration is told to whoever comes from now on.
+        """Begin a block with the next record, and welcome the loggers that have been sent all records.
 
-        A logger is told that of the first record that none has on disk: there it will begin.
+        A welcome has the configuration of the first record that no logger has on disk, where a logger begins.
         """
         self._welcomes.append((self.ring.next, welcome))
         for name, logger in self._loggers.items():
@@ -164,32 +164,32 @@ class LogPort:
 
     @property
     def _welcome(self) -> Welcome:
-        """What a logger is told first."""
+        """Welcome for a logger that joins now."""
         while len(self._welcomes) > 1 and self._welcomes[1][0] <= self.ring.acknowledged:
             del self._welcomes[0]
         return self._welcome_of(self.ring.acknowledged)
 
     def _welcome_of(self, record: int) -> Welcome:
-        """The configuration of the block that a record belongs to."""
+        """Return the configuration of the block to which a record belongs."""
         return next(welcome for first, welcome in reversed(self._welcomes) if first <= record)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
-        """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
+        """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
         peers = [*(logger.peer for logger in self._loggers.values()), *self.listeners.peers]
         return self._probes.records(peers, seq)
 
     def listen(self, now_ns: int) -> None:
-        """Take the answer to a ping as soon as it comes, and what was left; at other ticks it costs nothing."""
+        """Read the channel if a ping's answer may come or frames are left; at other ticks this costs nothing."""
         if now_ns < self._listen_until_ns or self._unheard:
             self._drain()
 
     def pump(self, now_ns: int) -> None:
-        """Answer the loggers, send them what their queues take, and look after what no logger takes."""
+        """Answer the loggers, send them what their queues take, and spill records that no logger takes."""
         self._drain()
         self._router.pay()
         self.refusals.look(now_ns)
         for name, logger in list(self._loggers.items()):
-            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unheard  # what waits may be its word
+            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unheard  # a message from it may be waiting
             if silent and not logger.told_end:
                 self._forget(name, "fell silent", now_ns)
             else:
@@ -207,8 +207,9 @@ class LogPort:
         return self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
 
     def end(self) -> None:
-        """No record follows, whatever is appended: the loggers are told as soon as they have them all."""
+        """End the log: later records are dropped, and loggers are sent the end once they have all records."""
         self._ended = True
+        # The loggers have been told the last number, or will be: a later record would never be sent.
         self.append = lambda record: self.ring.next
 
     @property
@@ -217,7 +218,7 @@ class LogPort:
         return self.backlog == 0
 
     def close(self) -> None:
-        """Let the loggers go; what none of them has on disk goes to the spill, which has `closed` when it is there."""
+        """Dismiss the loggers, and spill the records that none has on disk; `closed` says when that is done."""
         for name, logger in self._loggers.items():
             if not logger.told_end:
                 self._router.send(name, encode(Goodbye("the session is over")))
@@ -227,12 +228,12 @@ class LogPort:
 
     @property
     def closed(self) -> bool:
-        """Whether the spill has done its work."""
+        """Whether the spill has finished."""
         return self._spill.closed
 
     @property
     def shortfall(self) -> str:
-        """What is not known to be on a logger's disk, and where it is, or nothing; after `closed`."""
+        """Records not known to be on a logger's disk, and where they are; empty if none. Valid once `closed`."""
         if self.done:
             return ""
         said = f"{self.backlog} records are not known to be on disk: no logger took them"
@@ -263,7 +264,7 @@ class LogPort:
             self.refusals.refuse(name, str(error), now_ns)
 
     def _hear(self, name: bytes, frame: bytes, now_ns: int) -> None:
-        """Take what a peer says."""
+        """Handle a peer's message."""
         logger = self._loggers.get(name)
         if logger is not None:
             logger.peer.hear(now_ns)
@@ -306,7 +307,7 @@ class LogPort:
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self._comings.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
-        logger.cursor = None  # it asks again, now that it is welcome again
+        logger.cursor = None  # it asks again after the new welcome
 
     def _make_room(self, now_ns: int) -> None:
         """Forget a logger that cannot be sent anything: its connection has ended, or it does not read."""
@@ -338,7 +339,7 @@ class LogPort:
             self._listen_until_ns = ping.sent_ns + LISTEN_NS
 
     def _feed_all(self) -> None:
-        """Send the loggers what their queues take, another one first each time; no more than so much together."""
+        """Send the loggers what their queues take, at most `MOST_BATCHES` in all; another one goes first each time."""
         loggers = list(self._loggers.items())
         self._first_fed = first = (self._first_fed + 1) % max(len(loggers), 1)
         left = MOST_BATCHES
@@ -347,7 +348,7 @@ class LogPort:
                 left -= self._feed(name, logger, logger.cursor, min(BATCHES, left))
 
     def _feed(self, name: bytes, logger: _Logger, cursor: int, most: int) -> int:
-        """Send a logger batches, no more than so many, and after the last one that it was the last; how many [1]."""
+        """Send a logger at most this many batches, and the end after the last; return how many were sent [1]."""
         sent = 0
         while sent < most and cursor < self.ring.next:
             batch = self.batch(cursor)
@@ -362,7 +363,7 @@ class LogPort:
             logger.told_end = True
         return sent
 
-    # --- what no logger takes ------------------------------------------------------------------------------------
+    # --- records that no logger takes ----------------------------------------------------------------------------
 
     @property
     def _kept(self) -> int:
@@ -371,14 +372,14 @@ class LogPort:
 
     @property
     def _refusal(self) -> str:
-        """Why nothing goes to the spill now, or nothing.
+        """Why the spill takes nothing now; empty if it does.
 
-        Before a logger has written something, no block can have begun that is to be recorded.
+        Before a logger has written anything, no block that must be recorded can have begun.
         """
         return self._spill.refusal if self._recorded else "no logger was there yet"
 
     def _let_go(self) -> None:
-        """Put what the ring will soon let go into the spill."""
+        """Spill the records that will soon leave the ring."""
         ring, spill = self.ring, self._spill
         for _ in range(BATCHES):
             if ring.next - self._kept <= ring.capacity - self._margin or self._refusal:
@@ -394,7 +395,7 @@ class LogPort:
         self._watch_losses()
 
     def _watch_losses(self) -> None:
-        """Note why the ring has to let go of records that nobody else has."""
+        """Note why the ring drops records that are nowhere else."""
         losing = (self._refusal or "the disk does not follow") if self.ring.first > self._kept else ""
         if losing and losing != self._losing:
             self._cause = losing
@@ -403,7 +404,7 @@ class LogPort:
         self._losing = losing
 
     def _note_lost(self, logger: _Logger, first: int, count: int) -> None:
-        """Say what a logger cannot be given, once even if it asks again."""
+        """Report records that a logger cannot be given, once even if it asks again."""
         if first < logger.lost_before:
             return
         logger.lost += count
@@ -419,6 +420,6 @@ class LogPort:
         return "the logger is too far behind" if self.ring.next - self._kept > full else ""
 
     def _rest(self) -> Iterator[LogBatch]:
-        """All records that are neither on a logger's disk nor in the spill."""
+        """Yield all records that are neither on a logger's disk nor in the spill."""
         while (first := self._kept) < self.ring.next:
             yield self.ring.batch(first, BATCH_RECORDS, BATCH_BYTES)

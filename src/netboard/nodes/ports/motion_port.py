@@ -1,12 +1,11 @@
-"""The server's end of the motion channel: two seats, one for each side's agent.
+"""The server's endpoint of the motion channel, with one seat for each side's agent.
 
-A seat holds the newest sample of its agent, in server time, and what is known of the link: gaps, age, clock. Whoever
-says hello for a side takes the seat (a restarted agent takes over from itself; a second agent is refused while the
-first one is alive). Nothing here waits.
+A seat holds the newest sample of its agent, in server time, and the state of the link: gaps, age, clock. An agent
+registers for a side with `Hello`. A restarted agent replaces itself; a second agent is refused while the first is
+alive. Nothing here waits.
 
-No peer can hold up a tick: what comes from a peer without a seat is kept by compiled code, each of them being heard a
-few times a second, and looked at after the tick, a few frames at a time; what is no sample of a seated agent in its
-fixed form is taken as often as samples come, and no oftener.
+No peer can hold up a tick. Compiled code keeps frames of unregistered peers, a few a second for each, and they are
+handled after the tick, a few at a time. Of a registered agent, frames other than fixed-form samples are rate-limited.
 """
 
 from collections.abc import Callable, Collection
@@ -32,32 +31,32 @@ from netboard.nodes.ports.peer import Link, Probes, Rate, link_of
 from netboard.nodes.ports.refusals import CROWDED, Refusals
 
 BEAT_TICKS = 4
-"""Without forces every so many ticks a beat is sent: often enough that nothing counts as stale [1]."""
+"""Ticks between two heartbeats while no forces are sent, so that nothing becomes stale [1]."""
 
 PROBE_TICKS = 4
-"""Samples that answer so many ticks later than the last clock probe are the next one [1]."""
+"""Ticks between two clock probes, which samples carry [1]."""
 
 GONE_NS = 2_000_000_000
-"""An agent that has been silent for so long has left [ns]."""
+"""Silence after which an agent has left [ns]."""
 
 MAY_SAY: frozenset[type[Message]] = frozenset((Hello, Stylus, Goodbye, Backfill))
-"""What an agent may say; what else comes is not unpacked."""
+"""Messages that an agent may send; others are refused without decoding."""
 
 MOST_ODD = 4
-"""Frames of seated agents that are no samples in their fixed form, taken in one go [1]."""
+"""Frames of registered agents, other than fixed-form samples, taken at once [1]."""
 
 ODD_NS, ODD_AT_ONCE = 500_000, 64
-"""Each agent may send one of those so often for long [ns], and so many at once, as after a hole in its link [1]."""
+"""Shortest mean interval [ns] and burst [1] of those frames from each agent; a burst follows a gap in its link."""
 
 MOST_STRANGERS = 3
-"""Frames of peers without a seat that are looked at after a tick [1]."""
+"""Frames of unregistered peers handled after a tick [1]."""
 
 _VALUES = attrgetter(*(name for name, _ in fixed.fields_of(Stylus)))
 _PACK = fixed.packer_of(Stylus)
 
 
 class Seat:
-    """One side's agent as the server sees it."""
+    """The server's state of one side's agent."""
 
     def __init__(self, side: Side, words: Any) -> None:
         self.side = side
@@ -73,13 +72,13 @@ class Seat:
         samples.empty(words)
 
     def sit(self, agent: bytes, hello: Hello, now_ns: int) -> None:
-        """Take the seat: nothing of an agent before is kept."""
+        """Register an agent, and forget the one before."""
         self.leave()
         self.hello, self.agent = hello, agent
         self._words[samples.ARRIVED] = now_ns
 
     def leave(self) -> None:
-        """Nobody sits here any more."""
+        """Remove the agent."""
         self.hello, self.agent, self.connection, self.probe = None, b"", "", None
         self.clock, self._probed_tick = ClockEstimator(), -PROBE_TICKS
         self._rate = Rate()
@@ -92,13 +91,13 @@ class Seat:
             self.look_at_clock()
 
     def look_at_clock(self) -> None:
-        """Let the newest sample tell the time there, if it answers what no sample before did, and not too often."""
+        """Use the newest sample as a clock probe if it answers a new tick, at most every `PROBE_TICKS`."""
         tick = int(self._words[samples.FORCE_TICK])
         if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
             self._probe(tick, int(self._words[samples.ARRIVED]))
 
     def _probe(self, tick: int, now_ns: int) -> None:
-        """Let the newest sample tell the time there."""
+        """Use the newest sample as a clock probe."""
         words, clock = self._words, self.clock
         sent, received, answered = (int(words[at]) for at in (samples.FORCE_SENT, samples.FORCE_RECEIVED, samples.SENT))
         probe = (sent, received, answered, now_ns)
@@ -110,11 +109,11 @@ class Seat:
             words[samples.TRANSIT] = clock.round_trip_ns // 2
 
     def silent_ns(self, now_ns: int) -> int:
-        """Time since it was last heard [ns]."""
+        """Time since the last sample [ns]."""
         return now_ns - int(self._words[samples.ARRIVED])
 
     def link(self, now_ns: int) -> Link | None:
-        """Tell how the link is, if somebody sits here."""
+        """Return the state of the link, or None without an agent."""
         if self.hello is None:
             return None
         rate = self._rate.of(int(self._words[samples.TAKEN]), now_ns)
@@ -127,11 +126,11 @@ class MotionPort:
     Parameters
     ----------
     timeout_ns : int
-        Age at which a sample no longer counts [ns].
+        Age from which a sample no longer counts [ns].
     bound_ns : int
-        A device may be armed only while its agent's clock is known to this bound [ns].
+        Largest error bound of an agent's clock with which its device may be armed [ns].
     ends : ndarray of float64, shape (2, 3), or None
-        What agents that compute their own forces are told (`netboard.nodes.ports.samples.ends_of`); else None.
+        For agents that compute their own forces (`netboard.nodes.ports.samples.ends_of`); else None.
     """
 
     def __init__(
@@ -165,17 +164,17 @@ class MotionPort:
 
     @property
     def empty(self) -> bool:
-        """Whether nobody sits here."""
+        """Whether no agent is registered."""
         return not self._by_agent
 
     @property
     def unheard(self) -> bool:
-        """Whether frames of peers without a seat wait to be looked at."""
+        """Whether frames of unregistered peers wait to be handled."""
         return bool(self._crowd[0]["kept"])
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is gained by waiting for the deadline: from whoever was punctual there is a new sample."""
+        """Whether each side that was punctual at the last tick has sent a new sample, so that waiting gains nothing."""
         return not samples.awaited(self._words)
 
     def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> None:
@@ -184,7 +183,7 @@ class MotionPort:
         Parameters
         ----------
         signalled : bool
-            Something has come: take it quickly, and no more than completes the tick.
+            The socket has signalled: take frames only until the tick is complete.
         """
         left, odd = samples.MOST_FRAMES, MOST_ODD
         while left > 0 and odd > 0:
@@ -204,7 +203,7 @@ class MotionPort:
             odd -= 1
 
     def attend(self, now_ns: int, due_ns: int) -> None:
-        """Look at a few of the frames that peers without a seat have sent, and count those that were dropped."""
+        """Handle a few frames of unregistered peers, and count those that were dropped."""
         crowd = self._crowd[0]
         last = min(int(crowd["kept"]), self._looked_at + MOST_STRANGERS)
         for row in range(self._looked_at, last):
@@ -219,16 +218,16 @@ class MotionPort:
             crowd["dropped"] = 0
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
-        """Begin the row of a tick with both seats' samples; see `netboard.nodes.ports.samples.fill`."""
+        """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
         return samples.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
     def force(self, row: Any, told: Any) -> None:
-        """Send each agent its force of a tick, or what it computes that from.
+        """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
 
         Parameters
         ----------
         told : ndarray of int64
-            The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.stage.Stage.told`).
+            Words of the row whose forces are sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
         """
         fast, seated, gains = self.fast.record, self._words, self.gains
         if self._ends is None:
@@ -242,11 +241,11 @@ class MotionPort:
 
     @property
     def loops_ns(self) -> list[int]:
-        """The newest delay of the loop of each hand, 0 for none yet [ns]."""
+        """Newest sample-to-force latency of each hand, 0 if not yet known [ns]."""
         return [int(words[samples.LOOP]) for words in self._words]
 
     def beat(self, tick: int, now_ns: int, at_once: bool = False) -> None:
-        """Where nothing is felt, send each agent a beat now and then, or one that must not wait."""
+        """Send each agent a heartbeat, which commands no force: every `BEAT_TICKS` or at once."""
         if tick % BEAT_TICKS and not at_once:
             return
         for place, seat in enumerate(self.seats.values()):
@@ -256,7 +255,7 @@ class MotionPort:
                 self._router.send(seat.agent, encode(Beat(tick, now_ns, seq, lead_ns, arm)))
 
     def lacks(self, now_ns: int, needed: Collection[Side]) -> list[str]:
-        """What a block needs of the agents of some sides and has not."""
+        """Return what is missing of the agents of these sides."""
         lacking = []
         for place, (side, seat) in enumerate(self.seats.items()):
             if side not in needed:
@@ -271,20 +270,20 @@ class MotionPort:
         return lacking
 
     def ask(self, side: Side, request: BackfillRequest) -> None:
-        """Ask the agent of a side, if it is there, what it has rendered while its samples did not arrive."""
+        """Ask a side's agent, if there is one, what it rendered while its samples did not arrive."""
         agent = self.seats[side].agent
         if agent:
             self._router.send(agent, encode(request))
 
     def knows_clock(self, side: Side) -> bool:
-        """Whether an agent is there whose clock is known well enough."""
+        """Return whether a side has an agent whose clock is known well enough."""
         seat = self.seats[side]
         return seat.hello is not None and seat.clock.bound_ns <= self._bound_ns
 
     def expire(self, now_ns: int) -> None:
-        """Clear the seats of agents that have been silent for long: they say hello when they are back.
+        """Remove agents that have been silent too long; they say hello when they are back.
 
-        Whoever could not be told of a new block yet, because it stood still, is told now.
+        Messages that an agent could not be sent before are sent now.
         """
         self._router.pay()
         self.refusals.look(now_ns)
@@ -293,15 +292,15 @@ class MotionPort:
                 self._leave(seat, "fell silent", now_ns)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
-        """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
+        """Return the newest raw probe of each agent with the current estimate, numbered from `seq`."""
         return self._probes.records(self.seats.values(), seq)
 
     def links(self, now_ns: int) -> list[Link]:
-        """Tell how the agents are connected."""
+        """Return the connections of the agents."""
         return [link for seat in self.seats.values() if (link := seat.link(now_ns)) is not None]
 
     def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Another block: tell both agents what counts now."""
+        """Send the welcome of a new block to both agents."""
         self._welcome, self._ends = encode(welcome), ends
         for seat in self.seats.values():
             if seat.hello is not None:
@@ -316,7 +315,7 @@ class MotionPort:
         self._router.close_after_goodbye()
 
     def _read_odd(self, now_ns: int, due_ns: int) -> None:
-        """Take the newest frame of a seated agent, which is no sample in its fixed form, unless there are too many."""
+        """Handle a registered agent's frame that is not a fixed-form sample, unless it sends too many."""
         agent, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         seat = self._by_agent.get(agent)
         if seat is not None:
@@ -328,7 +327,7 @@ class MotionPort:
         self._hear(agent, frame, now_ns, due_ns)
 
     def _hear(self, agent: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
-        """Take a frame, of anybody."""
+        """Handle a frame of any peer."""
         if (agent, frame) == endpoints.NOBODY:
             return
         seat = self._by_agent.get(agent)
@@ -346,6 +345,7 @@ class MotionPort:
                 case Goodbye(reason=reason) if seat is not None:
                     self._leave(seat, reason, now_ns)
                 case Backfill() as backfill if seat is not None:
+                    # At most two are kept, so that an agent that repeats its answer cannot fill the memory.
                     self.backfills = [*self.backfills[-1:], (seat.side, backfill)]
         except WireError as error:
             self.refusals.refuse(agent, str(error), now_ns)

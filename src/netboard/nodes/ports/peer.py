@@ -1,6 +1,6 @@
-"""A peer as an operator wants to see it: who it is, how it is connected, what time it has, what is lost.
+"""A peer as operators see it: identity, connection, clock offset, losses.
 
-The server asks peers that do not speak every millisecond for their time, a few times a second.
+The server pings peers that do not send every millisecond, a few times a second.
 """
 
 from collections import Counter
@@ -19,28 +19,30 @@ PING_NS = 200_000_000
 """Interval between two pings of a peer that answers [ns]."""
 
 SILENCE_SHARE = 8
-"""A silent peer is pinged at this fraction of its silence, so that few pings wait for a process that was suspended:
-it answers them all at once when it goes on [1]."""
+"""A silent peer is pinged at intervals of its silence over this [1].
+
+A process that was suspended answers all waiting pings at once when it goes on, so there should be few of them.
+"""
 
 CLOCK_WINDOW_NS = 10_000_000_000
-"""Of the answers of so long the best ones count [ns]."""
+"""The clock offset uses the probes with the shortest round trip in this window [ns]."""
 
 RATE_NS = 1_000_000_000
-"""Rates are those of the last whole span of this length, or longer [ns]."""
+"""Shortest window over which a rate is computed [ns]."""
 
 
 def what(hello: Hello) -> str:
-    """What a peer is: ``agent.left``, ``logger``."""
+    """Return a peer's role and side: ``agent.left``, ``logger``."""
     return f"{hello.role}.{hello.side}".rstrip(".")
 
 
 def _seconds(span_ns: int) -> float:
-    """Turn a span to seconds, NaN for one that is not known."""
+    """Convert a duration to seconds; NaN if it is not known."""
     return nan if span_ns == NEVER_NS else span_ns * 1e-9
 
 
 class Rate:
-    """Turns a count that grows into a rate."""
+    """Turns a growing count into a rate."""
 
     def __init__(self) -> None:
         self._value = 0.0
@@ -48,7 +50,7 @@ class Rate:
         self._since_ns = -RATE_NS
 
     def of(self, count: int, now_ns: int) -> float:
-        """Rate of late [Hz]."""
+        """Return the current rate [Hz]."""
         span_ns = now_ns - self._since_ns
         if span_ns >= RATE_NS or count < self._count:
             self._value = max(count - self._count, 0) / (span_ns * 1e-9)
@@ -57,7 +59,7 @@ class Rate:
 
 
 def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost: int) -> Link:
-    """Write an item of `Status.links`."""
+    """Make an item of `Status.links`."""
     return (
         what(hello),
         hello.name,
@@ -72,7 +74,7 @@ def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost:
 
 
 class Probed(Protocol):
-    """A connection of a peer whose clock is probed; its name is empty until a probe of it is recorded."""
+    """A connection whose clock is probed; its name is empty until a probe of it is recorded."""
 
     @property
     def hello(self) -> Hello | None:
@@ -84,17 +86,17 @@ class Probed(Protocol):
 
 
 class Probes:
-    """Writes the clock probes of a port's peers as records.
+    """Turns the clock probes of a port's peers into records.
 
-    Each connection has a clock estimate of its own, so its probes are told from those of another by name:
-    ``display.left``, then ``display.left#2`` and so on.
+    Each connection has its own clock estimate, so the probes carry its name: ``display.left``, then ``display.left#2``
+    and so on.
     """
 
     def __init__(self) -> None:
         self._connections: Counter[str] = Counter()
 
     def records(self, peers: Iterable[Probed], seq: int) -> list[ClockRecord]:
-        """Write the newest raw probe of each peer, numbered from `seq`; each probe is written once."""
+        """Return the newest raw probe of each peer, numbered from `seq`; each probe is recorded once."""
         records: list[ClockRecord] = []
         for peer in peers:
             if peer.probe is not None and peer.hello is not None:
@@ -111,12 +113,12 @@ class Probes:
 
 
 class Peer:
-    """A peer that is asked for its time.
+    """A peer whose clock is probed by pings.
 
     Parameters
     ----------
     now_ns : int
-        When [ns].
+        Time at which it joined [ns].
     """
 
     def __init__(self, hello: Hello, now_ns: int) -> None:
@@ -130,27 +132,27 @@ class Peer:
         self._asked_ns = now_ns - PING_NS
 
     def hear(self, now_ns: int) -> None:
-        """Note that it said something."""
+        """Count a message from the peer."""
         self._heard_ns = now_ns
         self._messages += 1
 
     def age_ns(self, now_ns: int) -> int:
-        """How long it has been silent [ns]."""
+        """Time since its last message [ns]."""
         return now_ns - self._heard_ns
 
     def ping(self, now_ns: int) -> Ping | None:
-        """Return the question to send, if one is due."""
+        """Return a ping if one is due."""
         if now_ns - self._asked_ns < max(PING_NS, self.age_ns(now_ns) // SILENCE_SHARE):
             return None
         self._asked_ns = now_ns
         return Ping(now_ns)
 
     def answered(self, pong: Pong, now_ns: int) -> None:
-        """Take the answer, unless its stamps are impossible."""
+        """Take the answer to a ping, unless its stamps are impossible."""
         probe = (pong.ping_ns, pong.received_ns, pong.sent_ns, now_ns)
         if self.clock.add(*probe):
             self.probe = probe
 
     def link(self, now_ns: int) -> Link:
-        """Tell how it is."""
+        """Return the state of the connection."""
         return link_of(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), 0)

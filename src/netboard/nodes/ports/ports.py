@@ -1,6 +1,6 @@
-"""The server's ends of the channels of one session: opened together, and told together when a block begins.
+"""The server's endpoints of one session's channels: opened together, and renewed together when a block begins.
 
-What goes on at each of them is the port's own affair; what they bring is the session's.
+Each port handles its own channel; the session handles what the ports bring.
 """
 
 from typing import Any
@@ -16,10 +16,10 @@ from netboard.nodes.ports.view_port import ViewPort
 from netboard.recording.recovery.spill import Spill, spill_path
 
 RING_SHARE = 1.5
-"""Records that the log's ring holds for each millisecond: one of a tick, and room for others [1]."""
+"""Records that the log's ring holds for each millisecond: one tick, and room for others [1]."""
 
 MOST_REFUSED = 8
-"""Kinds of refusals that operators are told of: those that were most often [1]."""
+"""Number of kinds of refusals shown to operators, the most frequent ones [1]."""
 
 
 class Ports:
@@ -27,13 +27,13 @@ class Ports:
 
     Parameters
     ----------
-    door : doors.Door or None
-        Where peers show their keys; None where no keys are asked for.
+    door : authenticator.Door or None
+        Authenticator of the peers; None without authentication.
 
     Attributes
     ----------
     inlets : (zmq.Socket, zmq.Socket)
-        Where something may come that the session wants to know at once: motion, control.
+        Sockets that wake the session when a message arrives: motion, control.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Ports:
         self.inlets = (motion.socket, control.socket)
 
     def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Another block: tell everybody what counts now."""
+        """Send the welcome of a new block to all peers."""
         self.motion.renew(welcome, ends)
         self.control.renew(welcome)
         self.log.renew(welcome)
@@ -67,22 +67,22 @@ class Ports:
 
     @property
     def refusals(self) -> tuple[Refusals, ...]:
-        """What each channel has refused."""
+        """The refusals of each channel."""
         return self.motion.refusals, self.control.refusals, self.log.refusals
 
     def refused(self, door: authenticator.Door | None) -> tuple[tuple[str, str, int], ...]:
-        """What was refused most often, at the door and on the channels, as `Status.refused` has it."""
+        """Return the most frequent refusals, of handshakes and on the channels, as in `Status.refused`."""
         totals = [("handshake", door.totals)] if door is not None else []
         totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
         found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
         return tuple(sorted(found, key=lambda item: -item[2])[:MOST_REFUSED])
 
     def goodbye(self, reason: str) -> None:
-        """Tell agents and operators that they are not needed any more."""
+        """Tell agents and operators that the session is over."""
         self.motion.goodbye(reason)
         self.control.goodbye(reason)
 
     def close(self) -> None:
-        """Close what does not close by itself when its last record is kept."""
+        """Close the ports that do not close by themselves after the last record."""
         self.views.close()
         self.control.close()

@@ -1,7 +1,7 @@
-"""Telling peers, and the recording, what was refused, without letting a flood of it become a flood of words.
+"""Refusals to peers and in the recording, limited so that a flood of messages does not cause a flood of refusals.
 
-A refusal is answered the first time, and then at most once a second for the same peer and reason. How it is counted and
-reported is in `netboard.network.transport.refusal_count`.
+A refusal is sent the first time, and then at most once a second for the same peer and reason.
+`netboard.network.transport.refusal_count` counts and reports them.
 """
 
 from netboard.network.protocol.codec import encode
@@ -11,13 +11,13 @@ from netboard.network.transport.refusal_count import RefusalCount
 from netboard.nodes.ports.arrivals import News
 
 AGAIN_NS = 1_000_000_000
-"""The same refusal is repeated to its peer after this time [ns]."""
+"""Interval at which the same refusal is sent to its peer again [ns]."""
 
 REMEMBERED = 1024
-"""Answers remembered, of peer and reason: the oldest is forgotten first [1]."""
+"""Pairs of peer and reason that are remembered; the oldest is forgotten first [1]."""
 
 CROWDED = "too many messages"
-"""Why a message was dropped unread: its peer, or all strangers together, had sent too many."""
+"""Why a message was dropped unread: its peer, or all unregistered peers together, sent too many."""
 
 
 class Refusals:
@@ -40,7 +40,7 @@ class Refusals:
         return self._count.totals
 
     def refuse(self, peer: bytes, reason: str, now_ns: int) -> None:
-        """Refuse what a peer has sent."""
+        """Refuse a peer's message."""
         self.note(endpoints.shown(peer), reason, now_ns)
         if now_ns - self._answered.get((peer, reason), now_ns - AGAIN_NS) >= AGAIN_NS:
             self._answered.pop((peer, reason), None)
@@ -50,13 +50,13 @@ class Refusals:
             self._router.send(peer, encode(Refusal(reason)))
 
     def note(self, peer: str, reason: str, now_ns: int, times: int = 1) -> None:
-        """Count what was refused, without an answer."""
+        """Count a refusal without sending it."""
         details = {"channel": self._router.channel, "peer": peer, "reason": reason}
         self._count.count((peer, reason), details, times)
         self.look(now_ns, again=False)
 
     def look(self, now_ns: int, *, again: bool = True) -> None:
-        """Report what is due: what is new, and with ``again`` how often there was what is known."""
+        """Report new kinds of refusals, and with ``again`` the counts of known ones."""
         self._news += [("refused", details) for details in self._count.reports(now_ns, again=again)]
 
     def settle(self) -> None:

@@ -1,14 +1,14 @@
-"""How long the loop of each hand may take, how long it takes, and what is done when it takes too long.
+"""The sample-to-force latency of each hand: its limit, its measurement, and what happens beyond the limit.
 
-The limit is that of the exact loop (`netboard.physics.stability.delayed_coupling`) with the couplings and the board of
-the scene and a device that nobody holds: the worst there is, for whoever holds it steadies it. The device is that of
-``[virtual]``, unless an agent that has a profile of its own says how much its device stands. It is looked for when the
-scene is loaded, or when the agent starts, never in a loop. A hand's loop may take half of that (`MARGIN`). Beyond it
-``network.delay_action`` counts: the operator is warned, or what the hand feels is softened, or the trial is paused, so
-that nothing is felt.
+The largest stable latency is that of the exact loop (`netboard.physics.stability.delayed_coupling`) with the scene's
+virtual couplings and board and a device that nobody holds. That is the worst case: a hand on the stylus adds damping,
+which stabilises the loop. The device is that of ``[virtual]``, unless the agent's device has a profile of its own and
+the agent sends its limit. The limit is computed when the scene is loaded or the agent starts, never in a loop. A hand's
+latency may be half of it (`MARGIN`). Beyond that ``network.delay_action`` applies: the operator is warned, or the
+haptic feedback is softened, or the trial is paused, which turns the forces off.
 
-Softening scales the force that is sent, or the coupling that an agent computes its own from, never what the board
-feels: the stage knows nothing of it, and a recording verifies as ever. The gain goes to the log as it changes.
+Softening scales the commanded force, or the coupling from which an agent computes it, but never the force on the board.
+The stage does not depend on it, and a recording still verifies. Changes of the gain are logged.
 """
 
 import re
@@ -31,33 +31,33 @@ from netboard.physics.stability.delayed_coupling import (
 )
 
 MARGIN = 2.0
-"""A loop may take the largest stable delay over this [1]."""
+"""Largest stable latency over the largest allowed one [1]."""
 
 SHARE = 0.2
-"""Share of a new measurement in what counts as the delay of late [1]."""
+"""Weight of a new measurement in the smoothed latency [1]."""
 
 BACK = 0.8
-"""A loop that was too slow is quick enough again below this share of what is allowed [1]."""
+"""Share of the allowed latency below which a slow loop counts as fast enough again [1]."""
 
 GAINS = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
-"""Gains whose limits are looked for; no hand is made to feel less than the last [1]."""
+"""Gains for which limits are computed; the last is the smallest gain that is used [1]."""
 
 PACE = 0.02
-"""A gain changes by at most so much at a look [1]."""
+"""Largest change of a gain between two checks [1]."""
 
 REST = 500
-"""After a loop was too slow no trial begins for so many looks, where trials are paused for it [1]."""
+"""Checks for which no trial begins after a loop was too slow, if slow loops pause trials [1]."""
 
 TOLD = 0.1
-"""It is recorded each time it has changed by so much [1]."""
+"""Change of a gain that is recorded [1]."""
 
 
 DELAY_LIMIT = "delay_limit"
-"""Detail of an agent's `Hello`: the largest stable delay with its own device, as in ``7 ms``."""
+"""Detail of an agent's `Hello`: the largest stable latency with its own device, as in ``7 ms``."""
 
 
 def loops_of(config: Config, device: Mechanism) -> list[Loop]:
-    """Return what a hand's loop can be like: at a board that a partner holds fast, and on the free board."""
+    """Return the loops of a hand: at a board that the partner holds fast, and at a free board."""
     physics = config.physics
     ends = [FIXED, *ends_of(physics).values()] if physics.coupling != "none" else []
     plain = Loop(
@@ -73,7 +73,7 @@ def loops_of(config: Config, device: Mechanism) -> list[Loop]:
 
 
 def limit_ns(loops: Sequence[Loop], gain: float = 1.0) -> int:
-    """Return the largest delay there and back with which all of some loops are stable."""
+    """Return the largest round-trip delay with which all these loops are stable [ns]."""
     softened = [replace(loop, gain=gain) for loop in loops]
     return 1_000_000 * max(min((largest_round_trip(loop) for loop in softened), default=LONGEST), 0)
 
@@ -88,12 +88,12 @@ def _limits(loops: Sequence[Loop], first_ns: int) -> list[int]:
 
 
 class Delays:
-    """The watch over the loops of both hands.
+    """Supervises the sample-to-force latency of both hands.
 
     Attributes
     ----------
     limit_ns : int
-        The largest stable delay [ns].
+        Largest stable latency [ns].
     notice, trouble : str
         What the operator should know, and why a trial cannot go on; or empty.
     """
@@ -119,7 +119,7 @@ class Delays:
         self._tell()
 
     def know(self, side: Side, details: Mapping[str, str]) -> None:
-        """Take what an agent says of its own device when it joins."""
+        """Take the limit that an agent gives for its own device when it joins."""
         said = re.fullmatch(r"([0-9]{1,4}(?:[.][0-9]+)?) ms", details.get(DELAY_LIMIT, ""))
         self._limits_ns[side] = round(float(said[1]) * 1e6) if said else self._own_ns
         limit_ns = min(self._limits_ns.values())
@@ -128,24 +128,24 @@ class Delays:
             self._tell()
 
     def _tell(self) -> None:
-        """Record how large a delay is stable."""
+        """Record the largest stable latency."""
         told = {"limit": _ms(self.limit_ns), "allowed": _ms(self._allowed), "coupling": self._coupling_at}
         self.news.append(("delay_limit", told))
 
     @property
     def late(self) -> list[float]:
-        """Delay of the loop of each hand of late, NaN where it is not known [s]."""
+        """Smoothed latency of each hand, NaN if not known [s]."""
         return [ns * 1e-9 for ns in self._late]
 
     def look(self, loops_ns: Sequence[int], *, felt: bool) -> None:
-        """Take new measurements, and act.
+        """Take new measurements, and act on them.
 
         Parameters
         ----------
         loops_ns : sequence of int
-            The newest delay of each hand's loop, 0 for none yet [ns].
+            Newest latency of each hand, 0 if not yet known [ns].
         felt : bool
-            The hands are given forces just now; only then do loops have a delay.
+            Haptic feedback is on; only then is there a latency.
         """
         for place, (side, loop_ns) in enumerate(zip(SIDES, loops_ns, strict=True)):
             if not felt or loop_ns <= 0:
@@ -161,16 +161,16 @@ class Delays:
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """What a block needs of the loops and has not had just now."""
+        """What a block lacks while a loop was too slow recently."""
         return ("a quicker network",) if self._resting else ()
 
     def _forget(self, place: int) -> None:
-        """Know nothing of a loop that is not closed."""
+        """Forget the latency of a loop that is not closed."""
         self._late[place], self._slow[place] = nan, False
         self.gains[place] = self._told[place] = 1.0
 
     def _judge(self, place: int, side: str) -> None:
-        """See whether a loop is too slow, and soften it if that is wanted."""
+        """Check whether a loop is too slow, and soften it if so configured."""
         late = self._late[place]
         if late > self._allowed or (self._slow[place] and late > BACK * self._allowed):
             if not self._slow[place]:
@@ -183,7 +183,7 @@ class Delays:
             self._soften(place, side, late)
 
     def _soften(self, place: int, side: str, late: float) -> None:
-        """Move the gain of a hand towards what its delay allows."""
+        """Move a hand's gain towards the one that its latency allows."""
         share = self.limit_ns / self._own_ns if self._own_ns else 1.0
         wanted = float(np.interp(late, share * self._allowances, GAINS))
         gain = self.gains[place] + min(max(wanted - self.gains[place], -PACE), PACE)
@@ -193,7 +193,7 @@ class Delays:
             self.news.append(("softened", {"side": side, "gain": f"{gain:.3f}", "delay": _ms(late)}))
 
     def _words(self, side: Side) -> str:
-        """Tell an operator."""
+        """Return the notice for an operator."""
         late = self._late[SIDES.index(side)]
         return (
             f"the {side} hand's loop takes {_ms(late)}, more than the {_ms(self._allowed)} that are safe with what is "
@@ -202,5 +202,5 @@ class Delays:
 
 
 def _ms(ns: float) -> str:
-    """Write a delay."""
+    """Format a delay in milliseconds."""
     return f"{ns * 1e-6:.3g} ms"

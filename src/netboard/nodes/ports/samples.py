@@ -1,10 +1,10 @@
-"""The server's two seats, one for each side's agent, as rows of words that compiled code reads and writes.
+"""The server's state of both agents, as rows of 64-bit words that compiled code reads and writes.
 
-A seat holds the newest sample of its agent and what is known of the link. What happens 1000 times a second (a sample
-comes, a row of the tick is filled, a force goes out) happens here, without an object for each number: in a loop that
-sleeps most of the time each of Python's steps costs four times what it costs in a benchmark.
+A seat holds the newest sample of its agent and the state of the link. Whatever happens 1000 times a second (a sample
+arrives, the row of a tick is filled, a force is sent) happens here, without a Python object for each number: in a loop
+that sleeps most of the time, each Python step costs four times what it costs in a benchmark.
 
-Whatever time a sample carries is the agent's; `STAMP` is the same in server time.
+Times in a sample are on the agent's clock; `STAMP` is the sample's stamp in server time.
 """
 
 from typing import Any
@@ -22,22 +22,22 @@ from netboard.nodes.ports.crowd import CROWD, keep
 from netboard.physics.arithmetic.trig import sincos
 
 SANE_NS = 2**60
-"""Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""
+"""Stamps beyond this (36 years) are invalid; arithmetic with them could overflow 64 bits [ns]."""
 
 OWN = (
-    "arrived_ns",  # when the newest sample came [ns]
+    "arrived_ns",  # arrival of the newest sample [ns]
     "server_stamp_ns",  # its stamp in server time [ns]
-    "lead_ns",  # how long before the deadline of a tick it came [ns]
+    "lead_ns",  # how long before a tick's deadline it arrived [ns]
     "gathered",  # safeguards of all samples since the last tick
-    "fresh",  # 1: it came since the last tick
-    "punctual",  # 1: at the last tick there was a fresh one
+    "fresh",  # 1: it arrived since the last tick
+    "punctual",  # 1: the last tick had a fresh sample
     "taken",  # samples taken
-    "missing",  # numbers skipped between them
-    "stale",  # samples not taken: repeated or overtaken
+    "missing",  # sequence numbers skipped
+    "stale",  # samples rejected: repeated or overtaken
     "offset_ns",  # agent's clock minus the server's [ns]
-    "clock_known",  # 1: there is such an estimate
-    "tripped",  # safeguards of the last tick that are told as events
-    "transit_ns",  # half the shortest round trip of late: what a sample takes [ns]
+    "clock_known",  # 1: that offset is known
+    "tripped",  # safeguards of the last tick that are reported as events
+    "transit_ns",  # half the shortest recent round trip: transit time [ns]
 )
 """What the server notes beside a sample."""
 
@@ -48,7 +48,7 @@ WORDS = len(SEAT.names or ())
 SAMPLE_WORDS = WORDS - len(OWN)
 _AT = {name: place for place, name in enumerate(SEAT.names or ())}
 
-# Plain integers: what numba folds into the kernels below.
+# Plain integers, which numba folds into the kernels below as constants.
 SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
     _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
 )
@@ -67,7 +67,7 @@ TRIPS = (
     | Safeguard.STOPPED
     | Safeguard.NOT_READY
 )
-"""Safeguards that are told as events when they begin."""
+"""Safeguards that are reported as events when they begin."""
 
 _TRIP_BITS = int(TRIPS)
 
@@ -85,7 +85,7 @@ _COPIED = {
     "loop_ns": "loop_ns",
     "lead_ns": "lead_ns",
 }
-"""Fields of a row, without their side, and those of the seat they are filled from."""
+"""Fields of a row, without their side, and the fields of the seat from which they are filled."""
 
 _FROM = np.array([_AT[name] for name in _COPIED.values()])
 _TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
@@ -97,19 +97,19 @@ _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
 _HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))
 
 MOST_FRAMES = 64
-"""Frames taken in one go: whoever sends more must not hold up a tick [1]."""
+"""Frames taken at once, so that no sender can hold up a tick [1]."""
 
 PATIENCE_NS = 40_000
-"""The second sample of a tick is looked for again and again for so long: sleeping would take longer [ns]."""
+"""Time for which the second sample of a tick is polled for; sleeping would take longer [ns]."""
 
 MORE, OTHER, FAILED = 4, 8, 16
-"""Bits that `drain` returns beside those of the sides a sample has come from, 1 and 2."""
+"""Bits that `drain` returns beside 1 and 2, the sides from which a sample has arrived."""
 
 FRAMES = 32
-"""So much `drain` returns for each frame it has taken."""
+"""Value that `drain` adds to its result for each frame taken."""
 
 FEW_STRANGERS = 8
-"""Frames of peers without a seat that are taken in one go while no sample is awaited behind them [1]."""
+"""Frames of unregistered peers taken at once while no sample is awaited [1]."""
 
 LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
 """Bits that `fill` returns for the left side; the right side's are twice as large."""
@@ -117,7 +117,7 @@ LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
 
 @kernel
 def empty(seat: Any) -> None:
-    """Forget everything: somebody else sits here, or nobody."""
+    """Reset a seat for another agent or none."""
     for k in range(len(seat)):
         seat[k] = 0
     seat[SEQ] = -1
@@ -125,7 +125,7 @@ def empty(seat: Any) -> None:
 
 @kernel
 def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
-    """Take a sample: the newest wins. False if it is not newer, or its stamps are nonsense."""
+    """Take a sample if it is the newest; return False if it is older or its stamps are invalid."""
     for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -SANE_NS <= sample[k] <= SANE_NS:
             return False
@@ -133,7 +133,7 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
     if seq <= newest:
         seat[STALE] += 1
         return False
-    if seat[TAKEN] > 0:  # what was sent before the first one heard was sent to nobody
+    if seat[TAKEN] > 0:  # what came before the agent was registered is not missing
         seat[MISSING] += seq - newest - 1
     for k in range(SAMPLE_WORDS):
         seat[k] = sample[k]
@@ -148,7 +148,7 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 @kernel
 def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
-    """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken."""
+    """Take a fixed-form sample; return -1 if the frame is anything else, else whether the sample was taken."""
     if not fixed.read(frame, head, markers, sample):
         return -1
     return 1 if take(seat, sample, now_ns, due_ns) else 0
@@ -156,7 +156,10 @@ def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_
 
 @kernel
 def awaited(seats: Any) -> bool:
-    """Tell whether a tick should wait for its deadline: a sample is missing from a side that was punctual so far."""
+    """Return whether a tick should wait for its deadline.
+
+    It should if a side that was punctual at the last tick has not sent a sample yet, or no side has.
+    """
     fresh = 0
     for place in range(2):
         fresh += seats[place, FRESH]
@@ -178,16 +181,16 @@ def drain(
     most: int,
     crowd: Any,
 ) -> int:
-    """Take the samples that have come.
+    """Take the samples that have arrived.
 
-    What arrives meanwhile must not seem to come before it was sent, so each has a time of its own. What peers without a
-    seat send is kept for later.
+    Each sample gets its own arrival time, because one that arrives during the call must not seem to arrive before it
+    was sent. Frames of unregistered peers are kept for later.
 
     Returns
     -------
     int
-        1 and 2 for a sample that was taken from the left and right side, `MORE` if there may be more to take, `OTHER`
-        if the last frame is something else of a peer with a seat, `FAILED`, and `FRAMES` for each frame.
+        1 and 2 for a sample taken from the left and right side, `MORE` if there may be more to take, `OTHER` if the
+        last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
     found = frames = strangers = give_up_ns = 0
     while frames < most and (strangers < FEW_STRANGERS or awaited(seats)):
@@ -218,9 +221,9 @@ def drain(
 
 @kernel
 def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
-    """Begin the row of a tick with the newest samples; which sides are live, armed, stopped, and tripped just now.
+    """Begin the row of a tick with the newest samples; return which sides are live, armed, stopped or newly tripped.
 
-    The force that a device has rendered is NaN where the newest sample is too old, or too new, to say so.
+    The rendered force is NaN where the newest sample is too old, or too new, to tell it.
 
     Returns
     -------
@@ -259,12 +262,12 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
 
 @kernel
 def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: int, now_ns: int) -> None:
-    """Fill in the `Force` of one side for one tick.
+    """Fill in one side's `Force` of a tick.
 
     Parameters
     ----------
     told : ndarray of int64
-        The words of the row whose force is told: the same, or an earlier one (`netboard.stage.stage.Stage.told`).
+        Words of the row whose force is sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
     """
     words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
     words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
@@ -273,12 +276,12 @@ def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: i
 
 @kernel
 def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
-    """Fill in the `Point` of one side for one tick: that of the state which the tick has found.
+    """Fill in one side's `Point` of a tick: position and velocity of its end of the board after the tick.
 
     Parameters
     ----------
     ends : ndarray of float64, shape (2, 3)
-        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+        For each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling [SI].
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
     s, c = sincos(values[_TILT])
@@ -294,17 +297,17 @@ def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: A
 def send_forces(
     fast: Any, frame: Any, row: Any, told: Any, seats: Any, gains: Any, head: Any, markers: Any, words: Any
 ) -> int:
-    """Send each side that is there its `Force` of one tick; at every other tick the other side first.
+    """Send each connected side its `Force` of a tick; the side that goes first alternates.
 
     Parameters
     ----------
     told : ndarray of int64
-        The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.stage.Stage.told`).
+        Words of the row whose forces are sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
 
     Returns
     -------
     int
-        `netboard.network.transport.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is
+        `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is
         no failure.
     """
     first = row[_TICK] & 1
@@ -323,19 +326,19 @@ def send_forces(
 def send_points(
     fast: Any, frame: Any, row: Any, seats: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
 ) -> int:
-    """Send each side that is live its `Point` of one tick, as `send_forces` does the forces.
+    """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
-    A side without a sample that counts is told nothing: its agent lets the force fade.
+    A side without a valid sample gets nothing: its agent lets the force fade.
 
     Parameters
     ----------
     ends : ndarray of float64, shape (2, 3)
-        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+        For each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling [SI].
 
     Returns
     -------
     int
-        `netboard.network.transport.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is
+        `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its point is
         no failure.
     """
     first = row[_TICK] & 1
@@ -351,7 +354,7 @@ def send_points(
 
 
 def ends_of(physics: Physics) -> Any:
-    """Return what `send_points` needs of the scene: the couplings' control points, stiffness and damping."""
+    """Return the control points, stiffness and damping of the couplings, for `send_points`."""
     ends = np.zeros((2, 3))
     for end, side, arm in zip(ends, SIDES, (-physics.l, physics.l), strict=True):
         end[:] = (arm, physics.k_h, physics.c_h) if physics.coupling in (side, "both") else (arm, 0.0, 0.0)
@@ -359,7 +362,7 @@ def ends_of(physics: Physics) -> Any:
 
 
 def warm() -> None:
-    """Compile (or load) the kernels, so that no first sample is late."""
+    """Compile or load the kernels, so that the first sample is not delayed."""
     fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
     row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:

@@ -1,8 +1,8 @@
-"""Who listens to the log beside the loggers: peers that are sent what is recorded, and are waited for by nobody.
+"""Subscribers to the log: peers that are sent the records but are never waited for.
 
-Rules: a listener gets records from the ring alone, one batch at a time, and after the loggers; what it does not take in
-time is lost to it, and it is told how many records that are. It acknowledges nothing, and whether records are safe, a
-trial may go on or a session may end is decided without knowing of it.
+Rules: a subscriber gets records only from the ring, one batch at a time, and after the loggers. Records that it does
+not take in time are lost to it, and each batch says how many. It acknowledges nothing, and no decision depends on it:
+whether records are safe, a trial may go on, or a session may end.
 """
 
 from netboard.base.errors import WireError
@@ -19,14 +19,14 @@ MOST_LISTENERS = 4
 
 MOST_RECORDS = 128
 MOST_BYTES = 65_536
-"""In one go a listener is sent no more: some ten times what is recorded between two goes [1]."""
+"""Bytes of a batch: some ten times what is recorded between two batches [1]."""
 
 GONE_NS = 2_000_000_000
-"""A listener that has said nothing for so long is gone [ns]."""
+"""Silence after which a subscriber is gone [ns]."""
 
 
 class _Listener:
-    """A listener as the server sees it."""
+    """The server's state of a subscriber."""
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
@@ -36,7 +36,7 @@ class _Listener:
 
 
 class Listeners:
-    """The listeners of a session."""
+    """The subscribers of a session."""
 
     def __init__(self, router: endpoints.Router, ring: LogRing, comings: Comings) -> None:
         self._router = router
@@ -52,15 +52,15 @@ class Listeners:
 
     @property
     def peers(self) -> list[Peer]:
-        """The listeners that are there."""
+        """The connected subscribers."""
         return [listener.peer for listener in self._listeners.values()]
 
     def links(self, now_ns: int) -> list[Link]:
-        """Tell how they are connected."""
+        """Return the state of their connections."""
         return [(*listener.peer.link(now_ns)[:-1], listener.lost) for listener in self._listeners.values()]
 
     def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
-        """Let one in that may come in; one that is known goes on where it was."""
+        """Register a subscriber if there is room; one that is already registered goes on where it was."""
         known = self._listeners.get(name)
         if known is None and len(self._listeners) >= MOST_LISTENERS:
             raise WireError("too many listeners")
@@ -70,7 +70,7 @@ class Listeners:
             self._comings.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
 
     def hear(self, name: bytes, message: Message, now_ns: int) -> None:
-        """Take what one says."""
+        """Handle a subscriber's message."""
         listener = self._listeners[name]
         listener.peer.hear(now_ns)
         match message:
@@ -82,9 +82,9 @@ class Listeners:
                 self._forget(name, reason, now_ns)
 
     def pump(self, now_ns: int, *, ended: bool, unheard: bool = False) -> bool:
-        """Send each what its queue takes; whether one has been asked for its time.
+        """Send each subscriber what its queue takes; return whether one was pinged.
 
-        While there is something `unheard`, nobody counts as silent.
+        While frames are still `unheard`, no subscriber counts as silent.
         """
         pinged = False
         for name, listener in list(self._listeners.items()):
@@ -98,12 +98,12 @@ class Listeners:
         return pinged
 
     def dismiss(self) -> None:
-        """Say goodbye to them all."""
+        """Say goodbye to all subscribers."""
         for name in self._listeners:
             self._router.send(name, encode(Goodbye("the session is over")))
 
     def _feed(self, name: bytes, listener: _Listener, cursor: int, ended: bool) -> int:
-        """Send the next batch, and after the last one that it was the last; return what follows it."""
+        """Send the next batch, and the end after the last one; return the number of the record that follows."""
         if cursor < self._ring.next:
             batch = self._ring.batch(cursor, MOST_RECORDS, MOST_BYTES)
             if self._router.send(name, encode(batch)):

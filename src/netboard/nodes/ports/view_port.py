@@ -1,4 +1,4 @@
-"""The server's end of the two view channels: each station is shown what it may see, when it is its turn."""
+"""The server's endpoint of the two view channels: each station gets what its participant may see, at the view rate."""
 
 from math import ceil
 from typing import Any
@@ -14,21 +14,21 @@ from netboard.network.transport import authenticator, channels, sockets
 from netboard.stage.curtain import Curtain, view_of
 
 SAME_VIEW_TICKS = 50
-"""A view that has not changed is sent again after so many ticks: a display knows that the link is alive [1]."""
+"""Ticks after which an unchanged view is sent again, so that a display knows that the link is alive [1]."""
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _SHOWN = ("phase", "z", "theta", "p", "target", "trial", "attempt", "failures", "completion", "counted")
 _SEEN = np.array([_AT[name] for name in (*_SHOWN, "left_used_z", "right_used_z")])
-"""What views are made of: while these words of a row are the same, so are the views."""
+"""Words of a row that determine the views: while they are the same, so are the views."""
 
 
 class ViewPort:
-    """Both stations' publishers.
+    """The publishers of both stations' views.
 
     Parameters
     ----------
     network : Network
-        Where they listen, and how often a view may be sent.
+        Their addresses, and the largest rate of views.
     """
 
     def __init__(self, network: Network, context: sockets.Context, door: authenticator.Door | None) -> None:
@@ -41,18 +41,18 @@ class ViewPort:
         self.renew()
 
     def renew(self) -> None:
-        """Forget what has been shown: with another block everything is new."""
+        """Forget the last views, because a new block changes everything."""
         self._seen = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, b""))
 
     def show(
         self, following: int, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None
     ) -> None:
-        """Send a station what it may see, if it is its turn, somebody looks, and there is anything new.
+        """Publish a station's view if it is due, somebody subscribes, and it has changed.
 
         Parameters
         ----------
         following : int
-            Milliseconds that have gone by, by which turns are taken: live, the number of the following tick [1].
+            Elapsed time by which views are due [ms]; live, the number of the following tick.
         """
         for side, turn in self._turn.items():
             if following > turn:
@@ -74,6 +74,6 @@ class ViewPort:
         self._seq[side] += 1
 
     def close(self) -> None:
-        """Close both."""
+        """Close both publishers."""
         for publisher in self._views.values():
             publisher.close()

@@ -1,10 +1,11 @@
-"""One block with simulated people, tick by tick and without a clock: a closed loop of minds, bodies and the stage.
+"""One block with simulated participants, tick by tick and without a clock.
 
-A tick goes as in the live system: both styluses are read, the stage does the tick, the forces act from its deadline on,
-and whoever is shown it sees it one tick later. What happens between two thoughts is one kernel. The block starts as
-soon as a live one would, and rests before blocks are left out: people here do not get tired.
+It is a closed loop of minds, bodies and the stage. A tick runs as in the live system: both styluses are read, the stage
+runs the tick, the forces act from its deadline on, and each participant sees it one tick later. The ticks between two
+decisions are one kernel. The block starts as soon as a live one would. Rests before blocks are left out, because
+simulated participants do not get tired.
 
-Rule 1: the ticks depend on the configuration, the people and nothing else; not on how many are done in one piece.
+Rule 1: the ticks depend only on the configuration and the participants, not on how many are run in one piece.
 Rule 2: the rows are those of a recording: inputs, state and outputs, and what the server would have noted beside them.
 """
 
@@ -27,22 +28,22 @@ from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
 PIECE = 1000
-"""Ticks in a piece, if nothing else is asked for [1]."""
+"""Default number of ticks in a piece [1]."""
 
 START_TICK = 500
-"""The tick at which a block starts: as long as the server wants everything to have been ready [1]."""
+"""Tick at which a block starts: as long as the server wants everything to have been ready [1]."""
 
 PATIENCE = 120.0
-"""A block is stopped when its trials have taken longer than this on average: whoever is here cannot do it [s]."""
+"""Mean duration of a trial from which a block is stopped, because its participants cannot do it [s]."""
 
 KEPT = THINK_TICKS
-"""Ticks before a piece that are kept, for whoever has not looked at them yet [1]."""
+"""Ticks kept before a piece, for participants that see them late [1]."""
 
 _FINISHED = int(Phase.FINISHED)
 
 
 def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
-    """Stand for the ticks of a stage, which `composed` puts in its place."""
+    """Placeholder for the ticks of a stage, which `composed` replaces."""
     raise NotImplementedError
 
 
@@ -58,7 +59,7 @@ def _loop(
     bodies: Any,
     white: Any,
 ) -> int:
-    """Do some ticks with both bodies, or fewer if the block is over; how many."""
+    """Run some ticks with both bodies, or fewer if the block is over; return how many."""
     for k in range(count):
         place = first + k
         for side in range(2):
@@ -79,7 +80,7 @@ def _loop_around(ticks: Callable[..., None]) -> Callable[..., int]:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What came of a block.
+    """Results of a block.
 
     Attributes
     ----------
@@ -94,7 +95,7 @@ class Summary:
 
     @property
     def duration(self) -> float:
-        """How long it took the people [s]."""
+        """Simulated duration of the block [s]."""
         return self.ticks * TICK_SECONDS
 
 
@@ -140,12 +141,12 @@ class Rehearsal:
         return len(self._completions)
 
     def summary(self) -> Summary:
-        """What has come of it so far."""
+        """Return the results so far."""
         failures = int(self._state["failures"][0])
         return Summary(tuple(self._completions), failures, self._ticks, self._given_up)
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
-        """Do the block.
+        """Run the block.
 
         Yields
         ------
@@ -169,7 +170,7 @@ class Rehearsal:
     def _do(
         self, rows: NDArray[Any], words: NDArray[np.int64], numbers: NDArray[np.float64], first: int, count: int
     ) -> int:
-        """Do some ticks, with a thought after the last if it is time for one; the place of the tick that is next."""
+        """Run some ticks, with a decision after the last if one is due; return the place of the next tick."""
         white = (self._bodies["left"].noise(count), self._bodies["right"].noise(count))
         stage = self._stage
         done = self._loop(self._state, rows, words, numbers, first, count, stage.book, stage.tables, self._parts, white)
@@ -183,10 +184,10 @@ class Rehearsal:
         return first + done
 
     def _think(self, rows: NDArray[Any], last: int, sides: tuple[Side, ...], mind: Mind) -> None:
-        """Let somebody look, decide and move after a tick."""
+        """Let a participant look, decide and move after a tick."""
         tick = self._ticks - 1
         late = tick - mind.shown(tick)
-        if late <= min(tick, THINK_TICKS):  # else it is what was seen before
+        if late <= min(tick, THINK_TICKS):  # else it has seen that view already
             mind.look(rows[last - late])
         moves = mind.think(rows[last], self._bodies[sides[0]].wanted)
         for side in sides if moves else ():
@@ -203,7 +204,7 @@ class Rehearsal:
 
 
 def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
-    """Who moves a hand."""
+    """Return the participant that moves a hand; None for a hand that is held still."""
     block = config.block
     match block.left if side == "left" else block.right:
         case "still":

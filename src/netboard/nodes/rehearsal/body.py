@@ -1,10 +1,10 @@
-"""A simulated hand on its virtual device, a tick at a time: what an agent with a simulated person sends the server.
+"""A simulated hand on its virtual device, a tick at a time: what its agent would send the server.
 
-Its milliseconds are those of an agent that keeps pace with the server: the stylus is read `LEAD_NS` before the deadline
+Its milliseconds are those of an agent that follows the server's ticks: the stylus is read `LEAD_NS` before the deadline
 of a tick, and the force computed in that tick acts from the deadline on. Hand, encoder, velocity, fixture and the
-motors' limit are the equations that `netboard.devices.simulated.virtual` and the agent use; all that happens in a tick
-is one kernel. The safety chain is left out, but for its clamp: nothing it watches for happens here, so armed and at its
-full force it hands on what comes. Motors stay cool, and nothing takes its time.
+motors' limit follow the equations of `netboard.devices.simulated.virtual` and the agent. A tick is one kernel. Of the
+safety chain only the clamp is simulated: nothing else that it guards against happens here, so an armed chain passes the
+force on. Motors do not heat up, and no step takes time.
 """
 
 from collections.abc import Iterable
@@ -29,7 +29,7 @@ from netboard.participants.submovement import Submovement
 from netboard.task.trials.state_machine import is_active
 
 LEAD_NS = STEP_NS
-"""The stylus is read so long before the deadline of its tick [ns]."""
+"""Time from the reading of the stylus to the deadline of its tick [ns]."""
 
 STEPS = TICK_NS // STEP_NS
 """Steps of the hand in a tick [1]."""
@@ -44,7 +44,7 @@ _TICK, _TIME, _PHASE = _AT["tick"], _AT["time_ns"], _AT["phase"]
 
 
 def _places(field: str) -> tuple[int, int]:
-    """Where a row has a field of the left and of the right side."""
+    """Return where a row has a field of the left and of the right side."""
     return _AT[f"{SIDES[0]}_{field}"], _AT[f"{SIDES[1]}_{field}"]
 
 
@@ -66,17 +66,17 @@ _DEVICE = np.dtype(
         ("fy", "<f8"),
         ("fz", "<f8"),
         ("wanted", "<f8"),  # vertical force to act next [N]
-        ("count", "<i8"),  # positions that the velocity is made of [1]
-        ("told", "<i8"),  # forces heard of [1]
+        ("count", "<i8"),  # positions from which the velocity is computed [1]
+        ("told", "<i8"),  # forces received [1]
         ("held", "<i8"),  # 0: nobody moves it, it is at rest at height 0
     ]
 )
-"""A device as the kernels know it."""
+"""A device as the kernels see it."""
 
 
 @kernel
 def _live(body: Any, white: NDArray[np.float64], origin: float, force: tuple[float, float, float]) -> None:
-    """Let a hand live for some steps under a constant force."""
+    """Integrate a hand for some steps under a constant force."""
     hand, end, arm, cables, course = body[:5]
     if len(cables) == 0:
         swing(hand, arm, course, origin, force[0], force[1], force[2], white)
@@ -86,12 +86,12 @@ def _live(body: Any, white: NDArray[np.float64], origin: float, force: tuple[flo
 
 @kernel
 def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: Any) -> None:
-    """Live from the reading before to that of this tick, and put that into the tick's row.
+    """Integrate from the last reading to that of this tick, and put the reading into the tick's row.
 
     Parameters
     ----------
     words : ndarray of int64, shape (n,)
-        The row as words; its ``tick`` and ``time_ns`` are there, ``time_ns`` one tick after that of the row before.
+        The row as words; its ``tick`` and ``time_ns`` are set, ``time_ns`` one tick after that of the row before.
     """
     hand, _, _, _, _, device, stamps, places, _ = body
     d = device[0]
@@ -118,12 +118,12 @@ def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: 
 
 @kernel
 def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
-    """Let a body know what force came out of a tick; with a delay of the block, it acts so much later.
+    """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     Returns
     -------
     float
-        Vertical force on the hand that acts next: none unless a trial is on [N].
+        Vertical force on the hand that acts next, zero unless a trial is running [N].
     """
     d, coming = body[5][0], body[8]
     place, size = d["told"], len(coming)
@@ -139,9 +139,9 @@ class Body:
     Parameters
     ----------
     config : Config
-        Rig and experiment; of the rig the simulated device, the fixture and the largest force.
+        Rig and experiment; of the rig, the simulated device, the fixture and the largest force count.
     person : Participant or None
-        Whose hand; None for a stylus that is held still at height 0.
+        The participant whose hand it is; None for a stylus that is held still at height 0.
     """
 
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
@@ -165,36 +165,36 @@ class Body:
         return float(self._device["wanted"])
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Let the hand do something.
+        """Begin submovements of the hand.
 
         Parameters
         ----------
         moves : iterable of Submovement
-            What; those of the other hand are not for this one.
+            Movements; those of the other hand are ignored.
         """
         self._hand.plan(move for move in moves if move.side == self._side)
 
     def warm(self) -> None:
-        """Compile (or load from the cache) all that happens in a tick, by one of this body."""
+        """Compile or load the kernels by running a tick of this body, which changes its state."""
         words = np.zeros(len(_AT), np.int64)
         self.fill(words)
         self.tell(words)
 
     def noise(self, ticks: int) -> NDArray[np.float64]:
-        """Take what drives the tremor in the next ticks."""
+        """Return the random drive of the tremor in the next ticks."""
         return self._hand.noise(ticks * STEPS)
 
     def fill(self, words: NDArray[np.int64]) -> None:
-        """Live for a millisecond, and put the stylus into a tick's row."""
+        """Advance by a millisecond, and put the stylus into a tick's row."""
         fill(self.parts, self._place, self.noise(1), words, words.view(np.float64))
 
     def tell(self, words: NDArray[np.int64]) -> float:
-        """Hear what force came out of a tick."""
+        """Take the force of a tick; return the vertical force that acts next [N]."""
         return tell(self.parts, self._place, words, words.view(np.float64))
 
 
 def refuse_flaws(config: Config) -> None:
-    """Refuse flaws of a simulated device that are not simulated here."""
+    """Refuse device faults that a rehearsal does not simulate."""
     virtual, own = config.virtual, resolved(config.virtual)
     flaws = {
         "thermal_time": own.thermal_time,

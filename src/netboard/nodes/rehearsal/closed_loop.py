@@ -1,9 +1,9 @@
-"""A simulated person behind the curtain: sees what its station is shown, feels its own hand, and decides.
+"""A simulated participant behind the curtain: sees its station's views, feels its own hand, and decides.
 
-Rule 1: what is seen is made by `netboard.stage.curtain.view_of`, as often as the server makes views, and seen one tick
-later. Rule 2: a force is read for the partner's height only where it tells it: where the hands feel all of the board.
-Any other one pushes the hand, and is not understood. Rule 3: time is that of the ticks; randomness comes from the
-generator handed in.
+Rule 1: `netboard.stage.curtain.view_of` makes its views, at the server's view rate, and it sees them one tick later.
+Rule 2: it infers the partner's height from the force only where the force tells it: where the hands feel the full
+board. Any other force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes
+from the given generator.
 """
 
 from dataclasses import replace
@@ -23,13 +23,13 @@ from netboard.stage.curtain import make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
 
 THINK_TICKS = round(THINK_EVERY / TICK_SECONDS)
-"""After each tick whose number is a multiple of this a mind decides [1]."""
+"""A mind decides after each tick whose number is a multiple of this [1]."""
 
 _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 
 
 class Mind:
-    """One person's eyes, sense of force and brain."""
+    """One participant's eyes, sense of force and brain."""
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
@@ -46,17 +46,17 @@ class Mind:
         self._catch = frozenset(block.catch)
 
     def shown(self, tick: int) -> int:
-        """Newest tick that has been seen when a tick is done.
+        """Return the newest tick that has been seen when a tick is done.
 
         Returns
         -------
         int
-            Its number, less than `tick`; negative before the first that is shown [1].
+            Its number, less than `tick`; negative before the first view [1].
         """
         return tick - 1 - (tick - 1 - self._turn) % self._view_ticks
 
     def look(self, row: NDArray[Any] | np.void) -> None:
-        """Look at what is shown."""
+        """Take the view of a tick."""
         time_ns = int(row["time_ns"])
         view = view_of(self._curtain, row, self._station, None, time_ns)
         when = (time_ns + TICK_NS) * 1e-9
@@ -68,14 +68,14 @@ class Mind:
         Parameters
         ----------
         force : float
-            Vertical force on the own hand that acts since then [N].
+            Vertical force that acts on the own hand from now on [N].
         """
         scale = self._scale_in(row)
         felt = force / scale if scale else None
         return self._brain.think(int(row["time_ns"]) * 1e-9, self._glimpse, felt)
 
     def _scale_in(self, row: NDArray[Any] | np.void) -> float:
-        """What the force on the hand is multiplied by; 0 where it tells nothing [1]."""
+        """Return the factor by which to multiply the force on the hand; 0 where it tells nothing [1]."""
         trial = int(row["trial"])
         if not self._scales or not _FIRST_ACTIVE <= row["phase"] <= _LAST_ACTIVE or trial in self._catch:
             return 0.0
@@ -83,7 +83,7 @@ class Mind:
 
 
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
-    """Who decides in a block: at which station, with which hands.
+    """Return who decides in a block: at which station, with which hands.
 
     Returns
     -------

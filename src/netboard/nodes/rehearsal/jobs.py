@@ -1,6 +1,6 @@
-"""Blocks to be rehearsed: who takes part in each, where its recording goes, and what came of it.
+"""Blocks to rehearse: the participants of each, its recording and its results.
 
-One after the other in this process, or several at once, each in a process of its own.
+They run one after the other in this process, or several at once, each in its own process.
 """
 
 import hashlib
@@ -22,12 +22,12 @@ from netboard.recording.files.offline_writer import Keeper
 
 @dataclass(frozen=True)
 class Job:
-    """One block to be rehearsed.
+    """One block to rehearse.
 
     Attributes
     ----------
     begun_ns : int or None
-        When it was begun, as its recording says; None for when it is [ns].
+        Start time that its recording states; None for the real one [ns].
     """
 
     config: Config
@@ -40,14 +40,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Sheet:
-    """What came of a block, as it is shown and written as JSON.
+    """Results of a block, as they are shown and written as JSON.
 
     Attributes
     ----------
     mean_completion : float or None
-        Mean completion time of the successful ones; None without one [s].
+        Mean completion time of the successful trials; None without one [s].
     seconds : float
-        How long it took here [s].
+        Computing time [s].
     """
 
     session: str
@@ -65,12 +65,12 @@ class Sheet:
 
     @property
     def factor(self) -> float:
-        """How many times faster than the people it was [1]."""
+        """Speed relative to real time [1]."""
         return self.ticks * TICK_SECONDS / self.seconds
 
 
 def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True) -> list[Job]:
-    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone."""
+    """Make the jobs of a dyad; session ids depend only on the blocks and the seed."""
     ids = {
         name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
         for name in dict.fromkeys(block.session.name for block in blocks)

@@ -1,7 +1,7 @@
-"""Who rehearses: people who differ, as real ones do, and are the same persons in all blocks of a session.
+"""Simulated participants that differ as real ones do, and stay the same in all blocks of a session.
 
-Gains, thresholds and noise of each person are those of ``[participant]`` times log-normal factors; what a person draws
-does not depend on what is drawn for others, nor on the blocks that are rehearsed.
+Gains, thresholds and noise of each participant are those of ``[participant]`` times log-normal factors. The factors of
+a participant depend neither on those of others nor on the blocks that are rehearsed.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ SPREAD = 0.15
 """Standard deviation of the logarithm of most factors [1]."""
 
 _VARIED = {
-    ("kp", "kd"): SPREAD / 2,  # together: who wants the ball quicker brakes harder
+    ("kp", "kd"): SPREAD / 2,  # together: a participant that moves the ball faster also brakes harder
     ("threshold_deg",): SPREAD,
     ("refractory", "movement_time"): SPREAD / 2,
     ("reaction_time",): SPREAD,
@@ -22,14 +22,14 @@ _VARIED = {
     ("partner_noise",): SPREAD,
     ("force_noise",): SPREAD,
 }
-"""What differs between people, what of it goes together, and by how much."""
+"""Parameters that differ between participants, grouped by common factor, with the standard deviations."""
 
 LETTERS = ("A", "B")
 """Names of the two participants of a session."""
 
 
 def person_of(usual: Participant, seed: int, dyad: int, letter: str) -> Participant:
-    """Make one person of a dyad."""
+    """Make one participant of a dyad."""
     rng = np.random.default_rng((seed, dyad, LETTERS.index(letter)))
     factors = {
         name: float(factor)

@@ -1,1 +1,1 @@
-"""A recording on the sockets of a server, or told as text."""
+"""Replay of a recording on the sockets of a server, or as text."""

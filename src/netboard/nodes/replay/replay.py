@@ -1,4 +1,4 @@
-"""A recording told as text, event by event, at the pace it happened."""
+"""A recording as text, event by event, at the original pace."""
 
 import time
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from netboard.base.clock import now_ns
 from netboard.recording.files.reader import Recording
 
 NAP = 0.05
-"""How long a stop request may wait [s]."""
+"""Longest sleep before a request to stop is noticed [s]."""
 
 
 def narrate(path: Path, speed: float, stopping: Callable[[], bool], say: Callable[[str], None]) -> None:
-    """Tell the events of a recording."""
+    """Print the events of a recording."""
     with Recording(path) as recording:
         events = recording.events()
     if not events:

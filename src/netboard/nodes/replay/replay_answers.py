@@ -1,6 +1,6 @@
-"""What a replay answers when operators ask: how the session was at this position, as far as it was recorded.
+"""Answers of a replay to operators: the state of the recorded session at the current position.
 
-Nothing is armed, nobody is waited for, and the peers are those of the replay itself.
+Nothing is armed, no peer is waited for, and the peers are those of the replay itself.
 """
 
 from math import nan
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from netboard.nodes.replay.replay_server import ReplayServer
 
 TRACE_TICKS = 1000
-"""So many ticks before the present one are told at the most [1]."""
+"""Largest number of ticks before the current one in an answer [1]."""
 
 _LIMITED = int(Safeguard.CLAMPED)
 
 
 class ReplayAnswers:
-    """Answers for a replay."""
+    """Answers operators' questions about a replay."""
 
     def __init__(self, server: "ReplayServer") -> None:
         self._server = server
@@ -37,7 +37,7 @@ class ReplayAnswers:
         self._late = np.cumsum(ticks["late_ns"] > LATE_NS)
 
     def status(self) -> Status:
-        """How the session was, for operators."""
+        """Return the status of the recorded session."""
         server, reel, now = self._server, self._server.reel, now_ns()
         index = server.index
         row, config, outcomes = reel.ticks[index], reel.config, reel.outcomes(index)
@@ -77,7 +77,7 @@ class ReplayAnswers:
         )
 
     def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
-        """How a station was, as `Status.stations` has it."""
+        """Return the state of a station as an item of `Status.stations`."""
         ticks = self._server.reel.ticks
         row = ticks[index]
         age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
@@ -88,20 +88,20 @@ class ReplayAnswers:
         return side, age, int(np.bitwise_or.reduce(bits)), float(row[f"{side}_rendered"]), lost, limited
 
     def _begun(self, index: int) -> int:
-        """Index of the row with which the attempt that is on began; that of the next row if none is on."""
+        """Return the index of the row with which the current attempt began; that of the next row without an attempt."""
         ticks = self._server.reel.ticks
         if int(ticks["phase"][index]) not in BALL_FREE:
             return index + 1
         return max(int(np.searchsorted(ticks["tick"], ticks["tick"][index] - ticks["run_ticks"][index])), 0)
 
     def outcomes(self, first: int) -> Outcomes:
-        """What had become of the attempts from this one on."""
+        """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
         known = self._server.reel.outcomes(self._server.index)
         return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
 
     def trace(self, after: int) -> Trace:
-        """What has happened after this tick, and not after the present one."""
+        """Return the ticks after this one, up to the current one."""
         reel, index = self._server.reel, self._server.index
         rows = reel.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
         rows = rows[(rows["tick"] > after) & (rows["tick"] % TRACE_EVERY == 0)]

@@ -1,7 +1,7 @@
-"""A recording on the sockets of a server: displays, consoles and clients in any language connect as if it were live.
+"""A recording on the sockets of a server: displays, consoles and clients in any language connect as to a live session.
 
-It is the same curtain, the same ports and the same door. What is shown follows a `Playback`, which commands and keys
-change. Nothing is computed and no force exists: agents and loggers are told so and sent away.
+Curtain, ports and authentication are those of the server. The views follow a `Playback`, which commands and keys
+control. Nothing is computed and there are no forces: agents and loggers are refused with the reason.
 """
 
 import logging
@@ -27,23 +27,23 @@ from netboard.recording.replay.position import Playback
 log = logging.getLogger(__name__)
 
 ROUND_NS = 1_000_000
-"""The loop looks up so often: whose turn it is to be shown a view is counted in milliseconds [ns]."""
+"""Period of the loop; views are scheduled in milliseconds [ns]."""
 
 HOUSE_ROUNDS = 20
-"""After so many rounds it looks after peers and door [1]."""
+"""Rounds between two checks of peers and authentication [1]."""
 
 FAREWELL_SECONDS = 0.2
-"""Peers get this long to read what they were told last: closing would take it from them [s]."""
+"""Time before the channels close, so that peers can read the last messages [s]."""
 
 MOST_LETTERS = 1000
-"""An answer has at most so many letters: it may quote what was asked, and must fit into its frame [1]."""
+"""Longest answer: it may quote the question, and must fit into its frame [1]."""
 
 MOST_REFUSED = 16
-"""Frames on a closed channel taken in one go [1]."""
+"""Frames on a closed channel taken at once [1]."""
 
 
 class ClosedPort:
-    """A channel on which there is nothing to be had; whoever comes is told why."""
+    """A channel that a replay does not serve; its peers are refused with the reason."""
 
     def __init__(self, router: endpoints.Router, reason: str) -> None:
         self.news: list[tuple[str, dict[str, str]]] = []
@@ -51,7 +51,7 @@ class ClosedPort:
         self.refusals = Refusals(router, self.news)
 
     def drain(self, now_ns: int) -> None:
-        """Refuse whatever has come [ns]."""
+        """Refuse the frames that have arrived [ns]."""
         for _ in range(MOST_REFUSED):
             received = self._router.receive()
             if received is None:
@@ -60,7 +60,7 @@ class ClosedPort:
                 self.refusals.refuse(received[0], self._reason, now_ns)
 
     def close(self) -> None:
-        """Close, after the last words."""
+        """Close after the last messages."""
         self._router.close_after_goodbye()
 
 
@@ -70,16 +70,16 @@ class ReplayServer:
     Parameters
     ----------
     network : Network
-        Where it listens, and how often a view may be sent.
-    door : doors.Door or None
-        Where peers show their keys; None where no keys are asked for.
+        Its addresses, and the largest rate of views.
+    door : authenticator.Door or None
+        Authenticator of the peers; None without authentication.
     at : float or None
         Where to begin; None for the start of the block [s].
 
     Attributes
     ----------
     session : str
-        Id of this run: not that of the recording, for everything is counted anew.
+        Id of this run; not that of the recording, because numbering starts anew.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class ReplayServer:
         Parameters
         ----------
         keys : callable
-            A key that was pressed at this terminal, if one was.
+            Returns the order of a key pressed at this terminal, or None.
         say : callable
             Takes a line for people whenever an order was carried out or refused.
         """
@@ -143,12 +143,12 @@ class ReplayServer:
         self.leave()
 
     def go_on(self, milliseconds: int) -> list[str]:
-        """Show what is to be seen, and do what is wished; what is to be said of it.
+        """Publish the views and carry out the commands that are due; return what to say about them.
 
         Parameters
         ----------
         milliseconds : int
-            How long the server has been running: views are sent in turns [1].
+            Time for which the server has been running [ms].
         """
         self._show(milliseconds)
         self.control.drain(now_ns())
@@ -158,20 +158,20 @@ class ReplayServer:
         return [self._grant(wish) for wish in wishes]
 
     def _show(self, milliseconds: int) -> None:
-        """Send each station what it may see, if it is its turn."""
+        """Send each station its view, if it is due."""
         index, reel = self.index, self.reel
         seen = reel.ticks[index], self._words[index]
         self._views.show(milliseconds, reel.curtain, *seen, reel.best(index), reel.rest(index))
 
     def _grant(self, wish: Wish) -> str:
-        """Carry out a command and answer it."""
+        """Carry out a command and reply to it."""
         command = wish.command
         accepted, words = self._carry_out(Order(command.name, command.argument), wish.name)
         self.control.reply(wish, accepted, words[:MOST_LETTERS])
         return words[:MOST_LETTERS]
 
     def _carry_out(self, order: Order, by: str) -> tuple[bool, str]:
-        """Carry out an order; whether it could be, and what is to be said."""
+        """Carry out an order; return whether it succeeded, and what to say."""
         now = now_ns() * 1e-9
         if order.name == "take":
             return True, "everybody may command a replay"
@@ -185,10 +185,10 @@ class ReplayServer:
         return True, "the replay ends" if self._over else in_words(self.playback, self.reel, now)
 
     def keep_house(self) -> None:
-        """Look after the peers and the door."""
+        """Check the peers and the authentication."""
         now = now_ns()
         self.control.pump(now)
-        self.control.take_frames()  # what is shown of a replay is not recorded
+        self.control.take_frames()  # frames of a replay are not recorded
         for closed in self._closed:
             closed.drain(now)
             closed.refusals.look(now)
@@ -215,10 +215,10 @@ class ReplayServer:
 
 
 def printable(details: dict[str, str]) -> str:
-    """Write the details of an event as one line."""
+    """Return the details of an event as one line."""
     return printable_line(" ".join(f"{key}={value}" for key, value in details.items()))
 
 
 def printable_line(words: str) -> str:
-    """Write words of a stranger so that they have no power over the terminal."""
+    """Escape text of an unknown peer, so that it cannot control the terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in words)

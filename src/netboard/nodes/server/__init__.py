@@ -1,1 +1,1 @@
-"""The physics server: sessions, their ticks, attempts, blocks, commands and supervision."""
+"""The physics server: sessions, ticks, attempts, blocks, operator commands and supervision."""

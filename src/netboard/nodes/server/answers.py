@@ -1,6 +1,6 @@
-"""What a session answers when operators ask: how it is, what has become of its attempts, what has happened of late.
+"""Answers to operators' questions: the session's status, the outcomes of its attempts, and the recent ticks.
 
-Nothing here changes anything; what is asked often must cost little, for it is answered between two ticks.
+Nothing here changes the session. Answers are made between two ticks, so a frequent question must be cheap to answer.
 """
 
 from collections.abc import Iterable
@@ -19,25 +19,25 @@ if TYPE_CHECKING:
     from netboard.nodes.server.session import Session
 
 TRACE_EVERY = 5
-"""A trace has every so many ticks [1]."""
+"""Ticks between two points of a trace [1]."""
 
 SAFEGUARD_TICKS = 100
-"""Operators are shown what the safety chains did in the last so many ticks [1]."""
+"""Window over which operators see the interventions of the safety chain [ticks]."""
 
 FRESH_TICKS = 10
-"""Rows of the ring so close to being written again are not read [1]."""
+"""Oldest rows of the ring that a trace leaves out, because they are about to be overwritten [1]."""
 
 _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "right_rendered")
 
 
 class SessionAnswers:
-    """Answers for a session."""
+    """Answers operators' questions about a session."""
 
     def __init__(self, session: "Session") -> None:
         self._session = session
 
     def status(self) -> Status:
-        """How the session is, for operators."""
+        """Return the status of the session."""
         session = self._session
         state, config, delays = session.state[0], session.block.config, session.block.delays
         now = now_ns()
@@ -80,14 +80,14 @@ class SessionAnswers:
         )
 
     def _loops(self) -> tuple[tuple[str, float, float], ...]:
-        """How long the loop of each hand takes, and may take at the most."""
+        """Return the side, current sample-to-force latency and its limit [s] of each connected agent."""
         delays, seated = self._session.block.delays, self._session.motion.seats
         late = dict(zip(SIDES, delays.late, strict=True))
         limit = delays.limit_ns * 1e-9
         return tuple((f"agent.{side}", late[side], limit) for side in SIDES if seated[side].hello is not None)
 
     def _station(self, side: Side, now: int) -> tuple[str, float, int, float, int, int]:
-        """How a station is, as `Status.stations` has it."""
+        """Return the state of a station as an item of `Status.stations`."""
         session = self._session
         seat = session.motion.seats[side]
         if seat.hello is None:
@@ -98,11 +98,11 @@ class SessionAnswers:
         return side, seat.silent_ns(now) * 1e-9, bits, rendered, *session.ledger.counts(side)
 
     def outcomes(self, first: int) -> Outcomes:
-        """What has become of the attempts from this one on."""
+        """Return the outcomes of the attempts, starting with attempt number `first`."""
         return self._session.ledger.outcomes(first)
 
     def trace(self, after: int) -> Trace:
-        """What has happened after this tick, as far as it is remembered."""
+        """Return the ticks after this one that are still in the ring."""
         oldest = max(after + 1, self._session.number - len(self._session.rows) + FRESH_TICKS, 0)
         numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._session.number, TRACE_EVERY)
         rows = self._session.rows[np.array(numbers, np.int64) % len(self._session.rows)]
@@ -110,6 +110,6 @@ class SessionAnswers:
 
 
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:
-    """Say what has happened in some ticks."""
+    """Return a trace of these ticks; without a ball its position is NaN."""
     values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
     return Trace(tuple(zip(numbers, *values, strict=True)))

@@ -1,7 +1,8 @@
-"""The ledger of a session: what has become of every attempt, why it is doubtful, and what is done once more.
+"""The attempts of a session: their outcomes, their flags, and which trials are repeated.
 
-It is shown every tick, and told what the trial machine has decided. Operators read it; a session that follows a plan
-has it in a journal too, from which it can be resumed after whatever has happened. Nothing here waits for a disk.
+The session passes every tick and every decision of the trial state machine to the `Ledger`. Operators read the
+outcomes. A session that follows a plan also writes them to a journal, from which it resumes after an interruption.
+Nothing here waits for a disk.
 """
 
 from collections.abc import Callable
@@ -34,7 +35,7 @@ from netboard.task.trials.repeats import Repeats, wants_repeat
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
 MOST_ROWS = 200
-"""Attempts told at once [1]."""
+"""Largest number of attempts in one answer to an operator [1]."""
 
 OUTCOMES: dict[Cause, Outcome] = {
     Cause.HELD: "success",
@@ -47,7 +48,7 @@ OUTCOMES: dict[Cause, Outcome] = {
     Cause.FAULT: "paused",
     Cause.SKIP: "skipped",
 }
-"""What becomes of an attempt, by what ends it."""
+"""Outcome of an attempt, by the cause that ends it."""
 
 _UNDER_WAY = (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING)
 
@@ -60,14 +61,14 @@ class Ledger:
     Parameters
     ----------
     begin_journal : callable or None
-        Makes the journal of a session whose form is complete, from its configuration; None for a session without one.
+        Makes the journal from the configuration once the form is complete; None for a session without a journal.
 
     Attributes
     ----------
     completions : list of float
         Completion times of the block so far [s].
     wanted : int
-        Trials to be repeated of which the trial machine has not been told [1].
+        Repeats that have not been passed on to the trial state machine yet [1].
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class Ledger:
 
     @property
     def opened(self) -> bool:
-        """Whether the session has been opened in an earlier run of the server."""
+        """Whether an earlier run of the server opened the session."""
         return self._progress is not None
 
     @property
@@ -102,12 +103,12 @@ class Ledger:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the journal, or nothing."""
+        """Why the journal cannot be written; empty if it can."""
         said = "" if self._journal is None else self._journal.trouble
         return f"the journal cannot be written: {said}" if said else ""
 
     def open(self, config: Config, run: str) -> None:
-        """The session is open: from now on everything counts."""
+        """Open the session: journal everything from now on."""
         if self._journal is None and self._begin_journal is not None:
             self._journal = self._begin_journal(config)
         self._run = run
@@ -117,7 +118,7 @@ class Ledger:
             self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
 
     def place(self, block: int) -> dict[str, int]:
-        """Where a block begins: its beginning, or where an earlier run of the server has left it."""
+        """Return the state in which a block starts: empty, or as an earlier run of the server left it."""
         so_far = self._progress
         if so_far is None or so_far.block != block:
             return {}
@@ -125,7 +126,7 @@ class Ledger:
         return {name: getattr(so_far, name) for name in names}
 
     def begin(self, config: Config, tick: int) -> None:
-        """Let a block begin with a tick."""
+        """Begin a block at a tick."""
         so_far = self._progress if self._progress and self._progress.block == config.block.number else None
         self._block, self._rules = config.block.number, config
         self._repeats = so_far.repeats if so_far else Repeats(config.block.trials)
@@ -138,31 +139,31 @@ class Ledger:
         self._write(BlockBegan(self._block, *start, self._run, tick))
 
     def close(self, reason: str = "the session was ended") -> None:
-        """The server ends."""
+        """Close the journal when the server ends."""
         self._write(Ended(reason))
         if self._journal is not None:
             self._journal.close()
 
-    # --- what is seen ----------------------------------------------------------------------------------------------
+    # --- ticks and decisions ---------------------------------------------------------------------------------------
 
     def look(self, rows: Any, following: int) -> None:
-        """See all ticks before one."""
+        """Apply the quality rules to all ticks before `following`."""
         if self._referee is not None and following > self._seen:
             verdicts = self._referee.watch(rows, self._seen, following - self._seen)
             self._verdict = verdicts[-1] if verdicts else None
             self._seen = following
 
     def painted(self, frame: FrameRecord) -> None:
-        """Hear of a frame that a display has painted."""
+        """Pass a painted frame to the quality rules."""
         if self._referee is not None:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
     def happened(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
-        """Hear what the trial machine has decided; what is to be recorded of it."""
+        """Take a decision of the trial state machine, and return the events to record."""
         self._verdict = None
         self.look(rows, number + 1)
         events = []
-        if int(row["command"]) == Cause.SKIP and cause == Cause.LAST:  # the last trial was skipped
+        if int(row["command"]) == Cause.SKIP and cause == Cause.LAST:  # the operator skipped the last trial
             cause, over = Cause.SKIP, True
         else:
             over = cause == Cause.LAST
@@ -178,7 +179,7 @@ class Ledger:
         return events
 
     def _end_attempt(self, cause: Cause, row: Any, state: Any, number: int) -> Event:
-        """Write down what has become of an attempt."""
+        """Record the outcome of an attempt, and return its event."""
         trial, attempt, outcome = int(row["trial"]), int(row["attempt"]), OUTCOMES[cause]
         flags = self._verdict.flags if self._verdict is not None else ()
         completion = float(state["completion"]) if cause == Cause.HELD else None
@@ -212,21 +213,21 @@ class Ledger:
             told["repeats"] = str(repeats)
         return "attempt_ended", told
 
-    # --- what operators ask and wish -------------------------------------------------------------------------------
+    # --- questions and commands of operators -----------------------------------------------------------------------
 
     def outcomes(self, first: int) -> Outcomes:
-        """What has become of the attempts from this one on, as many as are told at once."""
+        """Return outcomes starting with attempt number `first`, at most `MOST_ROWS` of them."""
         return Outcomes(max(first, 0), tuple(self.attempts[max(first, 0) :][:MOST_ROWS]))
 
     def counts(self, side: Side) -> tuple[int, int]:
-        """Ticks of the newest attempt without a fresh sample of a side, and with a force at its limit."""
+        """Count the current attempt's ticks without a fresh sample of a side, and those with its force clamped."""
         if self._referee is None:
             return 0, 0
         counted, place = self._referee.counted, SIDES.index(side)
         return int(counted["lost"][place]), int(counted["clipped"][place])
 
     def ask(self, wish: str, argument: str, present: int) -> int:
-        """Have a trial done once more, or take that back."""
+        """Order the repeat of a trial, or cancel it ("veto"); return the trial's number."""
         if argument and not argument.isdigit():
             raise NetboardError(f'{wish}: found "{argument}", expected the number of a trial')
         if wish == "repeat":
@@ -246,20 +247,20 @@ class Ledger:
         return trial
 
     def give_up(self) -> None:
-        """What is left of the block will not be done."""
+        """Note that the rest of the block is skipped."""
         self._left = "given_up"
         if self._stopped:
             self._write(BlockEnded(self._block, "given_up"))
 
     def take_wanted(self, phase: Phase) -> Cause:
-        """Tell the trial machine of a trial that the rules have done once more, if there is one."""
+        """Return `Cause.REPEAT` if a quality rule wants a repeat and the phase allows it, else `Cause.NONE`."""
         if self.wanted and Cause.REPEAT in TABLE[phase]:
             self.wanted -= 1
             return Cause.REPEAT
         return Cause.NONE
 
     def note(self, text: str, tick: int) -> None:
-        """Keep an operator's note."""
+        """Write an operator's note to the journal."""
         self._write(Note(text, self._run, tick))
 
     def _write(self, entry: Entry) -> None:

@@ -1,4 +1,4 @@
-"""The blocks of a session, made ready before its first tick: nothing is compiled while somebody holds a stylus."""
+"""The blocks of a session, prepared before its first tick so that nothing is compiled while a hand holds a stylus."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Ready:
     Attributes
     ----------
     delays : Delays
-        The watch over the loops of both hands; blocks of one scene share it.
+        Supervises the sample-to-force latency of both hands; blocks with the same scene share it.
     """
 
     config: Config
@@ -38,7 +38,10 @@ class Ready:
     unrelated: Unrelated | None
 
     def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
-        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1]."""
+        """Fill in the inputs of a tick that come from no agent.
+
+        Return the `samples.LIVE` and `samples.ARMED` bits of the robots.
+        """
         found = 0
         for robot in self.robots:
             robot.fill(words, number, due_ns)
@@ -49,12 +52,12 @@ class Ready:
 
 
 class Programme:
-    """The blocks of a session, in order, and the one that is on.
+    """The blocks of a session in order, and the current one.
 
     Parameters
     ----------
     remake : callable or None
-        Makes them anew for a form of the session; None for a session without one.
+        Makes the configurations anew for a completed form; None for a session without a form.
     """
 
     def __init__(
@@ -68,12 +71,12 @@ class Programme:
 
     @property
     def last(self) -> bool:
-        """Whether the block that is on is the last one."""
+        """Whether the current block is the last one."""
         return self._place + 1 == len(self._blocks)
 
     @property
     def planned(self) -> bool:
-        """Whether there is a plan, and not just one block."""
+        """Whether the session follows a plan, rather than being a single block."""
         return self._remake is not None
 
     def next(self) -> Ready:
@@ -83,14 +86,14 @@ class Programme:
         return self.block
 
     def open(self, session: Session) -> None:
-        """Let all blocks be those of a session whose form has been filled in."""
+        """Prepare all blocks again for the session that its form describes."""
         assert self._remake is not None
         self._blocks = [_ready(config, self._watches) for config in self._remake(session)]
         self.block = self._blocks[self._place]
 
 
 def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
-    """Make a block ready."""
+    """Prepare a block."""
     stage = make_stage(config)
     stage.warm()
     people = tuple(side for side in SIDES if getattr(config.block, side) == "person")
@@ -111,7 +114,7 @@ def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
 
 
 def _unrelated(path: str) -> Unrelated:
-    """Read the forces of another session."""
+    """Read the forces of another session's recording."""
     try:
         with Recording(Path(path)) as recording:
             return unrelated_of(recording.ticks(), path)

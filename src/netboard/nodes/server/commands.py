@@ -1,8 +1,8 @@
-"""The operators' desk: whose commands count, and what becomes of each.
+"""Operators' commands: who may give them, and whether each is accepted.
 
-Several consoles may watch; the commands of one count, the commander's. That is whoever commands first, until it leaves
-or another one takes over. To stop all forces, and to leave a note, nobody has to be the commander.
-Pure: it is told how things stand and decides; the session does it.
+Several consoles may watch, but only the commander's commands count. The commander is the first operator to give a
+command, until it leaves or another operator takes over. Anyone may stop all forces or leave a note.
+Pure: it decides from the `Situation` that it is given; the session carries the decision out.
 """
 
 import json
@@ -25,20 +25,20 @@ CAUSES = {
     "repeat": Cause.REPEAT,
     "veto": Cause.VETO,
 }
-"""Commands that the trial machine carries out."""
+"""Commands that the trial state machine carries out."""
 
 ANYBODYS = (emergency.STOP, "note", "take")
-"""Commands for which nobody has to be the commander."""
+"""Commands that any operator may give, commander or not."""
 
 UNOPENED = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
-"""Commands that need no open session."""
+"""Commands that are allowed before the session is open."""
 
 _UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """How things stand when a command comes."""
+    """The state of the session when a command arrives."""
 
     phase: Phase
     missing: tuple[str, ...]
@@ -48,7 +48,7 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What becomes of a command."""
+    """The decision on a command."""
 
     accepted: bool
     reason: str = ""
@@ -56,12 +56,12 @@ class Decision:
 
 
 class Desk:
-    """Remembers who commands, and what was asked for later.
+    """Decides on commands, and remembers the commander and what was asked for later.
 
     Attributes
     ----------
     pause_after : bool
-        The trial that is under way is to be the last one before a pause.
+        Pause after the trial that is running.
     """
 
     def __init__(self, *, opened: bool, armed: bool) -> None:
@@ -71,12 +71,12 @@ class Desk:
 
     @property
     def pending(self) -> str:
-        """What will be done later, for people."""
+        """What has been asked for later, in words for operators."""
         asked = (("pause after this trial", self.pause_after), ("end after this block", self.end_after))
         return ", ".join(words for words, wanted in asked if wanted)
 
     def leave(self) -> None:
-        """Nobody commands any more."""
+        """Forget the commander."""
         self.commander, self.name = b"", ""
 
     def decide(self, command: str, who: bytes, name: str, now: Situation) -> Decision:
@@ -94,7 +94,7 @@ class Desk:
         return self._deed(command, now)
 
     def _machine(self, command: str, now: Situation) -> Decision:
-        """Decide on what the trial machine has to carry out."""
+        """Decide on a command for the trial state machine."""
         cause = CAUSES[command]
         if cause not in TABLE[now.phase]:
             return Decision(False, _not_now(command, now.phase))
@@ -108,7 +108,7 @@ class Desk:
         return Decision(True, cause=cause)
 
     def _deed(self, command: str, now: Situation) -> Decision:
-        """Decide on what the session itself has to do."""
+        """Decide on a command that the session itself carries out."""
         match command:
             case "open" if self.opened:
                 return Decision(False, "the session is open already")
@@ -138,7 +138,7 @@ class Desk:
         return Decision(True, "paused after this trial" if self.pause_after else "taken back")
 
     def due(self, phase: Phase) -> Cause:
-        """What was asked for earlier and is due now."""
+        """Return the cause that was asked for earlier and is now due, or `Cause.NONE`."""
         if self.pause_after and phase not in _UNDER_WAY and Cause.PAUSE in TABLE[phase]:
             self.pause_after = False
             return Cause.PAUSE
@@ -146,7 +146,7 @@ class Desk:
 
 
 def _not_now(command: str, phase: Phase) -> str:
-    """Say that a command does nothing in a phase, and which ones do something."""
+    """Say that a command does nothing in this phase, and list those that do."""
     possible = [name for name, cause in CAUSES.items() if cause in TABLE[phase]]
     return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'nothing'}"
 
@@ -157,7 +157,7 @@ def form_of(text: str, known: Session) -> Session:
     Raises
     ------
     ConfigError
-        If it is no such object, a value is not allowed, or it is neither a pilot run nor has consent.
+        If it is not such an object, a value is not allowed, or the run is not a pilot and has no consent.
     """
     form = check(Session, asdict(known) | _object(text, "the form"), ("session",))
     if not form.ready:
@@ -166,7 +166,7 @@ def form_of(text: str, known: Session) -> Session:
 
 
 def note_of(text: str, tick: int) -> tuple[str, int]:
-    """Read a note: a JSON object with ``text`` and the ``tick`` at which its writing began, or a plain text."""
+    """Read a note: plain text, or a JSON object with ``text`` and the ``tick`` at which the operator began to write."""
     if not text.lstrip().startswith("{"):
         return text, tick
     note = _object(text, "the note")
@@ -179,7 +179,7 @@ def note_of(text: str, tick: int) -> tuple[str, int]:
 def _object(text: str, what: str) -> dict[str, object]:
     try:
         found = json.loads(text or "{}")
-    except (ValueError, RecursionError) as error:  # brackets in brackets in brackets
+    except (ValueError, RecursionError) as error:  # deeply nested brackets exhaust the recursion limit
         raise ConfigError(f"{what} is not JSON: {error}") from None
     if not isinstance(found, dict):
         raise ConfigError(f"{what}: expected a JSON object")

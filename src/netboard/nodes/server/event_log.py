@@ -1,7 +1,7 @@
-"""What a session records beside its ticks: events in their order, clock probes, what displays have painted.
+"""What a session records beside its ticks: numbered events, clock probes and painted frames.
 
-Before its form is complete a session is not open, and nothing of it is recorded. Events of that time are held, and
-recorded when it opens. Whoever runs the server reads of every event at once.
+A session is not open, and nothing of it is recorded, until its form is complete. Events before that are held and
+recorded when it opens. The log of the server process shows every event at once.
 """
 
 import logging
@@ -20,11 +20,11 @@ from netboard.task.trials.state_machine import Cause
 log = logging.getLogger(__name__)
 
 SUMMED = "stood_still"
-"""Several of these in a row are summed in the log, for a machine that stalls does so again and again."""
+"""Event whose consecutive repeats are summed in the process log, because a machine that stalls tends to stall again."""
 
 
 class Chronicle:
-    """Numbers what is recorded, and brings it to the loggers."""
+    """Numbers the events of a session and appends them to the log."""
 
     def __init__(self, port: LogPort) -> None:
         self.opened = False
@@ -36,7 +36,7 @@ class Chronicle:
         self._stalled_ms = 0
 
     def note(self, tick: int, name: str, details: dict[str, str]) -> None:
-        """Record an event, or hold it until the session is open, and tell whoever runs the server."""
+        """Log an event, and record it or hold it until the session is open."""
         if self.opened:
             self._record_event(tick, name, details)
         else:
@@ -49,31 +49,31 @@ class Chronicle:
         log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
 
     def _count_stall(self, milliseconds: int) -> None:
-        """Add a stall to those in a row; the log has the first, and their sum at the second, fourth, eighth, ..."""
+        """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""
         self._stalls += 1
         self._stalled_ms += milliseconds
         if self._stalls & (self._stalls - 1) == 0:
             log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
 
     def _say_stalls(self) -> None:
-        """Say what the stalls in a row come to, if the last line about them does not, and begin to count anew."""
+        """Log the sum of a series of stalls, unless the last line already gave it, and reset the count."""
         if self._stalls & (self._stalls - 1):
             log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
         self._stalls = self._stalled_ms = 0
 
     def catch_up(self, tick: int) -> None:
-        """Record what was held while the session was not open, as of a tick [1]."""
+        """Record the held events, stamped with this tick."""
         held, self._held = self._held, []
         for name, details in held:
             self._record_event(tick, name, details)
 
     def record(self, message: Message) -> None:
-        """Record anything else, if the session is open."""
+        """Record any other message if the session is open."""
         if self.opened:
             self._port.append(encode(message))
 
     def keep_frames(self, frames: Iterable[FrameRecord], ledger: Ledger) -> None:
-        """Record what displays have painted, and let the ledger know."""
+        """Record painted frames, and pass them to the ledger."""
         for frame in frames:
             self.record(frame)
             ledger.painted(frame)
@@ -90,7 +90,7 @@ class Chronicle:
 
 
 def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:
-    """Write what the trial machine has decided at a tick, as details of an event."""
+    """Return a decision of the trial state machine as event details."""
     details = {
         "from": PHASE_NAMES[int(row["phase"])],
         "to": PHASE_NAMES[int(state["phase"])],

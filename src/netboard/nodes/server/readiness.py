@@ -1,6 +1,6 @@
-"""Whether a block can begin, and whether a trial can go on: in words, for the operator and for the recording.
+"""Whether a block can begin and a trial can go on, with reasons in words for operators and the recording.
 
-It looks at ports, desk, alarm and pace, and changes nothing, but that a gap in time is told of once.
+It only reads ports, desk, alarm and tick clock, with one exception: a gap in time is reported once, then cleared.
 """
 
 from netboard.base.config import SIDES
@@ -13,19 +13,19 @@ from netboard.nodes.server.tick_clock import Pace
 
 
 class Readiness:
-    """Knows what a session must have."""
+    """Checks what a block and a running trial need."""
 
     def __init__(self, ports: Ports, desk: Desk, warned: Alarm, pace: Pace) -> None:
         self._motion, self._log = ports.motion, ports.log
         self._desk, self._alarm, self._pace = desk, warned, pace
 
     def lacks(self, block: Ready, resting: bool, now_ns: int) -> tuple[str, ...]:
-        """What a block needs and is not there.
+        """Return what is missing before the block can begin.
 
         Parameters
         ----------
         resting : bool
-            Whether it waits for the rest before it to be over.
+            Whether the block must wait until the rest before it is over.
         """
         lacking = [*self._motion.lacks(now_ns, block.people), *block.delays.lacking]
         if block.config.network.require_logger and not self._log.loggers:
@@ -37,7 +37,7 @@ class Readiness:
         return tuple(lacking)
 
     def trouble(self, block: Ready, found: int, now_ns: int) -> str:
-        """Why a running trial cannot go on, or nothing."""
+        """Return why a running trial cannot go on; empty if it can."""
         if self._alarm.halted:
             return self._alarm.halted
         if not self._desk.armed:

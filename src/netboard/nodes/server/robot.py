@@ -1,7 +1,7 @@
-"""A robot partner: a simulated person within the server, or a hand that is held still.
+"""A robot partner: a simulated participant within the server, or a hand that is held still.
 
-It sees what the curtain lets its side see, late, feels the force of its hand, if any, and moves a simulated hand: what
-it puts into the row of a tick is what an agent would have sent. It knows nothing else, and never waits: the server
+It sees what the curtain lets its side see, with a delay, feels the force on its hand (if any) and moves a simulated
+hand. It fills in the row of a tick what an agent would have sent, and knows nothing else. It never waits: the server
 calls `Robot.fill` before a tick and `Robot.take` after it.
 """
 
@@ -23,8 +23,8 @@ class Robot:
     Parameters
     ----------
     config : Config
-        Rig and experiment; ``[block] left`` or ``right`` says ``robot`` or ``still``, and the robot's parameters are
-        those of ``[participant]``.
+        Rig and experiment; ``[block] left`` or ``right`` is ``robot`` or ``still``, and ``[participant]`` has the
+        robot's parameters.
     """
 
     def __init__(self, config: Config, side: Side) -> None:
@@ -37,18 +37,18 @@ class Robot:
         self._mind = None if who is None else Mind(config, who, side, (side,), np.random.default_rng((*seed, 1)))
 
     def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
-        """Put the sample for a tick into its row: live, its number, its stamp, height and rate.
+        """Fill in the sample of a tick: live flag, sequence number, stamp, height and velocity.
 
         Parameters
         ----------
         words : ndarray of int64, shape (n,)
-            The row of the tick as words; what the other side has sent may be there already.
+            The row of the tick as 64-bit words; the other side's sample may already be there.
         """
         words[_TICK], words[_TIME] = tick, time_ns
         self._body.fill(words)
 
     def take(self, words: NDArray[np.int64]) -> None:
-        """See and feel a tick that is done, and perhaps decide on a movement."""
+        """Take what the hand sees and feels in a finished tick, and perhaps begin a movement."""
         if self._mind is None:
             return
         told = self._body.tell(words)

@@ -1,7 +1,7 @@
 """The physics server: one loop that runs the sessions of any number of dyads in real time.
 
-It sleeps until something comes or a tick is due, and lets the session that it concerns go on. The sessions' ticks are
-spread over the millisecond, so that they do not come all at once. What happens is decided in
+It sleeps until a message arrives or a tick is due, then runs the session concerned. The sessions' ticks are spread
+evenly over the millisecond so that they do not fall together. All decisions are made in
 `netboard.nodes.server.session`.
 """
 
@@ -20,7 +20,7 @@ from netboard.nodes.server.session import Session
 log = logging.getLogger(__name__)
 
 LONGEST_SLEEP_NS = 50_000_000
-"""The loop looks up so often at least, to be stopped [ns]."""
+"""Longest sleep of the loop, so that it notices a request to stop [ns]."""
 
 
 class Server:
@@ -29,7 +29,7 @@ class Server:
     Parameters
     ----------
     doors : sequence of authenticator.Door or None
-        Where the peers of each dyad show their keys; None where no keys are asked for.
+        Authenticator of each dyad's peers; None without authentication.
     """
 
     def __init__(
@@ -57,11 +57,12 @@ class Server:
         Parameters
         ----------
         machine : dict of str
-            What the process was given by its machine, to be recorded.
+            Real-time settings that the process got from its machine, for the recording.
         """
         steady_loop()
         first_ns = now_ns() + TICK_NS
         for place, session in enumerate(self.sessions):
+            # Spread over the millisecond, so that the sessions do not all tick at once.
             session.begin(first_ns + place * TICK_NS // len(self.sessions), machine)
         running = list(self.sessions)
         while running:
@@ -71,7 +72,7 @@ class Server:
                 running.remove(session)
 
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
-        """Run these sessions until one of them begins to end, or is over."""
+        """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
         inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
         waiter = poller.Waiter(inlets)
         while True:

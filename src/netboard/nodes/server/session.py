@@ -1,13 +1,13 @@
-"""A session: the blocks of one dyad, one after the other, their ticks, and what operators wish.
+"""A session: the blocks of one dyad in order, their ticks, and the operators' commands.
 
-A tick has a deadline, 1 ms after the one before (`netboard.nodes.server.tick_clock`); a side that was late the last
-time is not waited for. Its simulated time is the deadline's in any case. In a tick the forces go out first; everything
-else comes after: keep the tick for the logger, show it to the stations, answer whoever asks.
+Each tick has a deadline, 1 ms after the previous one (`netboard.nodes.server.tick_clock`). It does not wait for a side
+that was late at the last tick. Its simulated time is always that of the deadline. Forces are sent first; everything
+else follows: log the tick, publish the views, answer operators.
 
-While nobody is on the motion channel and no trial is on there is nothing to be quick for: ticks are then done together,
-and whoever comes wakes the session at once.
+While no agent is connected and no trial is running, ticks are processed in groups. A message on the motion channel
+still wakes the session at once.
 
-Before its form is complete a session is not open: nothing of it is recorded, and no block can begin.
+A session is not open until its form is complete: until then nothing is recorded and no block can begin.
 """
 
 import logging
@@ -44,26 +44,26 @@ from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 log = logging.getLogger(__name__)
 
 RING_ROWS = 1024
-"""Rows of ticks that are kept: more than the longest delay of a force, and a second of what operators see [1]."""
+"""Ticks kept in memory: more than the longest force delay, and a second of what operators see [1]."""
 
 HOUSE_TICKS = 10
 FRAMES_A_TICK = 4
-"""Records of painted frames made after a tick: displays show no more than one in several ticks [1]."""
+"""Painted frames recorded after each tick; displays paint at most one frame in several ticks [1]."""
 
 ANSWER_NS = 4_000_000
-"""Operators' questions are answered so often, one at a time: an answer takes a fifth of a tick [ns]."""
+"""Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
 CLOCKS_NS = 1_000_000_000
-"""Clock probes are recorded so often [ns]."""
+"""Interval at which clock probes are recorded [ns]."""
 
 PAGE_TICKS = 1500
-"""So many ticks after the last trial of a block the next block begins: its participants shall see that it is over."""
+"""Ticks between the last trial of a block and the next block, so that participants see that the block is over [1]."""
 
 FAREWELL_NS = 200_000_000
-"""Peers on the control channel get this long to read what they were told last: closing would take it from them [ns]."""
+"""Time before the control channel closes, so that its peers can read the last messages [ns]."""
 
 FINISH_NS = 10_000_000_000
-"""The loggers get this long to bring the last records to disk [ns]."""
+"""Longest wait for the loggers to bring the last records to disk [ns]."""
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _COMMAND, _EVENT, _PHASE = _AT["command"], _AT["event"], _AT["phase"]
@@ -79,14 +79,14 @@ class Session:
     Parameters
     ----------
     ledger : Ledger
-        What has become of the attempts so far, in an earlier run of the session.
-    door : doors.Door or None
-        Where peers show their keys; None where no keys are asked for.
+        Outcomes of the attempts in earlier runs of the session.
+    door : authenticator.Door or None
+        Authenticator of the peers; None without authentication.
 
     Attributes
     ----------
     inlets : (zmq.Socket, zmq.Socket)
-        Where something may come that it wants to know at once: motion, control.
+        Sockets that wake the session when a message arrives: motion, control.
     """
 
     def __init__(
@@ -130,26 +130,26 @@ class Session:
     def _welcome(self) -> Welcome:
         return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
 
-    # --- what the server asks ----------------------------------------------------------------------------------
+    # --- state, for the server ---------------------------------------------------------------------------------
 
     @property
     def wake_ns(self) -> int:
-        """When the session wants to go on, if nothing comes before [ns]."""
+        """When the session wants to run next if no message arrives first [ns]."""
         return self.pace.wake_ns
 
     @property
     def phase(self) -> Phase:
-        """Where the trial is."""
+        """Phase of the trial state machine."""
         return Phase(int(self._phase_word[0]))
 
     @property
     def ending(self) -> bool:
-        """Whether the block is over and the loggers are being fed what is left."""
+        """Whether the blocks are over and the loggers are taking the remaining records."""
         return self._ending_until_ns > 0
 
     @property
     def over(self) -> bool:
-        """Whether everything has been done, and the loggers have it or have had their time."""
+        """Whether the session is complete, and the loggers have all records or have run out of time."""
         return self._log_closing and self.log.closed and now_ns() - self._ended_ns > FAREWELL_NS
 
     @property
@@ -163,18 +163,18 @@ class Session:
 
     @property
     def refused(self) -> tuple[tuple[str, str, int], ...]:
-        """What was refused most often, as `Status.refused` has it."""
+        """The most frequent refusals, as in `Status.refused`."""
         return self._ports.refused(self._door)
 
-    # --- what the server does ----------------------------------------------------------------------------------
+    # --- running -----------------------------------------------------------------------------------------------
 
     def begin(self, due_ns: int, machine: dict[str, str]) -> None:
-        """Let the first tick be due at a time.
+        """Make the first tick due at a time [ns].
 
         Parameters
         ----------
         machine : dict of str
-            What the process was given by its machine, to be recorded.
+            Real-time settings that the process got from its machine, for the recording.
         """
         self.pace.begin(due_ns)
         self._note("session_started", {"session": self.session, **machine})
@@ -184,7 +184,7 @@ class Session:
             self._enter()
 
     def _open(self) -> None:
-        """From now on everything is recorded."""
+        """Open the session: record everything from now on."""
         self.block = self._programme.block
         self.ledger.open(self.block.config, self.session)
         self.desk.opened = self._chronicle.opened = True
@@ -192,11 +192,11 @@ class Session:
         self._chronicle.catch_up(self.number)
 
     def _enter(self) -> None:
-        """Let the block of the programme be the one that is on."""
+        """Make the programme's block the current one."""
         block = self.block = self._programme.block
         self.state = block.stage.initial(**self.ledger.place(block.config.block.number))
         self._phase_word = self.state.view(np.int64)[(STATE.names or ()).index("phase") :]
-        for side in SIDES:  # what is told late must not come from another block
+        for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
         block.delays.gains[:] = 1.0
         self.motion.gains = block.delays.gains
@@ -207,7 +207,7 @@ class Session:
         self._rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
 
     def _begin_block(self) -> None:
-        """Begin the block of the programme: all records from now on are its."""
+        """Begin the programme's block: all following records belong to it."""
         self._page_at = -1
         self._enter()
         config = self.block.config
@@ -218,7 +218,7 @@ class Session:
         self._note(BLOCK_BEGAN, {**label, **stepping, "config": self.block.text})
 
     def _turn_page(self) -> None:
-        """Go on to the next block, or end the session if that was wished or there is none."""
+        """Begin the next block, or end the session if an operator asked for that."""
         self._page_at = -1
         if self.desk.end_after:
             self._asked_to_end = True
@@ -227,7 +227,7 @@ class Session:
             self._begin_block()
 
     def rest(self, now: int) -> float | None:
-        """What is left of the rest before the block [s]."""
+        """Return the remaining rest before the block [s], or None."""
         left = (self._rest_until_ns - now) * 1e-9
         return left if left > 0 and self.phase == Phase.IDLE else None
 
@@ -236,10 +236,10 @@ class Session:
         self._asked_to_end = True
 
     def go_on(self, motion: bool, control: bool) -> None:
-        """Take what has come, and do the tick that can be done.
+        """Take the messages that have arrived, and run the ticks that are due.
 
-        The motion channel is read when all else is done, until nothing is left: only then it signals again. If more
-        comes than can be taken in a tick, it is read at the next one, signalled or not.
+        The motion channel is read last, until it is empty, because its socket only then signals again. If it holds more
+        than one tick can take, the rest is read at the next tick, signalled or not.
         """
         if self.ending:
             self._go_on_ending()
@@ -265,11 +265,15 @@ class Session:
             pace.wake_ns = min(pace.wake_ns, self._hear_ns)
 
     def _do_a_little(self, now: int) -> None:
-        """Do a bounded part of what may wait, once a millisecond: a peer that sends much is heard later."""
+        """Do a bounded part of the work that can wait, once a millisecond.
+
+        A peer that sends too much thus only delays itself.
+        """
         if now < self._hear_ns:
             return
         self._hear_ns = now + TICK_NS
         self.motion.attend(now, self.pace.due_ns)
+        # Its signal comes only once, so it is read until drain() says that nothing is left.
         self._unheard = self._unheard and self.control.drain(now)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
@@ -283,7 +287,7 @@ class Session:
         return bool(_FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE)
 
     def tick(self, due_ns: int, late_ns: int) -> None:
-        """Do one tick."""
+        """Run one tick."""
         number = self.number
         if 0 <= self._page_at <= number:
             self._turn_page()
@@ -294,6 +298,7 @@ class Session:
             found |= block.stand_in(self.rows[number % RING_ROWS], words, number, due_ns, self.state[0])
         active = self._active
         trouble = self.pace.gap or self.log.trouble or block.delays.trouble
+        # In an undisturbed trial no command can be due, and asking for one would delay the forces.
         if not active or found != _ALL_FINE or self.control.wishes or trouble or self._asks or self._stopping:
             words[_COMMAND] = self._command(found)
         block.stage.advance(self.state, self.rows, number)
@@ -311,7 +316,7 @@ class Session:
             self.log.listen(now_ns())
 
     def _idle_ticks(self, now: int) -> None:
-        """Do all ticks that are due, in one go."""
+        """Run all due ticks together."""
         due_ns, first = self.pace.due_ns, self.number
         count = min(self.pace.how_many(now), RING_ROWS)
         if count < 1:
@@ -326,7 +331,7 @@ class Session:
         self._keep_house()
 
     def _count(self, count: int) -> None:
-        """Keep the ticks that have been done, and tell what they have brought."""
+        """Log the finished ticks, handle their events, and publish the views."""
         for number in range(self.number, self.number + count):
             words = self._words[number % RING_ROWS]
             if self.desk.opened:
@@ -341,17 +346,17 @@ class Session:
         self._ports.views.show(self.number, self.block.curtain, *seen, self.ledger.best, rest)
 
     def _lacks(self) -> tuple[str, ...]:
-        """What a block needs and is not there."""
+        """Return what is missing before the block can begin."""
         now = now_ns()
         return self._readiness.lacks(self.block, self.watch.autostart and self.rest(now) is not None, now)
 
     @property
     def _asks(self) -> bool:
-        """Whether something was asked for that may be due."""
+        """Whether something that was asked for earlier may be due."""
         return self.desk.pause_after or bool(self.ledger.wanted)
 
     def _command(self, found: int) -> Cause:
-        """The command of a tick: of the watch over the peers, of an operator, or what was asked for earlier."""
+        """Return the command of a tick: from the supervisor, from an earlier request, or from an operator."""
         if found & (_STOPPED | _TRIPPED):
             row = self.rows[self.number % RING_ROWS]
             bits = {side: int(row[f"{side}_safeguards"]) for side in SIDES}
@@ -364,11 +369,14 @@ class Session:
         )
         first = kept or self.ledger.take_wanted(self.phase) or self.desk.due(self.phase)
         if first or not self.control.wishes:
-            return first  # a wish that has come at the same time waits for the next tick
+            return first  # an operator's command that arrives at the same time waits for the next tick
         return self._obey(self.control.wishes.pop(0))
 
     def _obey(self, wish: Wish) -> Cause:
-        """Decide on a command, answer it, record it, and do it; what the trial machine is to be told."""
+        """Decide on an operator's command, reply, record it and carry it out.
+
+        Return the cause for the trial state machine.
+        """
         command, who = wish.command, wish.who
         if self.desk.commander and not self.control.is_there(self.desk.commander):
             self.desk.leave()
@@ -387,7 +395,7 @@ class Session:
         return decision.cause
 
     def _do(self, name: str, argument: str, decision: Decision) -> Decision:
-        """Carry out what is not the trial machine's; say if it cannot be done."""
+        """Carry out the part of a command that the trial state machine does not; refuse it if that fails."""
         try:
             match name:
                 case "end":
@@ -415,20 +423,20 @@ class Session:
         return decision
 
     def _give_up(self, decision: Decision) -> Decision:
-        """Let the next block begin with the next tick."""
+        """Begin the next block with the next tick."""
         self._page_at = self.number + 1
         self.desk.end_after = False
         self.ledger.give_up()
         return decision if self.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)
 
     def _sound(self, events: list[emergency.Event]) -> None:
-        """Record what has become of an emergency, and let the devices know with the next beat."""
+        """Record the events of an emergency stop; the next heartbeat tells the devices."""
         self.motion.may_arm = self.desk.armed and not self._alarm.halted
         for name, details in events:
             self._note(name, details)
 
     def _happened(self, number: int) -> None:
-        """Note what the stage has decided."""
+        """Record what the stage has decided."""
         row = self.rows[number % RING_ROWS]
         cause, state = Cause(int(row["event"])), self.state[0]
         self._started = self._started or cause == Cause.START
@@ -449,7 +457,7 @@ class Session:
             self._note("questionnaire", {"text": asked})
 
     def _keep_house(self) -> None:
-        """Do what need not be done at once: records to the loggers, clocks, who is missing."""
+        """Do the periodic work that is not urgent: records to the loggers, clock probes, missing peers."""
         now = now_ns()
         self.motion.expire(now)
         felt = self._active and self.block.config.block.haptics
@@ -457,7 +465,7 @@ class Session:
         self.ledger.look(self.rows, self.number)
         self.missing = self._lacks()
         self.control.pump(now)
-        self._unheard = True  # it is looked at now and then, signalled or not
+        self._unheard = True  # look at the control channel even without a signal, which may have been missed
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             self._note_clocks()
@@ -466,7 +474,7 @@ class Session:
         self._keep_records(now)
 
     def _keep_records(self, now: int) -> None:
-        """Bring records to the loggers, and to the records whatever the ports have to tell."""
+        """Record the news of all ports, and send records to the loggers."""
         for port in (self.motion, self.control, self.log, self.block.delays):
             for name, details in port.news:
                 self._note(name, details)
@@ -483,10 +491,10 @@ class Session:
             self._chronicle.record_probes(port.clock_records(self._chronicle.probes))
 
     def _note(self, name: str, details: dict[str, str]) -> None:
-        """Record an event, as of this tick."""
+        """Record an event with the current tick."""
         self._chronicle.note(self.number, name, details)
 
-    # --- the end -----------------------------------------------------------------------------------------------
+    # --- ending ------------------------------------------------------------------------------------------------
 
     def _end(self) -> None:
         """Stop the block, and let the loggers bring everything to disk."""
@@ -502,7 +510,7 @@ class Session:
         self._ending_until_ns = self._ended_ns + FINISH_NS
 
     def _settle(self) -> None:
-        """Record what is still to be told of the peers: frames they have shown, and how often each was refused."""
+        """Record what is left of the peers: painted frames and the final counts of refusals."""
         self._chronicle.keep_frames(self.control.take_frames(), self.ledger)
         for refusals in self._ports.refusals:
             refusals.settle()
@@ -511,7 +519,7 @@ class Session:
         self._keep_records(now_ns())
 
     def _go_on_ending(self) -> None:
-        """Feed the loggers."""
+        """Feed the loggers until they have everything or the time is up."""
         now = now_ns()
         if not self._log_closing:
             self._keep_records(now)
@@ -522,7 +530,7 @@ class Session:
         self.pace.wake_ns = now + TICK_NS
 
     def close(self) -> None:
-        """Close what is still open, and say what is not known to be on disk."""
+        """Close what is still open, and log which records are not known to be on disk."""
         self._ports.close()
         if self.log.shortfall:
             log.error("%s", self.log.shortfall)

@@ -1,7 +1,7 @@
-"""The watch over a block: which command, if any, the stage gets at a tick without an operator's wish.
+"""The supervisor of a block: decides which command the stage gets when no operator has given one.
 
-Peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for people.
-Pure: it is told everything and does nothing.
+Peers come and go, the log falls behind: each tick, all of it becomes one `Cause` and one line for operators.
+Pure: it gets everything as arguments and only decides.
 """
 
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
 READY_TICKS = 500
-"""Everything must have been ready for so many ticks before a block starts or goes on by itself [1]."""
+"""Ticks for which everything must have been ready before a block starts or resumes by itself [1]."""
 
 LASTING_TICKS = 100
-"""A reason that comes during a pause must hold for so many ticks to be named as the cause of the pause later [1]."""
+"""Ticks for which a problem must last during a pause to be named later as the cause of the pause [1]."""
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Supervisor:
     Attributes
     ----------
     autostart : bool
-        Start when everything is ready, and go on after a fault when everything is ready again.
+        Start when everything is ready, and resume after a fault when everything is ready again.
     """
 
     autostart: bool
@@ -36,9 +36,9 @@ class Supervisor:
     _refused_when: tuple[Phase, tuple[str, ...], str] | None = None
 
     def command(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> Cause:
-        """Command for this tick.
+        """Return the command of this tick.
 
-        While a trial goes on and nothing is wrong, it need not be asked.
+        It need not be called while a trial runs and nothing is wrong.
         """
         if missing or trouble:
             self._ready_since = None
@@ -59,20 +59,20 @@ class Supervisor:
         return Cause.NONE
 
     def obeyed(self) -> None:
-        """An operator's wish is carried out: what was to be said before counts no more."""
+        """Note that an operator's command was carried out: older notices no longer apply."""
         self._faulted, self._refused_when = False, None
         self.notice = self._cause = ""
 
     def refused(self, reason: str) -> None:
-        """An operator's wish is not carried out: the reason is shown until the situation changes."""
+        """Note that an operator's command was refused: show the reason until the situation changes."""
         self.notice, self._refused_when = reason, self._seen
 
     def await_operator(self) -> None:
-        """Go on only when an operator wishes it, whatever the reason of the pause was."""
+        """Resume only on an operator's command, whatever caused the pause."""
         self._faulted = False
 
     def faulted(self, reason: str) -> None:
-        """The stage itself has paused the trial."""
+        """Note that the stage itself has paused the trial."""
         self._pause(reason)
 
     def _pause(self, reason: str) -> None:
@@ -80,7 +80,7 @@ class Supervisor:
         self.notice = f"paused: {reason}"
 
     def _say(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> None:
-        """Show what holds now, not what held once."""
+        """Set the notice to what holds now."""
         waiting = "waiting for " + ", ".join(missing) if missing else ""
         if phase == Phase.IDLE:
             self.notice = waiting

@@ -1,23 +1,23 @@
-"""When the ticks of a session are done: deadlines a millisecond apart, and what becomes of them if its loop is late.
+"""The tick clock of a session: deadlines one millisecond apart, and how a late loop catches up.
 
-A tick is done as soon as both sides' new samples are in, at most half a millisecond before its deadline, and else at
-its deadline. While there is nothing to be quick for, the ticks that have become due are done together, a few dozen
-times a second. Pure: it is told the time, and counts.
+A tick runs as soon as both sides' new samples have arrived, at most half a millisecond before its deadline; otherwise
+it runs at its deadline. While the session is idle, due ticks run together, a few dozen times a second. Pure: time is an
+argument.
 """
 
 from netboard.base.tick import TICK_NS
 
 EARLIEST_NS = TICK_NS // 2
-"""A tick is done at most so long before its deadline [ns]."""
+"""Earliest start of a tick before its deadline [ns]."""
 
 LATE_NS = TICK_NS // 2
-"""A tick done later than this is counted as late [ns]."""
+"""Delay after its deadline from which a tick counts as a deadline miss [ns]."""
 
 CATCH_UP_TICKS = 20
-"""A session further behind than this moves its deadlines instead of doing its ticks in a burst [1]."""
+"""Backlog beyond which the deadlines move instead of the ticks running in a burst [ticks]."""
 
 IDLE_TICKS = 25
-"""So many ticks are done together while there is nothing to be quick for [1]."""
+"""Ticks that run together while the session is idle [1]."""
 
 
 class Pace:
@@ -28,9 +28,9 @@ class Pace:
     due_ns : int
         Deadline of the next tick [ns].
     wake_ns : int
-        When the session wants to go on, if nothing comes before [ns].
+        When the session wants to run next if no message arrives first [ns].
     gap : str
-        That the deadlines have been moved, in words, until it is taken: a trial is spoiled by it; else empty.
+        Notice that the deadlines have moved, which spoils a trial; empty once taken.
     """
 
     def __init__(self) -> None:
@@ -39,27 +39,27 @@ class Pace:
         self.gap = ""
 
     def begin(self, due_ns: int) -> None:
-        """Let the first tick be due at a time [ns]."""
+        """Set the deadline of the first tick [ns]."""
         self.due_ns = self.wake_ns = due_ns
 
     def is_time(self, now_ns: int, complete: bool) -> bool:
-        """Whether the next tick can be done now [ns], where both sides' new samples may be in."""
+        """Return whether the next tick can run now [ns]; `complete` says that both sides' new samples are in."""
         return now_ns >= self.due_ns or (complete and now_ns >= self.due_ns - EARLIEST_NS)
 
     def how_many(self, now_ns: int) -> int:
-        """How many ticks have become due [1], as of now [ns]; less than one if none has."""
+        """Return the number of ticks due at a time [ns]; less than one if none is."""
         return (now_ns - self.due_ns) // TICK_NS + 1
 
     def did(self, count: int) -> None:
-        """So many ticks have been done [1]."""
+        """Move the deadline on by this many ticks [1]."""
         self.due_ns += count * TICK_NS
 
     def began(self, late_ns: int) -> None:
-        """A tick has begun so long after its deadline [ns]."""
+        """Count a tick that began this long after its deadline [ns], if that is a deadline miss."""
         self.late_ticks += late_ns > LATE_NS
 
     def catch_up(self, now_ns: int, idle: bool) -> int:
-        """Move the deadlines if the loop was held up for too long; by how much [ns]."""
+        """Move the deadlines if the loop was held up too long; return by how much [ns]."""
         behind_ns = now_ns - self.due_ns
         if behind_ns <= (CATCH_UP_TICKS + (IDLE_TICKS if idle else 0)) * TICK_NS:
             return 0
@@ -69,12 +69,12 @@ class Pace:
         return moved_ns
 
     def take_gap(self) -> str:
-        """Tell of the gap, once."""
+        """Return the notice of a gap, and clear it."""
         gap, self.gap = self.gap, ""
         return gap
 
     def sleep(self, idle: bool, complete: bool) -> None:
-        """Decide when to go on."""
+        """Set when the session runs next."""
         if idle:
             self.wake_ns = self.due_ns + (IDLE_TICKS - 1) * TICK_NS
         elif complete:
