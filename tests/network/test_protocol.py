@@ -117,7 +117,7 @@ def test_every_message_has_a_golden_frame() -> None:
 
 
 def test_the_tables_are_up_to_date() -> None:
-    assert renewed(TEXT) == TEXT, "run: python tests/wire/wire_tables.py"
+    assert renewed(TEXT) == TEXT, "run: python tests/network/wire_tables.py"
 
 
 def test_the_text_is_about_this_version() -> None:

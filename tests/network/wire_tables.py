@@ -16,7 +16,7 @@ from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
 from netboard.network.protocol.motion import Safeguard
 
 PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
-BEGIN, END = "<!-- tables: begin (made by tests/wire/wire_tables.py) -->", "<!-- tables: end -->"
+BEGIN, END = "<!-- tables: begin (made by tests/network/wire_tables.py) -->", "<!-- tables: end -->"
 
 _SCALARS = {int: "int", float: "float", str: "str", bytes: "bin", bool: "bool"}
 
