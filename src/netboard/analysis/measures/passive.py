@@ -161,7 +161,7 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     force : array_like, shape (n,)
         On the hand, + = up; linear between samples [N].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
 
@@ -236,7 +236,7 @@ def passive_partner(
     p : array_like, shape (n,)
         The ball along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
     gains : Gains
@@ -257,7 +257,7 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
     Parameters
     ----------
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand.
     left, right : Gains

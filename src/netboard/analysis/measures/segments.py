@@ -111,7 +111,7 @@ def board_segments(
     theta : ndarray, shape (n,)
         Tilt, + = right end up [rad].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     turning : {"one_way", "either_way"}
         Whether a movement ends where the board begins to turn the other way, or only where it is slow. A filtered
         velocity passes zero in between, so that the two hardly differ.

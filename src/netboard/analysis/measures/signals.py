@@ -83,7 +83,7 @@ class LowPass:
         Parameters
         ----------
         rate : float
-            Samples per second [Hz].
+            Sampling rate [Hz].
 
         Raises
         ------
@@ -106,7 +106,7 @@ class LowPass:
         values : ndarray, shape (n,)
             The signal [any].
         rate : float
-            Samples per second [Hz].
+            Sampling rate [Hz].
         breaks : sequence of int
             First samples after a jump [1].
 
@@ -154,7 +154,7 @@ def ticks_of(seconds: float, rate: float) -> int:
     seconds : float
         The time [s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     """
     return round(seconds * rate)
 
@@ -167,7 +167,7 @@ def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]
     first, stop : array_like, shape (k,)
         First sample of each stretch and the one after its last, as from `runs` [1].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
@@ -191,7 +191,7 @@ def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.
     seconds : float
         The minimum duration; a single sample lasts for 0 s [s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
@@ -258,7 +258,7 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
     values : ndarray, shape (n,)
         The signal [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     breaks : sequence of int
         First samples after a jump [1].
 
@@ -313,7 +313,7 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
     values : ndarray, shape (n,)
         The signal, NaN where a sample is missing [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     longest : float
         Longest hole that is filled: its missing samples times their spacing. Holes at the ends are left [s].
 

@@ -45,7 +45,7 @@ def spectral_arc_length(
     speed : array_like, shape (n,)
         Speed of the movement [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     cutoff : {"adaptive", "fixed"}
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
@@ -100,7 +100,7 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
     speed : array_like, shape (n,)
         Speed of the movement, from rest to rest; it lasts n samples [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
         The speed v: the largest (Balasubramanian et al. 2012), or distance over duration, by which the factor is
         T^5 / distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
@@ -135,7 +135,7 @@ def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "pea
     speed : array_like, shape (n,)
         Speed of the movement, from rest to rest; it lasts n samples [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
 

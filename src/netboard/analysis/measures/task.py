@@ -111,7 +111,7 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
     p : array_like, shape (n,)
         The ball along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     centre : float
         Middle of the target [m].
     half_width : float
@@ -149,7 +149,7 @@ def overshoots(
     p : array_like, shape (n,)
         The ball along the board, the first from the release; at least one [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     centre : float
         Middle of the target [m].
     half_width : float
@@ -186,7 +186,7 @@ def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
     p : array_like, shape (n,)
         The ball along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     edge : float
         From the board's middle to its end [m].
 
@@ -236,7 +236,7 @@ def reaction(
     velocity : array_like, shape (n,)
         Its velocity, the first sample that of the release [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     onset : {"sustained", "before_peak"}
         A movement begins where the speed reaches the threshold for a while; or, once one is found so, where its speed
         last rose through a portion of its first peak, which does not depend on how fast the movement is.
