@@ -338,8 +338,7 @@ def _residual(y: NDArray[np.float64], x: NDArray[np.float64]) -> float:
 
 
 def _binned(e: _Embedded, bins: int) -> float:
-    """Return H(now, own) - H(own) - H(all) + H(own, other), the conditional mutual information, from binned ranks.
-    """
+    """Return the conditional mutual information, H(now, own) - H(own) - H(all) + H(own, other), of binned ranks."""
     everything = np.column_stack([e.now, e.own, e.other])
     ranks = stats.rankdata(everything, axis=0, method="average")
     symbols = np.minimum((ranks - 0.5) * bins / len(everything), bins - 1).astype(np.int64)
