@@ -6,9 +6,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.trials import RATE
 
 NEAR = 1.5 / RATE
-"""Tolerance between recorded and recomputed completion times: one tick, because the server counts the tick of the entry
-[s].
-"""
+"""Tolerance between recorded and recomputed times: one tick, because the server counts the tick of entry [s]."""
 
 
 def notes(study: Study) -> tuple[str, ...]:

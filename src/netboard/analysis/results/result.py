@@ -1,4 +1,4 @@
-"""A number that is reported, and the tidy table of all of them: none without its n and its unit of replication."""
+"""Reported numbers and their tidy table: each has its n and its unit of replication."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
@@ -19,13 +19,13 @@ class Result:
     Attributes
     ----------
     topic : str
-        What it belongs to, such as ``learning``: one word, that of its picture.
+        Topic, such as ``learning``: one word, also the name of its figure.
     value : float
-        The number; NaN where there is none [its unit].
+        The number; NaN if there is none [its unit].
     low, high : float
-        Ends of its interval; NaN without one [its unit].
+        Limits of its interval; NaN without one [its unit].
     interval : str
-        What the interval is, such as ``95 % t`` or ``SD``; empty without one.
+        Kind of interval, such as ``95 % t`` or ``SD``; empty without one.
     """
 
     topic: str
@@ -58,23 +58,23 @@ RESULTS = (
 
 
 def table_of(results: Iterable[Result]) -> pd.DataFrame:
-    """Make the tidy table."""
+    """Return results as a tidy table."""
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
 
 
 UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-"""What numbers that nobody foresaw raise, in numpy, scipy, pandas and matplotlib."""
+"""Exceptions that unforeseen values raise in numpy, scipy, pandas and matplotlib."""
 
 T = TypeVar("T")
 
 
 def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
-    """Let a costly finding be computed once for its results and its pictures: that of the newest study is kept.
+    """Cache a costly computation for its results and figures, for the most recent study.
 
     Parameters
     ----------
     find : callable
-        Takes a `Study`, which nobody changes; returns what is found in it.
+        Function of a `Study`, which must not be changed.
     """
     newest: list[tuple[ref[Study], T]] = []
 
