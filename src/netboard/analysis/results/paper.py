@@ -2,9 +2,9 @@
 
 The paper gives means and standard deviations, counts of dyads, and directions in words. It gives no p values, no effect
 sizes, and no numbers for shares, ellipses and delays except "around 100 ms" and "about 40 ms". Line numbers refer to
-the paper's source. Its standard deviations are over single trials, so a difference of one standard deviation is large.
+the paper's source.
 
-A standard deviation of the paper is that of single trials, so that a difference of one of them is a large one.
+The paper's standard deviations are over single trials, so a difference of one standard deviation is large.
 """
 
 from dataclasses import dataclass, replace
