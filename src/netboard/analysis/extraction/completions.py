@@ -1,4 +1,8 @@
-"""Notes on completion times that come from the recording, or that differ from the recorded ones."""
+"""Notes on completion times that come from the recording, or that differ from the recorded ones.
+
+A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
+trials to compare.
+"""
 
 import numpy as np
 

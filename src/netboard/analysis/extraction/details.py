@@ -1,4 +1,8 @@
-"""Tables with several rows for each attempt: its movements of the board, and its downsampled path."""
+"""Tables with several rows for each attempt: its movements of the board, and its downsampled path.
+
+Delays are signed, left minus right, and are stored twice: with the threshold as set, and at fractions of each side's
+own peak. A path has every `STEP`-th sample of the filtered motion.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

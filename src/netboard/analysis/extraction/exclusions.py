@@ -1,4 +1,8 @@
-"""Exclusion of attempts: declared rules, applied to all attempts alike, with every reason listed."""
+"""Exclusion of attempts: declared rules, applied to all attempts alike, with every reason listed.
+
+The rules are the settings `Exclusions`. All attempts are measured; this module only lists those that do not count. The
+list includes attempts without measures, such as those that an operator ended.
+"""
 
 from collections.abc import Collection, Iterator
 from math import isnan

@@ -1,4 +1,7 @@
-"""The paper's measures of an attempt, computed by `analysis.measures` as the settings say."""
+"""The paper's measures of an attempt, computed by `analysis.measures` as the settings say.
+
+Measures beyond the paper's are in `netboard.analysis.extraction.modern`.
+"""
 
 from math import nan
 

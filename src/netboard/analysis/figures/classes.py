@@ -1,4 +1,8 @@
-"""The paper's figure 4: shares of the movement classes in each condition."""
+"""The paper's figure 4: shares of the movement classes in each condition.
+
+Bars show means over dyads; the other panels show dyads and means with 95 % t intervals. The numbers come from
+`netboard.analysis.results.classes`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,8 @@
-"""Effects of haptic feedback and of a partner on every measure, as effect sizes (d_z)."""
+"""Effects of haptic feedback and of a partner on every measure, as effect sizes (g_z).
+
+Intervals are those of the noncentral t distribution, and p values those of exact permutation tests. The numbers come
+from `netboard.analysis.results.contrasts`; `netboard.analysis.figures.differences` shows them in the measures' units.
+"""
 
 from collections.abc import Sequence
 

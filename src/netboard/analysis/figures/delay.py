@@ -1,4 +1,8 @@
-"""The paper's figure 6: delay between the sides in cooperative movements, by condition and threshold."""
+"""The paper's figure 6: delay between the sides in cooperative movements, by condition and threshold.
+
+A panel with delays at each side's own peak shows the result without the bias of a common threshold. The numbers come
+from `netboard.analysis.results.delay`.
+"""
 
 from collections.abc import Callable
 

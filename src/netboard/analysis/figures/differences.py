@@ -1,4 +1,7 @@
-"""Effects of haptic feedback and of a partner on every measure, in the measure's unit."""
+"""Effects of haptic feedback and of a partner on every measure, in the measure's unit.
+
+Differences are within dyads; completion times have ratios. The numbers come from `netboard.analysis.results.contrasts`.
+"""
 
 from collections.abc import Sequence
 

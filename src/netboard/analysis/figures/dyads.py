@@ -1,4 +1,8 @@
-"""The paper's figure 3: participants relative to partners and dyads, in completion time and velocity peaks."""
+"""The paper's figure 3: participants relative to partners and dyads, in completion time and velocity peaks.
+
+A plane has one point for each participant; beside it are the gains of the dyads. The numbers come from
+`netboard.analysis.results.dyads`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes

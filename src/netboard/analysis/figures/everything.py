@@ -1,4 +1,7 @@
-"""All figures of a study, one after the other."""
+"""All figures of a study, one after the other.
+
+A figure that cannot be drawn is replaced by its reason and does not stop the others.
+"""
 
 from collections.abc import Callable, Iterator
 

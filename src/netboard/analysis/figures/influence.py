@@ -1,4 +1,7 @@
-"""Directed influence of each partner on the other, compared with surrogate dyads."""
+"""Directed influence of each partner on the other, compared with surrogate dyads.
+
+The numbers come from `netboard.analysis.results.influence`. Transmission through the board counts as influence too.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes

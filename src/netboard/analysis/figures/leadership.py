@@ -1,4 +1,8 @@
-"""Leadership: signed delays and the leadership index of each dyad."""
+"""Leadership: signed delays and the leadership index of each dyad.
+
+The numbers come from `netboard.analysis.results.leadership`. Sides are the hands of one participant in bimanual
+conditions, and participants in dyadic ones.
+"""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,8 @@
-"""The paper's figure 2: completion time with movement classes, and velocity peaks, over the trials."""
+"""The paper's figure 2: completion time with movement classes, and velocity peaks, over the trials.
+
+Lines are means of all trials with the same number, pooled over haptic conditions; points are dyads in groups of trials.
+The numbers come from `netboard.analysis.results.learning`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes

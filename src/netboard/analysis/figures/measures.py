@@ -1,4 +1,8 @@
-"""Every measure in every condition: each dyad, and the mean over dyads."""
+"""Every measure in every condition: each dyad, and the mean over dyads with its 95 % t interval.
+
+The numbers come from `netboard.analysis.results.measures`. Other figures with many small panels use `grid`, `places`
+and `legend` from here.
+"""
 
 from collections.abc import Sequence
 from typing import Literal

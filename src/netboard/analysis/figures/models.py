@@ -1,4 +1,7 @@
-"""Models of all trials: terms with confidence intervals, and normality of residuals."""
+"""Models of all trials: terms with confidence intervals, and normality of residuals.
+
+The models come from `netboard.analysis.results.models`; those without a fit are named in the caption.
+"""
 
 from collections.abc import Sequence
 

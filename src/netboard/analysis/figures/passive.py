@@ -1,4 +1,8 @@
-"""Effect of haptic feedback on cooperative movement, compared with the passive-partner effect."""
+"""Effect of haptic feedback on cooperative movement, compared with the passive-partner effect.
+
+The passive effect is shown without friction, an upper bound, and with the device's friction if it is known. The numbers
+come from `netboard.analysis.results.passive_partner`.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""Mean paths of ball and hands in each condition, with the spread of the trials."""
+"""Mean paths of ball and hands in each condition, with the spread of the trials.
+
+Trials with the target on the left are mirrored. The numbers come from `netboard.analysis.results.paths`.
+"""
 
 from typing import Literal
 

@@ -1,4 +1,7 @@
-"""Quality of the recordings: falls and exclusions of every block, and completion times over the sessions."""
+"""Quality of the recordings: falls and exclusions of every block, and completion times over the sessions.
+
+The numbers come from `netboard.analysis.results.quality`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,8 @@
-"""The paper's figure 5: strategy ellipses of groups of trials, and the decrease of their spread."""
+"""The paper's figure 5: strategy ellipses of groups of trials, and the decrease of their spread.
+
+Ellipses pool the trials of all performers; variances are those within performers, averaged for each dyad. The numbers
+come from `netboard.analysis.results.strategy`.
+"""
 
 import matplotlib as mpl
 import numpy as np

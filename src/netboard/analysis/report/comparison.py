@@ -1,4 +1,7 @@
-"""Comparison of a study with the paper, as a table for the terminal."""
+"""Comparison of a study with the paper, as a table for the terminal.
+
+The numbers come from `netboard.analysis.results.paper`; the report has the same comparison as an HTML table.
+"""
 
 from math import isfinite
 from typing import Any

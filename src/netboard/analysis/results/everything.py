@@ -1,4 +1,8 @@
-"""All results of a study in one tidy table."""
+"""All results of a study in one tidy table.
+
+Each topic is a function of the study whose result object lists its rows. An error in one topic becomes a row of its own
+and does not stop the others.
+"""
 
 from collections.abc import Callable, Sequence
 from math import nan

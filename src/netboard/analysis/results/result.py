@@ -1,4 +1,7 @@
-"""Reported numbers and their tidy table: each has its n and its unit of replication."""
+"""Reported numbers and their tidy table: each has its n and its unit of replication.
+
+Values are in SI units; `netboard.analysis.results.units` converts them for display.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass

@@ -1,4 +1,8 @@
-"""Window sizes: number of first and last trials and group size, as set or chosen from the length of conditions."""
+"""Window sizes: number of first and last trials and group size, as set or chosen from the data.
+
+The paper compares 30 first with 30 last trials and groups 30 trials. Studies with shorter conditions get smaller
+windows, and a note gives the reason.
+"""
 
 from dataclasses import dataclass
 
@@ -27,7 +31,7 @@ class Windows:
 
     @property
     def note(self) -> str:
-        """Both notes."""
+        """The note on first and last trials, or else the note on groups."""
         return self.ends_note or self.group_note
 
 

@@ -1,4 +1,7 @@
-"""Standardised effect sizes, with the dyad as the unit of replication."""
+"""Standardised effect sizes, with the dyad as the unit of replication.
+
+Confidence intervals use the noncentral t distribution. `correction` selects Hedges' small-sample correction.
+"""
 
 from math import exp, lgamma, log, sqrt
 from typing import Literal

@@ -1,4 +1,8 @@
-"""Marginal models of counts and failures: estimating equations (GEE), and Firth's likelihood as the fallback."""
+"""Marginal models of counts and failures: estimating equations (GEE), and Firth's likelihood as the fallback.
+
+The models take the dyad as the cluster: errors come from the variation between dyads. Firth's likelihood replaces the
+GEE where a condition has no events or only events, because the GEE has no finite estimate there.
+"""
 
 from dataclasses import replace
 from itertools import combinations

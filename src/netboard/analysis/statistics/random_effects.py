@@ -1,4 +1,8 @@
-"""Mixed model of a study: identifiable random effects, fit, and residuals."""
+"""Mixed model of a study: identifiable random effects, fit, and residuals.
+
+Random effects are intercepts of dyads and performers, and slopes of the factors that vary within performers. Those that
+the trials cannot identify are left out, with a note. `netboard.analysis.statistics.restricted` does the fit.
+"""
 
 from math import sqrt
 from typing import Literal

@@ -1,4 +1,8 @@
-"""Specification of a kind of model: name, equation, assumptions; and construction of its results."""
+"""Specification of a kind of model: name, equation, assumptions; and construction of its results.
+
+Every model returns a `Model`, fitted or not. A fit that fails, or has too few dyads, is a result with notes and not an
+exception.
+"""
 
 import warnings
 from collections.abc import Callable
