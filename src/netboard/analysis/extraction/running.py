@@ -115,7 +115,7 @@ def harvest(
 
 
 class _Taken:
-    """Collector of arriving tables: it stores the paths on disk, keeps the other tables and reports progress."""
+    """Collector of arriving tables: stores paths on disk, keeps the other tables and reports progress."""
 
     def __init__(self, shelf: "Shelf", progress: Progress, total: int) -> None:
         self.tables: dict[Path, Measured] = {}

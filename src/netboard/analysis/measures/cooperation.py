@@ -189,7 +189,7 @@ def delays(
 
 
 def _reached(u: NDArray[np.float64], level: float, start: int, search: Search) -> tuple[float, bool]:
-    """Return the sample at which a velocity reaches a level in a movement from `start`, and if it is truncated."""
+    """Return the sample at which a velocity reaches a level in a movement from `start`, and whether it is truncated."""
     if not level > 0:
         return float("nan"), False
     if search == "before_peak":

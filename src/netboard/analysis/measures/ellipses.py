@@ -15,7 +15,7 @@ Extent = Literal["middle_90", "twice_p90", "p10_to_p90", "nine_tenths"]
 Scaling = Literal["si", "standardised"]
 
 GROUP = 30
-"""Trials in a group [1]."""
+"""Number of trials in a group [1]."""
 
 FEWEST = 3
 """Minimum number of trials for an ellipse [1]."""
@@ -156,7 +156,7 @@ def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
         Position of each trial in its condition, from 1, from `netboard.analysis.measures.performance.running_number`
         [1].
     size : int
-        Trials in a group [1].
+        Number of trials in a group [1].
 
     Returns
     -------

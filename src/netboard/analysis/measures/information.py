@@ -63,11 +63,11 @@ class Granger:
     f : float
         F statistic of the null hypothesis of no improvement [1].
     p : float
-        p-value; it assumes independent normal residuals, which movements hardly ever have [1].
+        p value; it assumes independent normal residuals, which movements hardly ever have [1].
     numerator, denominator : int
         Degrees of freedom of the F statistic [1].
     n : int
-        Predicted samples [1].
+        Number of predicted samples [1].
     unit : str
         Unit that n counts.
     """
@@ -94,14 +94,14 @@ class Chance:
     excess : float
         `value` minus `level` [unit of the measure].
     p : float
-        p-value: proportion of all permutations of partners, the true dyads included, with a mean at least as large; NaN
-        if one has none [1].
+        p value: proportion of all permutations of partners, the true dyads included, with a mean at least as large; NaN
+        if the measure is undefined for any pairing [1].
     least_p : float
-        Smallest p-value that this number of permutations can give [1].
+        Smallest p value that this number of permutations can give [1].
     surrogates : ndarray of float64, shape (m,)
         Mean of each permutation in which nobody keeps the true partner [unit of the measure].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
         Name of that unit.
     exact : bool
@@ -231,11 +231,13 @@ def chance_level(
     """Compare true dyads with surrogate dyads, which pair each source with the target of another dyad.
 
     Trials are paired in order and cut to the shorter one. Match trials with the same demands first, for example by
-    mirroring trials whose target is on the left. In a surrogate nobody keeps the true partner; the chance level is the
-    mean of these. The test uses all permutations of partners, including those in which some keep theirs: with
-    surrogates only, four true dyads would rank first by chance 1 time in 6 instead of 1 in 10. With up to eight dyads
-    all permutations are evaluated. Four dyads have 23 permutations besides the true one, nine of them surrogates, so p
-    cannot be below 1 / 24.
+    mirroring trials whose target is on the left.
+
+    In a surrogate nobody keeps the true partner; the chance level is the mean of the surrogates. The test uses all
+    permutations of partners, including those in which some keep theirs: with surrogates only, four true dyads would
+    rank first by chance 1 time in 6 instead of the nominal 1 in 10. With up to eight dyads all permutations are
+    evaluated. Four dyads have 23 permutations besides the true one, nine of them surrogates, so p cannot be below 1 /
+    24.
 
     Parameters
     ----------

@@ -22,8 +22,7 @@ from scipy.signal import cont2discrete, lfilter
 
 Side = Literal["left", "right"]
 Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.float64]]
-"""Function of the active stylus's height, the ball position and the passive side; returns the passive stylus's height.
-"""
+"""Function of the active stylus's height, ball position and passive side; returns the passive stylus's height."""
 Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 """Function of the heights of the left and right stylus in a trial; returns the compared quantity."""
 
@@ -106,7 +105,7 @@ class Heights(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PassiveControl:
-    """Effect of haptic feedback beside that of a passive partner.
+    """Effect of haptic feedback, and its passive part.
 
     Attributes
     ----------
@@ -117,7 +116,7 @@ class PassiveControl:
     share : float
         Sum of the passive effects divided by the sum of the effects: 1 = all is mechanics; NaN without an effect [1].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
         Name of that unit.
     """

@@ -32,7 +32,7 @@ FINEST_RATIO = 1000
 
 @dataclass(frozen=True, slots=True)
 class LowPass:
-    """A zero-phase Butterworth low-pass filter, run forward and backward.
+    """A zero-phase Butterworth low-pass filter, applied forward and backward.
 
     Attributes
     ----------

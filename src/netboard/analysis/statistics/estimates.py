@@ -38,7 +38,7 @@ class Estimate:
     level : float
         Confidence level [1].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
         Name of that unit.
     method : str

@@ -24,7 +24,7 @@ STARTS = (0.0, 0.05, 1.0)
 """Starting values of the search, as ratios to the residual variance; the best result counts [1]."""
 
 LARGEST = 1e10
-"""Ratio to the residual variance at which the search ends, because the residual variance is zero [1]."""
+"""Ratio to the residual variance at which the search ends, because the residual is then negligible [1]."""
 
 STEPS, HALVINGS = 200, 40
 """Maximum number of steps of a search, and of halvings of a step [1]."""
@@ -298,7 +298,7 @@ def _search(data: _Data, start: Array) -> tuple[_Point, bool]:
 
 
 def _step(here: _Point) -> Array:
-    """Return the Newton step, with the expected curvature if the observed one is not positive definite."""
+    """Return the Newton step to non-negative ratios, by the expected curvature if the observed one is flat."""
     both = np.outer(here.scale, here.scale)
     scaled = here.curvature * both
     if np.linalg.eigvalsh(scaled)[0] < FLAT:
