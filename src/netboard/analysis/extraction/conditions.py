@@ -86,12 +86,12 @@ class StudyFactor:
 
 
 def factors_text(config: Config) -> str:
-    """Return the factors of a recording's block as text, for `study_factors`."""
+    """Return the factors of a recording's block as text, for `study_levels`."""
     return json.dumps([asdict(one) for one in factors_of(config)])
 
 
 def settings_text(config: Config) -> str:
-    """Return the settings that may differ without a declared factor as text, for `study_factors`."""
+    """Return the settings that may differ without a declared factor as text, for `study_levels`."""
     return json.dumps(
         {
             f"{table}.{key}": getattr(getattr(config, table), key)
