@@ -63,6 +63,7 @@ def insist(rig: Rig, command: str) -> None:
     rig.until(lambda status: rig.operator.do(command).accepted)
 
 
+@pytest.mark.daily(1, of="topologies")
 def test_everybody_twice_and_again(open_rig: Callable[..., Rig]) -> None:
     rig = open_rig()
     rig.start_all(displays=True)
@@ -113,6 +114,7 @@ def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings:
     assert all(not found for found in damage.values()), damage
 
 
+@pytest.mark.daily(1, of="topologies")
 def test_with_keys(tmp_path: Path) -> None:
     with rig_with_keys(tmp_path) as rig:
         rig.start_all(displays=True)

@@ -129,6 +129,7 @@ def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, dict[S
     assert differing(reel, seen) == []
 
 
+@pytest.mark.daily(2, of="replay served")
 def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> None:
     for speed in ("1", "0.25", "8"):
 
@@ -146,6 +147,7 @@ def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> 
         assert differing(reel, seen) == []
 
 
+@pytest.mark.daily(2, of="replay served")
 def test_it_is_steered_from_a_shell(rig: Rig, reel: Reel) -> None:
     assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
     done = run(rig, "control", "seek", "trial", "2", "--json")
@@ -168,6 +170,7 @@ def test_it_is_steered_from_a_shell(rig: Rig, reel: Reel) -> None:
     assert "cannot arm: this is a replay" in refused.stderr
 
 
+@pytest.mark.daily(2, of="replay served")
 def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
     picture = rig.folder / "left.png"
     rig.start("left display", "display", "--station", "left", "--screenshot", str(picture))
@@ -185,6 +188,7 @@ def test_it_ends_when_it_is_told_to(rig: Rig) -> None:
     assert rig.wait("server") == 0
 
 
+@pytest.mark.daily(2, of="replay served")
 def test_a_foreign_display_cannot_tell_it_from_a_live_server(
     live: tuple[Path, dict[Side, list[View]]], clients: Path, tmp_path: Path
 ) -> None:
@@ -205,6 +209,7 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
         assert rig.stop("server") == 0
 
 
+@pytest.mark.daily(2, of="replay served")
 def test_keys_of_its_terminal_steer_it(live: tuple[Path, dict[Side, list[View]]], tmp_path: Path) -> None:
     keyboard, terminal = os.openpty()
     with Rig(tmp_path) as rig:

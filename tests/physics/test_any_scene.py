@@ -103,6 +103,7 @@ def mirror(x: Any) -> Any:
 @settings(max_examples=40)
 @given(scenes(), smooth())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
+@pytest.mark.daily(1, of="any scene")
 def test_what_is_accepted_stays_finite_and_mirrors_itself(scene: Scene, hands: Hands) -> None:
     physics, choice = scene.physics, choose(scene.physics, TICK)
     other = {"left": "right", "right": "left"}.get(physics.coupling, physics.coupling)
@@ -119,6 +120,7 @@ def test_what_is_accepted_stays_finite_and_mirrors_itself(scene: Scene, hands: H
 @settings(max_examples=40)
 @given(scenes(), smooth())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
+@pytest.mark.daily(1, of="any scene")
 def test_whatever_moves_its_energy_balances(scene: Scene, hands: Hands) -> None:
     """In steps that are short for the scene."""
     fastest = choose(scene.physics, TICK).stiffness / TICK

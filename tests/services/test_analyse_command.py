@@ -115,12 +115,14 @@ def same(one: Path, other: Path) -> int:
     return len(told)
 
 
+@pytest.mark.daily(1, of="same bytes")
 def test_tables_and_pictures_are_the_same_to_the_byte_made_by_several_processes(study: Path, plain: Path) -> None:
     assert analyse(study, "-o", "two", "--workers", "2").exit_code == 0
     assert same(plain, Path("two")) == same(Path("two"), plain) > 40
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.daily(1, of="same bytes")
 def test_tables_are_the_same_to_the_byte_whether_they_were_kept_or_not_and_that_is_said(
     study: Path, plain: Path
 ) -> None:

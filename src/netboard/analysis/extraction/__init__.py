@@ -1,1 +1,1 @@
-"""Tables of measures from recordings: settings, exclusions, processes, caches."""
+"""Extraction of tables of measures from recordings: settings, exclusions, worker processes, caches."""

@@ -1,8 +1,8 @@
-"""Measured tables that are kept: those of a recording, by its bytes, the readings and the code that measured it.
+"""Cache of extracted tables, keyed by the recording's bytes, the settings and the extracting code.
 
-An entry has each table as an Arrow stream. Whoever changes a byte of the recording, its name, a reading that decides
-what is measured, or the code that measures, gets another key and measures anew; summaries and exclusions are no part of
-it.
+An entry holds each table as an Arrow stream. A change of a byte of the recording, its name, a setting that affects the
+measures, or the extracting code gives another key, and the recording is measured again. The settings for summaries and
+exclusions are not part of the key.
 """
 
 import hashlib
@@ -17,14 +17,14 @@ from netboard.analysis.extraction.streams import Streams
 
 
 class Cache:
-    """The measured tables in a folder of entries.
+    """Cached tables in a folder of entries.
 
     Parameters
     ----------
     folder : Path or Store
-        The folder, which is made if need be; or its entries.
+        Folder, created if missing; or an open store.
     limit : int
-        What is kept and not in use is dropped from this size on, in bytes [1].
+        Size above which unused entries are evicted, in bytes [1].
     """
 
     def __init__(self, folder: Path | Store, limit: int = LIMIT) -> None:
@@ -33,7 +33,7 @@ class Cache:
         self.trim = self._store.trim
 
     def get(self, key: str) -> Measured | None:
-        """Return the tables that are kept; None if there are none, or not as they were written."""
+        """Return the cached tables; None if there are none or the entry is damaged."""
         content = self._store.get(f"{key}{TABLES}")
         if content is None:
             return None
@@ -41,7 +41,7 @@ class Cache:
         return Measured(**{name: self._streams.read(source, fields) for name, fields in FIELDS.items()})
 
     def put(self, key: str, measured: Measured) -> None:
-        """Keep the tables of a recording."""
+        """Store the tables of a recording."""
         sink = BytesIO()
         for name, fields in FIELDS.items():
             self._streams.write(sink, getattr(measured, name), fields)
@@ -49,6 +49,6 @@ class Cache:
 
 
 def key_of(name: str, sha256: str, readings: Readings) -> str:
-    """Name the entry of a recording."""
+    """Return the cache key of a recording."""
     parts = (name, sha256, measured_with(readings), fingerprint())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()

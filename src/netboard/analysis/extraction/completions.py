@@ -1,4 +1,8 @@
-"""Completion times that need a word: those taken from the recording, and those that differ from the recorded ones."""
+"""Notes on completion times that come from the recording, or that differ from the recorded ones.
+
+A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
+trials to compare.
+"""
 
 import numpy as np
 
@@ -6,11 +10,11 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.trials import RATE
 
 NEAR = 1.5 / RATE
-"""Recorded and recomputed times that differ by one tick are the same: the referee counts the tick of the entry [s]."""
+"""Tolerance between recorded and recomputed times: one tick, because the server counts the tick of entry [s]."""
 
 
 def notes(study: Study) -> tuple[str, ...]:
-    """Say of how many successes the samples show no hold, or another completion time than the recording."""
+    """Return notes on successes whose samples show no hold, or another completion time than the recorded one."""
     done = study.trials[study.trials["outcome"] == "success"]
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])

@@ -1,9 +1,9 @@
-"""The factors of a study as columns, and the condition of every block and trial.
+"""Factors of a study as columns, and the condition of every block and trial.
 
-Three things are in every study: the configuration, what the hands felt (force), and who the partner was. Whatever else
-varies by plan has a column of its own: the kind of block, the factors that the study declares, and settings that differ
-between blocks although no factor says so. Those that the three do not tell already are part of a condition's name, so
-no two levels are ever pooled unseen. In the paper's study, nothing is left to be told.
+Every study has three factors: the configuration, the haptic feedback (force) and the partner. Anything else that varies
+by plan has its own column: the kind of block, the factors that the study declares, and settings that differ between
+blocks without a declared factor. A level that the three do not determine becomes part of the condition's name, so no
+two levels are ever pooled unseen. The paper's study needs no further names.
 """
 
 import json
@@ -32,10 +32,10 @@ from netboard.task.studies.factors import (
 )
 
 KIND = "kind"
-"""Name of the factor that is the kind of block."""
+"""Name of the factor for the kind of block."""
 
 SETTINGS = {"block": ("force_scale", "force_delay_ms"), "physics": (), "task": (), "geometry": ()}
-"""Tables of the configuration, and keys of them (none: all), that may differ without being a factor."""
+"""Configuration tables, and their keys (empty: all), that may differ without being a declared factor."""
 
 _BASE = ["configuration", "force", "partner"]
 
@@ -47,7 +47,8 @@ class StudyFactor:
     Attributes
     ----------
     told : bool
-        It is part of the names of conditions: configuration, force and partner do not tell it.
+        Whether the factor is part of the names of conditions, because configuration, force and partner do not determine
+        it.
     """
 
     name: str
@@ -62,7 +63,7 @@ class StudyFactor:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Its columns: the level, and of a numeric factor the value."""
+        """Columns of the factor: the level, and the value of a numeric factor."""
         if self.name == KIND:
             return (words(KIND, "kind of block, as in the study; empty: none"),)
         return fields_of(self.name, self.scope, self.of)
@@ -73,11 +74,11 @@ class StudyFactor:
         return f"{self.name} [{self.of.unit}]" if self.of.values else self.name
 
     def text(self, level: str) -> str:
-        """Name and level in words, such as ``mass heavy (0.05 kg)``."""
+        """Label of a level, such as ``mass heavy (0.05 kg)``."""
         return f"{self.name} {level_text(self.of, level)}"
 
     def values_of(self, levels: pd.Series) -> pd.Series:
-        """Value of each level; NaN where there is none [its unit]."""
+        """Value of each level; NaN if it has none [its unit]."""
         return levels.map(dict(zip(self.of.levels, self.of.values, strict=False))).astype(np.float64)
 
 
@@ -85,12 +86,12 @@ class StudyFactor:
 
 
 def factors_text(config: Config) -> str:
-    """Write the factors of a recording's block, for `study_factors`."""
+    """Return the factors of a recording's block as text, for `study_levels`."""
     return json.dumps([asdict(one) for one in factors_of(config)])
 
 
 def settings_text(config: Config) -> str:
-    """Write the settings of a recording that may differ without being a factor, for `study_factors`."""
+    """Return the settings that may differ without a declared factor as text, for `study_levels`."""
     return json.dumps(
         {
             f"{table}.{key}": getattr(getattr(config, table), key)
@@ -101,7 +102,7 @@ def settings_text(config: Config) -> str:
 
 
 def kind_text(config: Config) -> str:
-    """Kind of block of a recording; empty if it is in no study."""
+    """Return the kind of block of a recording; empty without a study."""
     return design_of(config).kind
 
 
@@ -110,25 +111,25 @@ def kind_text(config: Config) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """The level of each factor in each block.
+    """Level of each factor in each block.
 
     Attributes
     ----------
     sequences : mapping of str to sequence
-        Of each factor's name, the levels of each block in the order of the table: one for a block, or one for each
-        trial; empty where it has none.
+        Levels of each block by name of the factor, in the order of the table: one for a block, or one for each trial;
+        empty if the block has none.
     """
 
     factors: tuple[StudyFactor, ...]
     sequences: Mapping[str, Sequence[tuple[str, ...]]]
 
     def at(self, factor: StudyFactor, places: Iterable[int], trials: Iterable[int]) -> list[str]:
-        """Level of a factor in trials.
+        """Return the level of a factor in trials.
 
         Parameters
         ----------
         places, trials : iterable of int
-            Number of each one's block in the table, from 0, and of the trial in the block, from 1 [1].
+            Block index of each trial in the table, from 0, and number of the trial in the block, from 1 [1].
         """
         own = self.sequences[factor.name]
         return [
@@ -138,19 +139,19 @@ class Levels:
 
 
 def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
-    """Find the factors of a study, and which of them conditions must tell.
+    """Find the factors of a study, and which of them the names of conditions must include.
 
     Parameters
     ----------
     blocks : DataFrame
-        The table of blocks, with the columns ``kind``, ``factors``, ``settings`` and ``partner``.
+        Table of blocks, with the columns ``kind``, ``factors``, ``settings`` and ``partner``.
     analysed : Series of bool
-        Which of them are analysed: others have no part in what must be told.
+        Whether each block is analysed; other blocks do not affect the names.
 
     Returns
     -------
     Levels
-        The declared factors in the order of the study, then the kind of block, then settings that differ.
+        Declared factors in the order of the study, then the kind of block, then settings that differ.
     """
     declared = [tuple(map(_read, json.loads(text or "[]"))) for text in blocks["factors"]]
     names = list(dict.fromkeys(one.name for own in declared for one in own))
@@ -184,7 +185,7 @@ def _read(values: dict[str, Any]) -> BlockFactor:
 
 
 def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) -> bool:
-    """Whether what is known of blocks tells the level of a factor in each of their trials."""
+    """Return whether the known columns of blocks determine the level of a factor in each of their trials."""
     found: dict[Any, tuple[str, ...]] = {}
     for *known, sequence in zip(*cells, own, strict=True):
         if len(set(sequence)) > 1 or found.setdefault(tuple(known), sequence[:1]) != sequence[:1]:
@@ -195,7 +196,7 @@ def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) ->
 def _undeclared(
     blocks: pd.DataFrame, sequences: Mapping[str, Sequence[tuple[str, ...]]], analysed: pd.Series
 ) -> Iterator[tuple[StudyFactor, list[tuple[str, ...]]]]:
-    """Yield settings that differ between blocks in which all that is declared is the same."""
+    """Yield settings that differ between blocks with the same declared levels."""
     settings = [json.loads(text or "{}") for text in blocks["settings"]]
     known = [blocks.loc[analysed, name].tolist() for name in _BASE]
     known += [[one for one, kept in zip(own, analysed, strict=True) if kept] for own in sequences.values()]
@@ -218,19 +219,19 @@ def _level(value: Any) -> str:
 
 
 def _unit_of(key: str) -> str:
-    """Unit of a setting."""
+    """Return the unit of a setting."""
     table, _, name = key.partition(".")
     return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
 
 
 def partner_of(movers: Iterable[str]) -> str:
-    """Who the partner was if none of the two people, such as ``robot partner``; else empty."""
+    """Return the partner if it is neither participant, such as ``robot partner``; otherwise empty."""
     there = set(movers)
     return ", ".join(f"{kind} partner" for kind in ("robot", "still") if kind in there)
 
 
 def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
-    """Name conditions: configuration, force, partner, levels that distinguish them, and a role other than test."""
+    """Return names of conditions: configuration, force, partner, distinguishing levels, and a role other than test."""
     extra = [[f"{name} {level}" if level else "" for level in levels] for name, levels in told.items()]
     columns = [*(base[name] for name in _BASE), *extra]
     said = [["" if role == "test" else role for role in roles]] if roles else []
@@ -238,7 +239,7 @@ def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Itera
 
 
 def value_columns(factor: StudyFactor, levels: Sequence[str]) -> dict[str, Any]:
-    """Columns of a factor in a table.
+    """Return the columns of a factor in a table.
 
     Returns
     -------

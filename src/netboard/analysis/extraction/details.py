@@ -1,4 +1,8 @@
-"""What has more than one row an attempt: the movements of the board in it, and its path at a low rate."""
+"""Tables with several rows for each attempt: its movements of the board, and its downsampled path.
+
+Delays are signed, left minus right, and are stored twice: with the threshold as set, and at fractions of each side's
+own peak. A path has every `STEP`-th sample of the filtered motion.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -12,10 +16,10 @@ from netboard.analysis.measures.signals import lasts
 from netboard.base.config import SIDES
 
 STEP = 20
-"""Samples from one row of a path to the next: 20 ms. The filtered movement has nothing above 20 Hz that matters [1]."""
+"""Samples between two rows of a path: 20 ms. The filtered motion has no relevant content above 20 Hz [1]."""
 
 PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
-"""Portions of a peak at which delays are taken [%]."""
+"""Fractions of a peak at which delays are measured [%]."""
 
 MOVEMENTS = (
     *PLACE,
@@ -53,12 +57,12 @@ PATHS = (
 
 
 def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
-    """Find the delays in the movements of the board that begin in an attempt.
+    """Return the delays in the movements of the board that begin in an attempt.
 
     Returns
     -------
     as_set, of_own : Delays
-        Delays as set, and at portions of each side's own peak.
+        Delays with the set threshold, and with fractions of each side's own peak.
     """
     own, found, how = take.own_turns, take.found, take.block.readings.delays
     moved = contributions(
@@ -78,7 +82,7 @@ def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
 
 
 def movements(take: Take) -> Iterator[Mapping[str, Any]]:
-    """Yield the rows of the movements of the board that begin in an attempt, but for its place."""
+    """Yield the rows of the movements of the board that begin in an attempt, without the columns that locate it."""
     own = take.own_turns
     moved, as_set, of_own = delays_of(take)
     for k in range(len(own)):
@@ -100,7 +104,7 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
 
 
 def path(take: Take) -> Columns:
-    """Return the rows of the path of an attempt, from the release to its end, but for its place."""
+    """Return the rows of an attempt's path, from release to end, without the columns that locate it."""
     trial, found = take.trial, take.found
     at = np.arange(trial.release, trial.stop, STEP)
     names = (*(f"{side}_z" for side in SIDES), *(f"{side}_vz" for side in SIDES), "theta", "p", "speed")

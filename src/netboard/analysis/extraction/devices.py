@@ -1,7 +1,7 @@
-"""What each hand's device was like to move, as far as a recording says: apparent mass, damping and friction.
+"""Mechanics of each hand's device in a recording: apparent mass, damping and friction.
 
-What was identified of the device itself counts most, then the figures of its model. Where neither is known (a mouse, an
-imported table), there is none.
+Values identified for the device itself come first, then the data of its model. A mouse or an imported table has
+neither.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from netboard.recording.files.reader import Recording
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """What a device adds to the hand that holds it.
+    """Mechanics that a device adds to the hand that holds it.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Mechanics:
 
 
 def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics | None]:
-    """Find the mechanics of both devices of a recording."""
+    """Return the mechanics of both devices of a recording."""
     said = recording.metadata
     if said.get("imported") == "measured":
         return dict.fromkeys(SIDES)
@@ -44,7 +44,7 @@ def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics |
 
 
 def _told(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
-    """Read what an agent told of its device."""
+    """Return the mechanics that an agent reported for its device."""
     model = _model_of(details.get("model", ""))
     if details.get("device", getattr(config.agents, side).device) == "virtual":
         return _simulated(config)
@@ -61,7 +61,7 @@ def _simulated(config: Config) -> Mechanics:
 
 
 def _model_of(name: str) -> DeviceModel | None:
-    """Find a device by what it calls itself: the longest name of a model that is in it, maker's words aside."""
+    """Find a device model by the device's name: the longest model name that it contains, without the maker's name."""
     words = _plain(name)
     found = [
         (len(known), model)
@@ -77,7 +77,7 @@ def _plain(name: str) -> str:
 
 
 def _number(words: str) -> float:
-    """Read the value of ``0.26 +- 0.01 N``; NaN where there is none."""
+    """Return the value of a text such as ``0.26 +- 0.01 N``; NaN without a number."""
     try:
         return float(words.partition(" ")[0])
     except ValueError:

@@ -1,4 +1,8 @@
-"""Which attempts do not count, and why: the declared rules, applied to all attempts alike, and everything listed."""
+"""Exclusion of attempts: declared rules, applied to all attempts alike, with every reason listed.
+
+The rules are the settings `Exclusions`. All attempts are measured; this module only lists those that do not count. The
+list includes attempts without measures, such as those that an operator ended.
+"""
 
 from collections.abc import Collection, Iterator
 from math import isnan
@@ -12,21 +16,21 @@ from netboard.base.errors import ConfigError
 from netboard.task.trials.quality import WORDS
 
 EXCLUSIONS = (*PLACE, words("why", "why the attempt does not count"))
-"""Columns of the table of exclusions: a row for each reason, so an attempt may have several."""
+"""Columns of the table of exclusions: one row for each reason, so an attempt may have several rows."""
 
 NO_COMPLETION = "no completion time: by the readings of this analysis, its samples do not show when the hold began"
-"""Why a success does not count that has no completion time."""
+"""Reason for the exclusion of a success without a completion time."""
 
 _STUCK = ("stuck_left", "stuck_right")
 
 
 def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> pd.DataFrame:
-    """List the attempts that do not count.
+    """Return the table of excluded attempts.
 
     Parameters
     ----------
     blocks, trials : DataFrame
-        Tables of blocks and of trials, a row for a recording and for an attempt.
+        Tables of blocks and trials: one row for each recording, and one for each attempt.
     """
     named = named_trials(rules)
     there = set(zip(trials["recording"], trials["trial"], strict=True))
@@ -45,7 +49,7 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
 
 
 def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
-    """Read the trials that an experimenter has excluded."""
+    """Return the trials that the experimenter has excluded, with the reasons."""
     named: dict[tuple[str, int], str] = {}
     for word in rules.trials:
         place, colon, why = word.partition(":")
@@ -57,7 +61,7 @@ def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
 
 
 def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
-    """Refuse to exclude trials of recordings that are not there, before any is measured."""
+    """Raise an error if an excluded trial names an unknown recording, before any is measured."""
     for recording, trial in named_trials(rules):
         if recording not in recordings:
             raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")
@@ -78,7 +82,7 @@ def _reasons(
     pilots: bool,
     named: dict[tuple[str, int], str],
 ) -> Iterator[str]:
-    """Yield why an attempt does not count."""
+    """Yield the reasons for the exclusion of an attempt."""
     if row["outcome"] == "success" and isnan(row["completion"]):
         yield NO_COMPLETION
     if pilots and block["pilot"]:

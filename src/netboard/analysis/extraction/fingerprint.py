@@ -1,7 +1,7 @@
-"""Which code measures: a digest of it, so that results of other code are never taken for its own.
+"""Digest of the extracting code, so that cached results of other code are never used.
 
-The code is the module that measures and all of netboard that it imports, to the byte, and the versions of the libraries
-that compute. What only reads the tables (findings, pictures, reports) is not in it.
+The digest covers the extracting module and all netboard modules that it imports, byte by byte, and the versions of the
+numerical libraries. Code that only reads the tables (results, figures, reports) is not included.
 """
 
 import ast
@@ -13,17 +13,17 @@ from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = "netboard.analysis.extraction.recordings"
-"""The module that measures."""
+"""Module that extracts the measures."""
 
 LIBRARIES = ("numpy", "scipy", "numba")
-"""What computes besides."""
+"""Numerical libraries whose versions count."""
 
 _PACKAGE = ROOT.partition(".")[0]
 
 
 @cache
 def fingerprint() -> str:
-    """Return a digest of the code that measures, in hexadecimal: the same for the same code, wherever it lies."""
+    """Return the hexadecimal digest of the extracting code; it does not depend on the installation path."""
     digest = hashlib.sha256()
     for name, path in sorted(sources().items()):
         text = path.read_bytes()
@@ -33,7 +33,7 @@ def fingerprint() -> str:
 
 
 def sources() -> dict[str, Path]:
-    """Find the modules that take part in measuring."""
+    """Return the modules that take part in the extraction."""
     found: dict[str, Path] = {}
     waiting = [ROOT]
     while waiting:
@@ -46,7 +46,7 @@ def sources() -> dict[str, Path]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Yield what a module imports of netboard: modules, and names in them that may be modules."""
+    """Yield a module's netboard imports: modules, and imported names that may be modules."""
     for node in ast.walk(ast.parse(path.read_bytes())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -55,7 +55,7 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 def _file_of(name: str) -> Path | None:
-    """Find the file of a module; None for what is none, such as a function that is imported."""
+    """Return the file of a module; None for another name, such as an imported function."""
     parent, _, last = name.rpartition(".")
     package = find_spec(parent)
     for place in (package.submodule_search_locations or ()) if package else ():

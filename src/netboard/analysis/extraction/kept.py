@@ -1,11 +1,11 @@
-"""Whole analyses that are kept: every file of the folder, by all that went into it.
+"""Cache of whole analyses: every file of the output folder, keyed by all inputs.
 
-What an analysis writes is a function of the bytes and names of its recordings, its settings, its options, the code and
-the versions of libraries. All of that is in the key, so a kept file is never one of other data, settings or code. In
-place of the command that asked, which is named in the folder, the kept files have a placeholder. Files are kept by
-their content: what two analyses have in common is kept once.
+The output of an analysis is a function of the bytes and names of its recordings, its settings, its options, the code
+and the versions of libraries. All of these are in the key, so a cached file never stems from other data, settings or
+code. The command line, which the folder quotes, is stored as a placeholder. Files are stored by content: files that two
+analyses share are stored once.
 
-This module loads none of the libraries that compute: where all is kept, none is needed.
+This module imports no numerical library: a cached analysis needs none.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
 from netboard.base.errors import RecordingError
 
 PACKAGES = ("netboard", "netboard.services")
-"""Whose sources decide what is in an analysis."""
+"""Packages whose sources affect an analysis."""
 
 SOURCES = (".py", ".jinja", ".css", ".toml")
 
@@ -30,12 +30,12 @@ LIBRARIES = (
     *("jinja2", "markupsafe", "matplotlib", "mcap", "netboard", "numba", "numpy", "pandas", "pyarrow"),
     *("pydantic", "scipy", "statsmodels", "zstandard"),
 )
-"""What takes part besides."""
+"""Further distributions whose versions count."""
 
 
 @cache
 def code_digest() -> str:
-    """A digest of all of netboard's sources, and of the versions of what they use, in hexadecimal."""
+    """Return the hexadecimal digest of netboard's sources and of its dependencies' versions."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         spec = find_spec(package)
@@ -56,7 +56,7 @@ def _version(name: str) -> str:
 
 
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
-    """Name an analysis by all that decides what is in its folder."""
+    """Return the cache key of an analysis from everything that affects its output."""
     with ThreadPoolExecutor() as pool:
         digests = list(pool.map(digest_of, recordings))
     named = [[str(path), digest] for path, digest in zip(recordings, digests, strict=True)]
@@ -65,7 +65,7 @@ def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequen
 
 
 def digest_of(path: Path) -> str:
-    """SHA-256 of the bytes of a file, in hexadecimal."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -74,7 +74,7 @@ def digest_of(path: Path) -> str:
 
 
 def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
-    """Keep an analysis."""
+    """Store an analysis."""
     files = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         content = path.read_bytes()
@@ -87,12 +87,12 @@ def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
 
 
 def take(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
-    """Write an analysis that is kept whole into an empty folder.
+    """Write a completely cached analysis into an empty folder.
 
     Returns
     -------
     tuple of str or None
-        What was said of it; None if it is not kept whole, and nothing is written then.
+        Its messages; None if the cache is incomplete, in which case nothing is written.
     """
     listed = store.get(f"{key}{ANALYSIS}")
     if listed is None:

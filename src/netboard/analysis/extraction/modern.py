@@ -1,7 +1,7 @@
-"""What a reader of today asks of an attempt besides the paper's measures.
+"""Measures of an attempt beyond the paper's: lags, smoothness, reactions, time in target, forces, passive partner.
 
-Forces are those of the hands on the board, filtered like all data; what each hand must bear anyway is taken off where
-the hands are compared. The window is that of the completion time throughout.
+Forces are those of the hands on the board, filtered like all data. Static support is subtracted where the two hands are
+compared. The window always ends at the completion.
 """
 
 from dataclasses import astuple
@@ -23,18 +23,18 @@ from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import gains_of
 
 LONGEST_LAG = 0.5
-"""No longer delay is looked for by cross-correlation [s]."""
+"""Largest delay in the cross-correlation [s]."""
 
 STIFFNESSES = (50, 150, 300)
-"""Of a passive partner's arm, which is not known of people [N/m]."""
+"""Stiffnesses of a passive partner's arm; the participants' own are unknown [N/m]."""
 
 PAIRS: tuple[tuple[Side, Side], ...] = (("left", "right"), ("right", "left"))
-"""Active and passive side."""
+"""Pairs of active and passive side."""
 
 _PASSIVE = (*(f"passive_{k}{kind}" for k in STIFFNESSES for kind in ("", "_device")), "passive_friction")
 
 _LEAST = 3
-"""Samples that a smoothness takes [1]."""
+"""Minimum number of samples for smoothness measures [1]."""
 
 
 def _lag(take: Take) -> dict[str, float]:
@@ -97,9 +97,9 @@ def _forces(take: Take) -> dict[str, float]:
 
 
 def _passive_partner(take: Take) -> dict[str, float]:
-    """How much more cooperative a passive partner is than a still one, for either side in turn.
+    """Return the share of cooperative movement of a passive partner minus that of a still one, for each side.
 
-    Without friction, and with the mechanics of the device that the passive side held.
+    Computed without friction, and with the mechanics of the passive side's device.
     """
     names = _PASSIVE
     config = take.block.config
@@ -132,7 +132,7 @@ def _passive_partner(take: Take) -> dict[str, float]:
 
 
 def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Share of cooperative movement; with a partner who is still there is none."""
+    """Return the share of cooperative movement; it is zero with a still partner."""
     return float(movement_times(classify(one, other), RATE).shares[0])
 
 
@@ -205,4 +205,4 @@ MODERN = (
         _passive_partner,
     ),
 )
-"""All of them."""
+"""All groups of measures."""

@@ -1,4 +1,7 @@
-"""The paper's measures of an attempt, each by the function of `analysis.measures` and the reading that are set."""
+"""The paper's measures of an attempt, computed by `analysis.measures` as the settings say.
+
+Measures beyond the paper's are in `netboard.analysis.extraction.modern`.
+"""
 
 from math import nan
 
@@ -14,7 +17,7 @@ from netboard.analysis.measures.peaks import Peaks, velocity_peaks
 
 
 def peaks_of(take: Take, window: Window) -> Peaks:
-    """Find the velocity peaks of the ball, as set."""
+    """Find the velocity peaks of the ball, as the settings say."""
     how = take.block.readings.peaks
     return velocity_peaks(
         take.found.speed[take.trial.window(window)],
@@ -26,7 +29,7 @@ def peaks_of(take: Take, window: Window) -> Peaks:
 
 
 def classes_of(take: Take) -> NDArray[np.int8]:
-    """Classify the movement of the styluses at each sample of the window that is set."""
+    """Classify the movement of the styluses at each sample of the set window."""
     how = take.block.readings.movements
     window = take.trial.window(how.window)
     left, right = take.found.left_vz[window], take.found.right_vz[window]
@@ -119,4 +122,4 @@ PAPER = (
         _strategy,
     ),
 )
-"""All of them."""
+"""All groups of measures."""

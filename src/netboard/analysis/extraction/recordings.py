@@ -1,7 +1,7 @@
-"""All tables of one recording: what was done in it, every attempt with its measures, every movement, every path.
+"""Extraction of all tables of one recording: its block, attempts with measures, movements and paths.
 
-A recording gives the same tables with the same readings, whoever computes them and where. Nothing is left out here:
-what does not count is marked later (`netboard.analysis.extraction.exclusions`).
+A recording and its settings always give the same tables, in any process on any machine. Nothing is excluded here;
+`netboard.analysis.extraction.exclusions` marks attempts later.
 """
 
 from collections.abc import Iterator, Mapping
@@ -58,14 +58,14 @@ BLOCKS = (
     words("factors", "factors of the block with its levels, as a JSON list"),
     words("settings", "settings that may differ without being a factor, as a JSON object"),
 )
-"""Columns of the table of blocks: one row a recording."""
+"""Columns of the table of blocks: one row for each recording."""
 
 _RENDERED = tuple(f"{side}_rendered" for side in SIDES)
 
 _GROUPS = (*PAPER, *MODERN)
 
 _TO_COMPLETION = tuple(field.name for group in MODERN for field in group.fields if field.kind == "number")
-"""Measures of the time up to the completion, whatever the readings are."""
+"""Measures over the window to completion, whatever the settings."""
 
 TRIALS = (
     *PLACE,
@@ -78,17 +78,17 @@ TRIALS = (
     words("flags", "marks of quality, with spaces between"),
     *(field for group in _GROUPS for field in group.fields),
 )
-"""Columns of the table of trials: one row an attempt."""
+"""Columns of the table of trials: one row for each attempt."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The tables of a recording.
+    """Extracted tables of a recording.
 
     Attributes
     ----------
     blocks, trials, movements, paths : dict of ndarray
-        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS`; no paths where those lie elsewhere [SI].
+        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS`; `paths` is empty if they are stored elsewhere [SI].
     """
 
     blocks: Columns
@@ -102,7 +102,7 @@ FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": P
 
 
 def measure(run: Run, readings: Readings) -> Measured:
-    """Measure a recording."""
+    """Return the tables of a recording."""
     name = run.path.stem
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, run.config, readings)
@@ -125,7 +125,7 @@ def measure(run: Run, readings: Readings) -> Measured:
 
 
 def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
-    """Read the columns that are measured, and have the attempts judged on the way: chunks are decompressed once."""
+    """Read the needed columns and check the attempts' quality in one pass, so chunks are decompressed once."""
     wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
 
@@ -141,14 +141,14 @@ def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Col
 
 
 def _unknown(recording: Recording, columns: Columns) -> int:
-    """Count ticks at which nobody knows what a device rendered; only if there may be any, what agents told is read."""
+    """Count ticks without a known rendered force; read the agents' reports only if there may be any."""
     if any(unknown_ticks(columns[name]) for name in _RENDERED):
         columns = recording.columns(*_RENDERED)
     return sum(unknown_ticks(columns[name]) for name in _RENDERED)
 
 
 def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:
-    """Measure one attempt."""
+    """Return the row of an attempt with its measures."""
     attempt, config = take.attempt, take.block.config
     row: dict[str, Any] = {
         "outcome": attempt.outcome,
@@ -167,7 +167,7 @@ def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]
 
 
 def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
-    """Put the paths of all attempts one after the other."""
+    """Concatenate the paths of all attempts."""
     parts = [path(take) for take in takes]
     lengths = [len(part["time"]) for part in parts]
     whole: Columns = {}
@@ -181,7 +181,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
 
 
 def _block(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
-    """Say what was done in a recording."""
+    """Return the row of a recording's block."""
     said, config = run.metadata, run.config
     return {
         "recording": run.path.stem,
@@ -219,6 +219,6 @@ def _block(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, An
 
 
 def _mover(run: Run, side: Side) -> str:
-    """Name who moved a stylus."""
+    """Return who moved a stylus."""
     kind: str = getattr(run.config.block, side)
     return next((person.label for person in run.people if side in person.sides), kind)

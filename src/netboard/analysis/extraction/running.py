@@ -1,8 +1,8 @@
-"""Measures many recordings: on all cores, or on the machines of a Dask cluster, and only those not measured before.
+"""Extraction from many recordings, on all cores or a Dask cluster, of those not cached.
 
-A process holds one recording at a time, and what comes back are its tables, in the order of the recordings whatever
-was done first. So the same recordings give the same tables however many processes there are, and wherever they run.
-The paths, which are long, go to a shelf on disk as they come.
+A process holds one recording at a time and returns its tables. Results are in the order of the recordings, whichever
+finished first, so they do not depend on the number or the place of the processes. The paths, which are long, are
+written to disk as they arrive.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A recording that could not be measured."""
+    """A recording that was skipped because its extraction failed."""
 
     file: str
     why: str
@@ -37,7 +37,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A recording that was measured."""
+    """A recording with extracted tables."""
 
     run: Run
     sha256: str
@@ -46,12 +46,12 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Harvest:
-    """All that was measured.
+    """Result of the extraction from all recordings.
 
     Attributes
     ----------
     peak : float
-        The most memory that a process held that measured, in bytes; 0 if none had to [1].
+        Peak memory of any extracting process, in bytes; 0 if all tables came from the cache [1].
     """
 
     sources: tuple[Source, ...]
@@ -71,19 +71,19 @@ def harvest(
     *,
     skip: bool = False,
 ) -> Harvest:
-    """Measure recordings.
+    """Extract the tables of recordings.
 
     Parameters
     ----------
     cache : Cache or None
-        Where results are kept; None to measure all and keep nothing.
+        Cache of results; None to measure all and store nothing.
     progress : callable
-        Is told how many recordings are done, and of how many.
+        Callback with the number of finished recordings and the total.
 
     Raises
     ------
     RecordingError
-        If a recording cannot be measured and is not to be left out, or none is left.
+        If a recording cannot be measured and `skip` is false, or none remains.
     """
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = _digests([run.path for run in runs])
@@ -115,7 +115,7 @@ def harvest(
 
 
 class _Taken:
-    """What has come: its paths go to the shelf, the other tables are held, and who waits is told."""
+    """Collector of arriving tables: stores paths on disk, keeps the other tables and reports progress."""
 
     def __init__(self, shelf: "Shelf", progress: Progress, total: int) -> None:
         self.tables: dict[Path, Measured] = {}
@@ -123,7 +123,7 @@ class _Taken:
         self._seconds = 0.0
 
     def add(self, path: Path, measured: Measured) -> None:
-        """Take the tables of a recording."""
+        """Add the tables of a recording."""
         self._shelf.put(measured)
         self.tables[path] = replace(measured, paths={})
         self._seconds += float(measured.blocks["duration"][0])
@@ -132,7 +132,7 @@ class _Taken:
 
 
 def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
-    """Find out who did what in those that can be opened."""
+    """Return the runs of the recordings that can be opened, and the others with reasons."""
     sound: list[Path] = []
     left_out: list[LeftOut] = []
     for path in recordings:
@@ -145,19 +145,19 @@ def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut
 
 
 def _left_out(path: Path, error: Exception) -> LeftOut:
-    """Say why, without the place of the file."""
+    """Return the reason, without the path of the file."""
     why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
     return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
 
 
 def _digests(paths: Sequence[Path]) -> dict[Path, str]:
-    """SHA-256 of the bytes of files, in hexadecimal."""
+    """Return the SHA-256 of files, in hexadecimal."""
     with ThreadPoolExecutor() as pool:
         return dict(zip(paths, pool.map(digest_of, paths), strict=True))
 
 
 def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
-    """Take what was measured before."""
+    """Add the cached tables."""
     for path, key in keys.items():
         if (measured := cache.get(key)) is not None:
             taken.add(path, measured)
@@ -166,7 +166,7 @@ def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
 def _answers(
     runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, crew: Crew
 ) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
-    """Yield what comes of each recording, as it comes."""
+    """Yield the tables or the error of each recording as it finishes."""
     if not runs:
         return
     with crew([run.path.absolute() for run in runs]) as executor:
@@ -183,7 +183,7 @@ def _answers(
 
 
 def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
-    """Measure a recording, and tell how much memory that took [1]; this runs in another process, maybe elsewhere."""
+    """Extract one recording, possibly in another process or machine; return tables and peak memory in bytes [1]."""
     if digest_of(run.path) != sha256:
         raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
     return measure(run, readings), peak_memory()

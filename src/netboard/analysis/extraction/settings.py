@@ -1,9 +1,9 @@
-"""How the paper is read, and what is left out: every choice of an analysis as a named setting with a checked value.
+"""Settings of an analysis: every reading of the paper, summary and exclusion rule, as a checked value.
 
-The paper leaves choices open. Each has a default here and its alternatives, in words that are those of the functions in
-`netboard.analysis.measures`; docs/reference/measures.md gives the reasons. `Summaries` decides what is made of the
-trials and `Exclusions` which of them count; all other tables decide what is measured in a trial. All of it is written
-beside every result.
+The paper leaves choices open. Each has a default here, and alternatives with the names that the functions in
+`netboard.analysis.measures` use; docs/reference/measures.md gives the reasons. `Summaries` decides how trials are
+summarised, `Exclusions` which of them count; all other tables decide what is measured in a trial. Every result is
+stored with all of its settings.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ Flag = Literal[
 """A word of `netboard.task.trials.quality.WORDS`."""
 
 TECHNICAL = tuple(word for word in WORDS if word != "too_long")
-"""Flags that say that something other than the participants went wrong. A long time is a result."""
+"""Flags of technical faults, which participants did not cause. A long duration is a result, not a fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +229,7 @@ _ADAPTER: TypeAdapter[Readings] = TypeAdapter(Readings)
 
 
 def parse(text: str, source: str = "analysis.toml", overrides: Sequence[str] = ()) -> Readings:
-    """Check a TOML text and turn it into `Readings`.
+    """Parse and check a TOML text.
 
     Raises
     ------
@@ -240,15 +240,15 @@ def parse(text: str, source: str = "analysis.toml", overrides: Sequence[str] = (
 
 
 def template() -> str:
-    """Write the commented file with every key and its default, as TOML text."""
+    """Return the commented template with every key and its default, as TOML text."""
     return write_template(Readings)
 
 
 def resolve(readings: Readings) -> str:
-    """Write all settings, as TOML text."""
+    """Return all settings, as TOML text."""
     return write(readings)
 
 
 def measured_with(readings: Readings) -> str:
-    """Write the settings that determine the tables of a recording."""
+    """Return the settings that determine the tables of a recording, as TOML text."""
     return write(replace(readings, summaries=Summaries(), exclusions=Exclusions()))

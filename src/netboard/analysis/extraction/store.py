@@ -1,10 +1,10 @@
-"""What is kept between analyses: a folder of entries, bounded in size, that any number of processes may use.
+"""Cache on disk: a folder of entries, bounded in size, safe for any number of processes.
 
-An entry is one file: the SHA-256 of what follows, then its content. It is written under another name and renamed; one
-that was damaged since is not used. What was not used for longest goes when all entries are larger than a limit, but
-nothing that is in use: a study that is larger than that would otherwise drop what it comes to next.
+An entry is one file: a SHA-256 followed by the content that it covers. It is written under a temporary name and
+renamed; a damaged entry is ignored. Above the size limit the least recently used entries are evicted, except those in
+use: a larger study would otherwise evict what it reads next.
 
-This module loads none of the libraries that compute.
+This module imports no numerical library.
 """
 
 import hashlib
@@ -18,21 +18,21 @@ from tempfile import NamedTemporaryFile
 from netboard.base.errors import RecordingError
 
 LIMIT = 2_000_000_000
-"""What is kept beside what is in use is not more than this, in bytes: some ten studies of the paper's size [1]."""
+"""Size limit for entries that are not in use, in bytes: some ten studies of the paper's size [1]."""
 
 TABLES, ANALYSIS, FILE = ".tables", ".analysis", ".file"
-"""What the name of an entry ends with: tables of a recording, the list of an analysis, one of its files."""
+"""Suffixes of entries: tables of a recording, the list of an analysis, one of its files."""
 
 ENDINGS = (TABLES, ANALYSIS, FILE)
 
 ABANDONED = 86_400.0
-"""Nobody is writing an entry any more after this [s]."""
+"""Age after which an unfinished entry is abandoned [s]."""
 
 _DIGEST_BYTES = 32
 
 
 def default_folder() -> Path:
-    """Where results are kept for this user."""
+    """Return the user's cache folder."""
     chosen = os.environ.get("XDG_CACHE_HOME")
     return (Path(chosen) if chosen else Path.home() / ".cache") / "netboard" / "measures"
 
@@ -43,7 +43,7 @@ class Store:
     Parameters
     ----------
     limit : int
-        What is kept and not in use is dropped from this size on, in bytes [1].
+        Size above which unused entries are evicted, in bytes [1].
     """
 
     def __init__(self, folder: Path, limit: int = LIMIT) -> None:
@@ -59,7 +59,7 @@ class Store:
         return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; --no-cache keeps none")
 
     def get(self, name: str) -> memoryview | None:
-        """Return the content of an entry; None if there is none, or it is not as it was written."""
+        """Return the content of an entry; None if it is missing or damaged."""
         path = self._folder / name
         try:
             whole = path.read_bytes()
@@ -75,7 +75,7 @@ class Store:
         return content
 
     def put(self, name: str, content: bytes) -> None:
-        """Keep an entry."""
+        """Store an entry."""
         part = None
         try:
             with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
@@ -90,10 +90,10 @@ class Store:
                 part.unlink(missing_ok=True)
 
     def trim(self) -> None:
-        """Evict the least recently used entries down to the limit, and files that killed processes left."""
+        """Evict the least recently used entries down to the limit, and the partial files of killed processes."""
         try:
             for part in self._folder.glob("*.part"):
-                with suppress(FileNotFoundError):  # it got its name just now
+                with suppress(FileNotFoundError):  # it was renamed in the meantime
                     if time.time() - part.stat().st_mtime > ABANDONED:
                         part.unlink()
             entries = [(path, path.stat()) for ending in ENDINGS for path in self._folder.glob(f"*{ending}")]

@@ -1,4 +1,4 @@
-"""Tables of measures as Arrow streams: how they are written to a file of ours, and read again."""
+"""Reading and writing of tables of measures as Arrow streams."""
 
 from typing import Any, BinaryIO
 
@@ -11,14 +11,14 @@ from netboard.recording.format.channels import Field
 
 
 class Streams:
-    """Writes and reads tables, each a stream of its own."""
+    """Writer and reader of tables, each in its own stream."""
 
     def __init__(self, compression: str | None) -> None:
         self._arrow, self._ipc = library("pyarrow", "analysis"), library("pyarrow.ipc", "analysis")
         self._options = self._ipc.IpcWriteOptions(compression=compression)
 
     def write(self, sink: BinaryIO, columns: Columns, fields: tuple[Field, ...]) -> None:
-        """Write a table where a file is."""
+        """Write a table to a file."""
         arrow = self._arrow
         text = arrow.dictionary(arrow.int32(), arrow.string())
         kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": text}
@@ -28,7 +28,7 @@ class Streams:
             stream.write_table(table)
 
     def source(self, content: memoryview) -> Any:
-        """Return what `read` takes tables from, one after the other."""
+        """Return a source from which `read` takes one table after the other."""
         return self._arrow.BufferReader(content)
 
     def read(self, source: Any, fields: tuple[Field, ...]) -> Columns:
@@ -37,7 +37,7 @@ class Streams:
         Returns
         -------
         dict of ndarray, shape (n,)
-            The columns; equal texts are one object, as one is enough for the path of a whole recording.
+            The columns; equal texts share one object, because a recording's path repeats the same text.
         """
         with self._ipc.open_stream(source) as stream:
             table = stream.read_all()

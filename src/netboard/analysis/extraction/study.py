@@ -1,6 +1,6 @@
-"""A study: the tables of all its recordings, joined, in the order in which things were done.
+"""A study: the joined tables of all its recordings, in the order of the sessions.
 
-The paths alone are not joined: they are long, and given recording by recording.
+Paths are not joined: they are long, and are read recording by recording.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ PLACE_IN_STUDY = (
     count("counts", "1: a successful trial that is not excluded"),
     count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
 )
-"""Columns that the tables of trials and movements have in a study besides their own."""
+"""Columns of a study's tables of trials and movements beside those of a recording."""
 
 _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
 _KEYS = ["recording", "trial", "attempt"]
@@ -64,12 +64,12 @@ class Study:
 
     @property
     def factors(self) -> tuple[StudyFactor, ...]:
-        """What varied by plan, besides configuration, force and partner."""
+        """Factors of the study besides configuration, force and partner."""
         return self.levels.factors
 
     @property
     def factor_fields(self) -> tuple[Field, ...]:
-        """Columns of the factors, which every table has beside its own."""
+        """Columns of the factors, which every table has in addition."""
         return tuple(field for factor in self.factors for field in factor.fields)
 
     def fields(self, table: str) -> tuple[Field, ...]:
@@ -85,12 +85,12 @@ class Study:
 
     @property
     def analysed(self) -> pd.DataFrame:
-        """The blocks whose role is analysed; all of them if no role is."""
+        """Blocks whose role is analysed; all blocks if no role is."""
         return self.blocks[_analysed(self.blocks, self.readings.exclusions.roles)]
 
     @property
     def counted(self) -> pd.DataFrame:
-        """The successful trials that count, in the order in which they were done within each dyad."""
+        """Successful trials that count, in the order of each dyad's sessions."""
         return self.trials[self.trials["counts"] == 1]
 
     @property
@@ -107,11 +107,11 @@ def study_of(
     Parameters
     ----------
     measured : iterable of Measured
-        The tables of each recording, one at least, in any order.
+        Tables of each recording, at least one, in any order.
     readings : Readings
-        The readings they were measured with; their exclusions are applied here.
+        Settings of the extraction; their exclusions are applied here.
     paths : mapping of DataFrame, optional
-        The paths of each recording by its name, if they are not in its tables.
+        Paths of each recording by its name, if they are not in its tables.
     """
     in_order = _in_order(measured)
     if paths is None:
@@ -131,7 +131,7 @@ def study_of(
 
 
 def pooled(study: Study, over: Collection[str]) -> Study:
-    """Pool the trials of a study over factors: their levels are no part of conditions any more."""
+    """Pool the trials of a study over factors: their levels are no longer part of conditions."""
     factors = tuple(replace(one, told=one.told and one.name not in over) for one in study.factors)
     levels = replace(study.levels, factors=factors)
     blocks = study.blocks.assign(condition=_block_conditions(study.blocks, levels))
@@ -148,18 +148,18 @@ def pooled(study: Study, over: Collection[str]) -> Study:
 
 
 def _analysed(blocks: pd.DataFrame, left_out: Collection[str]) -> pd.Series:
-    """Which blocks are analysed by their role; all if none were."""
+    """Return whether each block's role is analysed; all true if none is."""
     kept = ~blocks["role"].isin(left_out)
     return kept if kept.any() else ~kept
 
 
 def _columns_of(levels: Levels) -> list[str]:
-    """Columns of the factors that a table of trials has beside those of `PLACE_IN_STUDY`."""
+    """Return the factor columns of a table of trials beside those of `PLACE_IN_STUDY`."""
     return [field.name for factor in levels.factors for field in factor.fields if field.name not in _SHARED]
 
 
 def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]) -> dict[str, np.ndarray]:
-    """Columns of the factors for trials of blocks."""
+    """Return the factor columns for trials of blocks."""
     at, numbers = list(places), list(trials)
     columns: dict[str, np.ndarray] = {}
     for factor in levels.factors:
@@ -168,7 +168,7 @@ def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]
 
 
 def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
-    """Columns of the factors for blocks: of one that varies within them all levels, with commas between."""
+    """Return the factor columns for blocks: a factor that varies within blocks lists all levels, with commas."""
     columns: dict[str, np.ndarray] = {}
     for factor in levels.factors:
         own = [", ".join(dict.fromkeys(sequence)) for sequence in levels.sequences[factor.name]]
@@ -177,7 +177,7 @@ def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
 
 
 def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
-    """Name the condition of each block, without what varies within it."""
+    """Return the condition of each block, without factors that vary within it."""
     told = {
         one.name: [sequence[0] if sequence else "" for sequence in levels.sequences[one.name]]
         for one in levels.factors
@@ -187,15 +187,15 @@ def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
 
 
 def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.DataFrame:
-    """Say of each movement what is said of its trial."""
+    """Add the columns of its trial to each movement."""
     shared = [*_KEYS, *_SHARED, "role", *_columns_of(levels)]
     return movements.merge(trials[shared], on=_KEYS, how="left", validate="many_to_one")
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
-    """Sort recordings by dyad, plan after plan, by block, and by their beginnings where a block was interrupted.
+    """Sort recordings by dyad, plan and block, and the parts of an interrupted block by start time.
 
-    A part has a number only within what was not resumed; a session that was has another name in its recordings.
+    Parts are numbered only within one session, and a resumed session has another name in its recordings.
     """
     every = list(measured)
     began: dict[tuple[str, str], str] = {}
@@ -212,7 +212,7 @@ def _in_order(measured: Iterable[Measured]) -> list[Measured]:
 
 
 def _numbers(blocks: pd.DataFrame) -> pd.Series:
-    """Number the blocks: as planned; through, in dyads that have two of one number, of two plans or imported ones."""
+    """Number the blocks as planned; consecutively for dyads with duplicate numbers, two plans or imported blocks."""
     same = ["dyad", "block", "study", "condition", "performer"]
     each = blocks.drop_duplicates(same)
     several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
@@ -221,14 +221,14 @@ def _numbers(blocks: pd.DataFrame) -> pd.Series:
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
-    """Put tables one below the other."""
+    """Concatenate tables."""
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
 def _placed(
     trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
 ) -> pd.DataFrame:
-    """Say of each attempt whose it is, in which condition, whether it counts, and the how manyth it is."""
+    """Add to each attempt its performer, condition, inclusion and running number."""
     known = [name for name in _SHARED if name not in ("counts", "order", "condition")]
     joined = trials.merge(blocks[["recording", *known]], on="recording", how="left", validate="many_to_one")
     places = dict(zip(blocks["recording"], range(len(blocks)), strict=True))
@@ -262,4 +262,4 @@ FIELDS_IN_STUDY = {
     ),
     "paths": FIELDS["paths"],
 }
-"""Columns of each table of a study beside those of its factors."""
+"""Columns of each table of a study, without those of its factors."""

@@ -1,6 +1,6 @@
-"""The tables of measures: what a row is, and the columns with their kinds, units and meanings.
+"""Tables of measures: their rows, and their columns with kinds, units and meanings.
 
-A column is an integer, a number (NaN: the attempt has no such measure), or a text.
+A column holds integers, numbers (NaN: the attempt has no such measure) or texts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +14,7 @@ from netboard.analysis.extraction.trials import Take
 from netboard.recording.format.channels import Field
 
 Columns = dict[str, NDArray[Any]]
-"""A table in memory: columns of equal length by name [SI]."""
+"""Table in memory: columns of equal length by name [SI]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ def words(name: str, text: str) -> Field:
 
 
 DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
-"""Type of each kind of column."""
+"""NumPy dtype of each kind of column."""
 
 
 def columns_of(fields: tuple[Field, ...], rows: Sequence[Mapping[str, Any]]) -> Columns:
-    """Make columns of rows."""
+    """Convert rows to columns."""
     return {field.name: np.array([row[field.name] for row in rows], DTYPES[field.kind]) for field in fields}
 
 
@@ -54,4 +54,4 @@ PLACE = (
     count("trial", "number of the trial in its block, from 1"),
     count("attempt", "number of the attempt at it, from 1"),
 )
-"""Where a row of trials, movements and paths is from."""
+"""Columns that locate a row of trials, movements and paths: recording, trial and attempt."""

@@ -1,7 +1,7 @@
-"""One recording as the measures see it: filtered as the readings say, and cut into its attempts.
+"""One recording as input of the measures: filtered as the settings say, and cut into its attempts.
 
-Samples are numbered from the recording's first tick. A short hole of missing ticks is bridged, as the readings say;
-what is still missing is not a number, and nothing is computed across it. Only the columns that are needed are read.
+Samples are numbered from the recording's first tick. Short gaps of missing ticks are bridged, as the settings say;
+longer ones remain NaN, and nothing is computed across them. Only the needed columns are read.
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,7 +34,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt
 
 RATE = 1 / TICK_SECONDS
-"""Samples per second [Hz]."""
+"""Sampling rate [Hz]."""
 
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
@@ -43,12 +43,12 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
-    """Name the columns of ticks that a `Block` is made of."""
+    """Return the tick columns that a `Block` needs."""
     return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
 def measurable(attempt: Attempt) -> bool:
-    """Tell whether an attempt came to the end of the task: other ends are an operator's, or the recording's."""
+    """Return whether an attempt ended by the task, and not by the operator or the end of the recording."""
     return attempt.outcome in ("success", "fell", "timed_out")
 
 
@@ -58,9 +58,9 @@ class Block:
     Parameters
     ----------
     recording : Recording
-        The recording, open; it is read here and not needed afterwards.
+        Open recording; it is read here and not needed afterwards.
     columns : mapping of str to ndarray, optional
-        Those of `columns_for`, if they have been read already; they are kept as they are [SI].
+        Columns of `columns_for`, if already read; they are not copied [SI].
     """
 
     def __init__(
@@ -90,12 +90,12 @@ class Block:
         self.mechanics = mechanics_of(config, recording)
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
-        """Return the same recording under other settings or columns; what stays the same is not filtered again."""
+        """Return the same recording with other settings or columns; unchanged signals are not filtered again."""
         if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
             raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
         other = copy(self)
         other.readings, other._columns = readings, self._columns | columns
-        if columns:  # What the recording says of an attempt is not of these.
+        if columns:  # The recorded completion times do not belong to the new columns.
             other.attempts = tuple(replace(attempt, completion=nan) for attempt in self.attempts)
         if columns or readings.filters != self.readings.filters:
             stale: tuple[str, ...] = _FILTERED
@@ -107,33 +107,33 @@ class Block:
 
     @property
     def samples(self) -> int:
-        """How many samples there are, missing ones counted in [1]."""
+        """Number of samples, including missing ones [1]."""
         return self.raw("p").size
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column as recorded, but for short holes, which are bridged, shape (n,) [SI]."""
+        """Return a recorded column with short gaps bridged, shape (n,) [SI]."""
         return self._seen[name]
 
     @cached_property
     def _seen(self) -> dict[str, NDArray[np.float64]]:
-        """The columns with short holes bridged."""
+        """Columns with short gaps bridged."""
         longest = self.readings.filters.bridge
         return {name: bridge(values, RATE, longest) if longest else values for name, values in self._columns.items()}
 
     @cached_property
     def placed(self) -> NDArray[np.int64]:
-        """First samples after the ball was put somewhere else, or stopped where it was, shape (k,) [1]."""
+        """First samples after the ball was repositioned or stopped in place, shape (k,) [1]."""
         ends = [attempt.stop + 1 - self.first for attempt in self.attempts]
         return np.union1d(placements(self.raw("p"), RATE), np.array(ends, np.int64))
 
     @cached_property
     def fast(self) -> LowPass:
-        """The filter of all force and kinematic data."""
+        """Filter for all force and kinematic data."""
         return self._low_pass(self.readings.filters.fast)
 
     @cached_property
     def slow(self) -> LowPass:
-        """The filter of the board's angular velocity and of the ball's speed."""
+        """Filter for the board's angular velocity and the ball's speed."""
         return self._low_pass(self.readings.filters.slow)
 
     def _low_pass(self, cutoff: float) -> LowPass:
@@ -162,17 +162,17 @@ class Block:
 
     @cached_property
     def whole(self) -> Motion:
-        """All of the recording, filtered."""
+        """The whole recording, filtered."""
         return self.filtered(slice(0, self.samples))
 
     @cached_property
     def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces of the left and the right hand on the board, filtered, shape (n,) each [N]."""
+        """Filtered forces of the left and the right hand on the board, shape (n,) each [N]."""
         left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
         return left, right
 
     def segments(self, found: Motion) -> Segments:
-        """Movements of the board."""
+        """Return the movements of the board."""
         how = self.readings.segments
         return board_segments(
             found.omega,
@@ -196,7 +196,7 @@ class Block:
                 yield self._take(attempt)
 
     def _take(self, attempt: Attempt) -> "Take":
-        """Cut an attempt out."""
+        """Return an attempt, cut out of the recording."""
         release, stop = attempt.tick - self.first, attempt.stop - self.first
         how, sizes = self.readings, self.config.geometry
         target = attempt.target * sizes.target_distance
@@ -214,9 +214,9 @@ class Block:
         return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries, source)
 
     def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
-        """Find when a success was completed: from the ball's samples, or else from what the recording says of it.
+        """Find the completion of a success from the ball's samples, or else from the recording.
 
-        The referee decided on the ball's centre, so the recording says nothing of a hold of the whole ball.
+        The server judges the ball's centre, so the recording has no hold of the whole ball.
         """
         inside, sizes = self.readings.completion.inside, self.config.geometry
         found = find_completion(
@@ -240,15 +240,15 @@ class Block:
 
 @dataclass(frozen=True)
 class Take:
-    """An attempt, and where it lies.
+    """An attempt, with its position in the recording.
 
     Attributes
     ----------
     completion : float
         Completion time; NaN without one [s].
     source : str
-        What the completion time is from: ``samples`` of the ball, or the ``recording`` where they do not show a hold;
-        empty without one.
+        Source of the completion time: ``samples`` of the ball, or the ``recording`` if they show no hold; empty without
+        a completion time.
     """
 
     block: Block
@@ -262,18 +262,18 @@ class Take:
     source: str
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column of `part`, as recorded, shape (n,) [SI]."""
+        """Return a column of `part` with short gaps bridged, shape (n,) [SI]."""
         return self.block.raw(name)[self.part]
 
     def force(self, side: Literal["left", "right"], window: slice) -> NDArray[np.float64]:
-        """Force of a hand on the board, filtered [N]."""
+        """Return the filtered force of a hand on the board [N]."""
         return self.block.forces[SIDES.index(side)][self.part][window]
 
     def knows(self, window: Window) -> bool:
-        """Say whether it is known where a window ends.
+        """Return whether the end of a window is known.
 
-        A success without a completion time has none up to its completion: its samples show no hold by the readings, and
-        the recording does not say when it was.
+        For a success without a completion time the window to completion has no known end: its samples show no hold
+        under these settings, and the recording has no time either.
         """
         return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
 
@@ -284,12 +284,12 @@ class Take:
 
 
 def _cut(found: Motion, trial: Trial) -> Motion:
-    """Keep the samples of a trial only."""
+    """Return the samples of a trial."""
     inside = trial.window("whole")
     arrays = {name: getattr(found, name)[inside] for name in Motion.__slots__ if name != "rate"}
     return Motion(rate=found.rate, **arrays)
 
 
 def _shifted(turns: Segments, by: int) -> Segments:
-    """Count movements from an earlier sample."""
+    """Return movements with sample numbers from an earlier start."""
     return Segments(turns.first + by, turns.stop + by, turns.angle, turns.cut)

@@ -1,7 +1,7 @@
-"""Who measures: processes of this machine, or the workers of a Dask cluster, both as an executor.
+"""Executors of the extraction: processes of this machine, or workers of a Dask cluster.
 
-A crew is told the recordings and checks that it can measure them before the first is begun. Whoever ends before the
-work is done is an error in one line.
+An executor factory receives the recordings and checks that it can measure them before the first starts. A worker that
+ends too early gives an error in one line.
 """
 
 import multiprocessing
@@ -19,21 +19,21 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.recording.export.formats import library
 
 Crew = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
-"""Takes the recordings that are to be measured, with whole paths; gives who does it, for as long as it is entered."""
+"""Function of the absolute paths of the recordings; returns a context manager that provides the executor."""
 
 PATIENCE = 10.0
-"""A scheduler that has not answered after this, or has no workers then, does not answer [s]."""
+"""Timeout for the scheduler to answer and to have workers [s]."""
 
 
 def cores() -> int:
-    """How many cores this process may use [1]."""
+    """Return the number of cores that this process may use [1]."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def processes(workers: int) -> Crew:
-    """Let processes of this machine measure; this one alone, if one is enough."""
+    """Measure in processes of this machine; in this process alone if one is enough."""
 
     @contextmanager
     def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
@@ -53,17 +53,17 @@ def processes(workers: int) -> Crew:
 
 
 def _leave_stopping() -> None:
-    """Let Ctrl-C stop the process that waits, which stops the others."""
+    """Let Ctrl-C stop only the waiting process, which stops the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def dask(address: str, patience: float = PATIENCE) -> Crew:
-    """Let the workers of a Dask cluster measure.
+    """Measure on the workers of a Dask cluster.
 
     Parameters
     ----------
     patience : float
-        How long to wait for the scheduler, and for a worker [s].
+        Timeout for the scheduler, and for a worker [s].
     """
     distributed = library("distributed", "dask")
 
@@ -84,7 +84,7 @@ def dask(address: str, patience: float = PATIENCE) -> Crew:
 
 @contextmanager
 def _client(distributed: Any, address: str, patience: float) -> Iterator[Any]:
-    """Connect to a scheduler that has workers."""
+    """Connect to a scheduler with workers."""
     try:
         client = distributed.Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -98,7 +98,7 @@ def _client(distributed: Any, address: str, patience: float) -> Iterator[Any]:
 
 
 def _check(client: Any, address: str, recordings: Sequence[Path]) -> None:
-    """Find workers that would measure otherwise, or cannot see the files."""
+    """Find workers with another version of the code, or without access to the files."""
     for worker, account in client.run(_account, list(recordings), on_error="return").items():
         who = f"--dask {address}: its worker {worker}"
         if isinstance(account, Exception):
@@ -114,5 +114,5 @@ def _check(client: Any, address: str, recordings: Sequence[Path]) -> None:
 
 
 def _account(recordings: Sequence[Path]) -> tuple[str, str, list[Path]]:
-    """Tell, where it runs, which netboard measures there, and which recordings are not to be seen."""
+    """Return, on a worker, its netboard version and code digest, and the recordings that it cannot access."""
     return version("netboard"), fingerprint(), [path for path in recordings if not path.is_file()]

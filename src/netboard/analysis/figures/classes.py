@@ -1,4 +1,8 @@
-"""The paper's figure 4: shares of the classes of movement in each condition."""
+"""The paper's figure 4: shares of the movement classes in each condition.
+
+Bars show means over dyads; the other panels show dyads and means with 95 % t intervals. The numbers come from
+`netboard.analysis.results.classes`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,24 +26,24 @@ from netboard.analysis.results.units import PERCENT
 TITLE = "Classes of movement"
 
 STACK = ("cooperative", "single", "competitive", "still")
-"""From the left: dark and light colours in turn, so that neighbours differ in grey too."""
+"""From the left; dark and light colours alternate, so that neighbours also differ in grey."""
 
 _READABLE = 6.0
-"""A smaller share has no number in its bar [%]."""
+"""Smallest share with a number in its bar [%]."""
 
 _FEW = 4
-"""With more conditions the dots need more room."""
+"""Largest number of conditions for the narrow layout of dots."""
 
 _NAME = 13.0
-"""Room of a name below the bars [%]."""
+"""Width reserved for a name below the bars [%]."""
 
 _BESIDE = 0.25
-"""How far beside its dyads a mean stands, of the distance of two conditions [1]."""
+"""Offset of a mean from its dyads, as a fraction of the distance between conditions [1]."""
 
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the shares of the classes of movement."""
+    """Draw the shares of the movement classes."""
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
@@ -61,7 +65,7 @@ def picture(study: Study) -> Picture:
 
 
 def _crowded(found: list[Shares]) -> bool:
-    """Whether the names of teams do not fit below each other: there are many conditions, or levels in the names."""
+    """Return whether the team names do not fit: many conditions, or levels in the names."""
     return len(found) > _FEW or any(one.condition.among for one in found)
 
 
@@ -108,7 +112,7 @@ def _dots(axes: Axes, found: list[Shares], name: str) -> None:
 
 
 def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
-    """Write the forces at the axis, and the teams below them."""
+    """Label the axis with haptic conditions, and the teams below them."""
     if _crowded(found):
         axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
         return
@@ -123,7 +127,7 @@ def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
 
 
 def _places(found: list[Shares]) -> dict[str, float]:
-    """Put conditions beside each other, teams farther apart."""
+    """Return positions of conditions, with larger gaps between teams."""
     at, place = {}, 0.0
     for before, one in zip([found[0], *found], found, strict=False):
         place += (0.0 if before is one else 1.0) + 0.5 * (before.condition.team != one.condition.team)

@@ -1,4 +1,8 @@
-"""What forces and a partner change in every measure, in units of how much dyads differ."""
+"""Effects of haptic feedback and of a partner on every measure, as effect sizes (g_z).
+
+Intervals are those of the noncentral t distribution, and p values those of exact permutation tests. The numbers come
+from `netboard.analysis.results.contrasts`; `netboard.analysis.figures.differences` shows them in the measures' units.
+"""
 
 from collections.abc import Sequence
 
@@ -23,14 +27,14 @@ KINDS = {
 """Titles of the panels."""
 
 TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
-"""Of an axis that is linear up to 1 and logarithmic beyond [1]."""
+"""Ticks of an axis that is linear up to 1 and logarithmic beyond [1]."""
 
 _BAND = "#F3F3F3"
 
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the sizes of all effects."""
+    """Draw all effect sizes."""
     found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
     if not found:
         why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
@@ -56,13 +60,13 @@ def picture(study: Study) -> Picture:
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
-    """Return the style of each contrast: of the condition with forces or a partner; black for interactions."""
+    """Return each contrast's style: that of the condition with haptics or a partner; black for interactions."""
     by_name: dict[str, Condition] = {one.name: one for one in conditions(study)}
     return {one.name: look_of(by_name[one.first[0]], BLACK if one.kind == "interaction" else "") for one in questions}
 
 
 def _reach(found: Sequence[Comparison]) -> float:
-    """Choose how far the axes go."""
+    """Return the limit of the axes."""
     ends = [abs(end) for one in found for end in (one.hedges.value, one.hedges.low, one.hedges.high)]
     return 1.2 * max(1.0, float(np.nanmax(ends)))
 
@@ -70,7 +74,7 @@ def _reach(found: Sequence[Comparison]) -> float:
 def _panel(
     axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
 ) -> None:
-    """Draw a kind of effects, a row for each measure, with exact p values at the right."""
+    """Draw one kind of effect, a row for each measure, with exact p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
     offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
@@ -113,7 +117,7 @@ def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look], h
 
 
 def _short(question: Question) -> str:
-    """What tells a question from others of its kind."""
+    """Return the part of a contrast's name that distinguishes it from others of its kind."""
     if question.kind == "configuration":
         return question.name.removeprefix("dyadic less bimanual, ")
     return question.name.partition(" less off")[0]

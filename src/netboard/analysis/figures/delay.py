@@ -1,4 +1,8 @@
-"""The paper's figure 6: delay between the sides in cooperative movements, by condition and threshold."""
+"""The paper's figure 6: delay between the sides in cooperative movements, by condition and threshold.
+
+A panel with delays at each side's own peak shows the result without the bias of a common threshold. The numbers come
+from `netboard.analysis.results.delay`.
+"""
 
 from collections.abc import Callable
 
@@ -28,7 +32,7 @@ _MS = 1000.0
 _WIDTH = 0.6
 _BESIDE = 0.09
 _FEW = 4
-"""More conditions have panels below each other."""
+"""Largest number of conditions with panels side by side."""
 
 _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
@@ -65,7 +69,7 @@ def _threshold(study: Study) -> str:
 
 
 def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionDelay], Delays]) -> None:
-    """Draw a kind of delay in each condition and at each portion, dark ones for high portions."""
+    """Draw one kind of delay in each condition and at each fraction, darker for higher fractions."""
     for place, one in enumerate(shown):
         look, found = look_of(one.condition), delays(one)
         few = len(found.units) <= 40
@@ -107,7 +111,7 @@ def _deviations(axes: Axes, shown: list[ConditionDelay]) -> None:
 
 
 def _portions(axes: Axes, count: int) -> None:
-    """Write the portions at the axis."""
+    """Label the axis with the fractions."""
     ticks = [place + offset for place in range(count) for offset in beside(len(PERCENT), _WIDTH)]
     names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(PERCENT)]
     axes.set_xticks(ticks, names, minor=True, fontsize=6.5)

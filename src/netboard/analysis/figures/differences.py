@@ -1,4 +1,7 @@
-"""What forces and a partner change in every measure, in its own unit."""
+"""Effects of haptic feedback and of a partner on every measure, in the measure's unit.
+
+Differences are within dyads; completion times have ratios. The numbers come from `netboard.analysis.results.contrasts`.
+"""
 
 from collections.abc import Sequence
 
@@ -17,7 +20,7 @@ from netboard.analysis.results.units import read_in
 TITLE = "Effects of forces and of a partner"
 
 FEW = 8
-"""More differences than this take wider panels [1]."""
+"""Largest number of differences in a narrow panel [1]."""
 
 
 @styled

@@ -1,4 +1,8 @@
-"""The paper's figure 3: participants beside their partners and their dyads, in completion time and velocity peaks."""
+"""The paper's figure 3: participants relative to partners and dyads, in completion time and velocity peaks.
+
+A plane has one point for each participant; beside it are the gains of the dyads. The numbers come from
+`netboard.analysis.results.dyads`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +29,7 @@ _FORCES = {"partner_only": SKY, "environment_only": GREEN, "unrelated": PINK}
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how dyads do, beside their participants alone."""
+    """Draw the performance of dyads relative to their participants alone."""
     found = [one for one in dyads(study).comparisons if one.known]
     if not found:
         why = "No dyad has performed together with a force with which both of its participants have performed alone."
@@ -44,12 +48,12 @@ def picture(study: Study) -> Picture:
 
 
 def _look(one: Comparison) -> Look:
-    """Black with and without haptics; parts of the force have colours too."""
+    """Return the style: black with and without haptics; colours for parts of the force."""
     return look_of(one.condition, _FORCES.get(one.condition.force, BLACK))
 
 
 def _plane(axes: Axes, found: list[Comparison]) -> None:
-    """Draw all participants, those of a dyad joined, and the diagonal."""
+    """Draw all participants, joined within a dyad, and the diagonal."""
     unit = found[0].quantity.unit if found else "1"
     every = [
         value
@@ -94,7 +98,7 @@ def _plane(axes: Axes, found: list[Comparison]) -> None:
 
 
 def _gains(axes: Axes, found: list[Comparison]) -> None:
-    """Draw the gain of each dyad and their mean, a row for each force."""
+    """Draw the gain of each dyad and their mean, a row for each haptic condition."""
     axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for row, one in enumerate(found):
         look, gains = _look(one), one.gains

@@ -1,4 +1,7 @@
-"""All pictures of a study, one after the other."""
+"""All figures of a study, one after the other.
+
+A figure that cannot be drawn is replaced by its reason and does not stop the others.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -29,7 +32,7 @@ PAPER: tuple[Callable[[Study], Picture], ...] = (
     strategy.picture,
     delay.picture,
 )
-"""Those of the paper, its figures 2 to 6."""
+"""Figures of the paper, 2 to 6."""
 
 MODERN: tuple[Callable[[Study], Picture], ...] = (
     quality.picture,
@@ -42,26 +45,26 @@ MODERN: tuple[Callable[[Study], Picture], ...] = (
     passive.picture,
     paths.picture,
 )
-"""What a reader of today asks besides."""
+"""Figures beyond the paper."""
 
 PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER + MODERN
-"""All of them."""
+"""All figures."""
 
 
 def pictures(study: Study) -> Iterator[Picture]:
-    """Draw everything, one picture at a time.
+    """Draw all figures, one at a time.
 
     Yields
     ------
     Picture
-        The next one; without a figure where the study has nothing to show.
+        The next figure; only title and caption if the study has no data for it.
     """
     for draw in PICTURES:
         yield drawn(study, draw)
 
 
 def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
-    """Draw and write a picture; one that cannot be drawn says so in its place, and all others are there."""
+    """Draw a figure; an error is reported in its place, so that all others are unaffected."""
     try:
         picture = draw(study)
         if picture.figure is not None:

@@ -1,6 +1,6 @@
-"""What a picture is, and how all of them look: one style, colours that all eyes tell apart, fonts that can be edited.
+"""Figures and their common style: colour-blind-safe colours and editable fonts.
 
-Pictures are made without a screen and without global state: `new_figure` gives a figure of its own.
+Figures need no screen and no global state: `new_figure` returns an independent figure.
 """
 
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 WIDTH = 7.0
-"""Of a picture over the whole page [in]."""
+"""Width of a full-page figure [in]."""
 
 DPI = 200
-"""Of a picture as PNG."""
+"""Resolution of PNG files."""
 
 BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
     "#0072B2",
@@ -29,13 +29,13 @@ BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
     "#F0E442",
     "#000000",
 )
-"""Colours of Okabe and Ito, which people with any colour vision tell apart."""
+"""Colours of Okabe and Ito, distinguishable with any colour vision."""
 
 COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
-"""Of a configuration, in all pictures."""
+"""Colour of each configuration, in all figures."""
 
 CLASSES = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#D9D9D9"}
-"""Of a class of movement, in all pictures."""
+"""Colour of each movement class, in all figures."""
 
 STYLE: Any = {
     "font.size": 8.0,
@@ -51,20 +51,20 @@ STYLE: Any = {
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
 }
-"""What differs from matplotlib's defaults."""
+"""Differences from matplotlib's defaults."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture with its words.
+    """A figure with title and caption.
 
     Attributes
     ----------
     caption : str
-        What is plotted, in a sentence or two, with n and the unit of replication, and what bars and bands are; or,
-        where there is no picture, why.
+        Content of the figure in a sentence or two, with n, the unit of replication, and the meaning of bars and bands;
+        or the reason for a missing figure.
     failed : bool
-        There is no picture because of an error, which the caption tells.
+        Whether the figure is missing because of an error, which the caption gives.
     """
 
     name: str
@@ -75,12 +75,12 @@ class Picture:
 
     @property
     def shown(self) -> Figure:
-        """The picture, or its title and caption in its place."""
+        """The figure, or title and caption in its place."""
         return self.figure or _in_words(self.title, self.caption)
 
 
 def _in_words(title: str, caption: str) -> Figure:
-    """Make a picture of words."""
+    """Return a figure that shows text only."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 1.2))
         figure.text(0.02, 0.95, title, va="top", weight="bold")
@@ -89,7 +89,7 @@ def _in_words(title: str, caption: str) -> Figure:
 
 
 def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
-    """Begin a picture."""
+    """Return a new figure with its axes."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
         axes = figure.subplots(rows, columns, squeeze=False)
@@ -97,11 +97,11 @@ def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WI
 
 
 _written: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
-"""The files of each picture that somebody still has: those of an analysis are wanted for its folder and its report."""
+"""Files of each figure still in use: an analysis needs them for its folder and its report."""
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Write a picture, once."""
+    """Return a figure as a file; it is written only once."""
     files = _written.setdefault(figure, {})
     if not files:  # the layout is computed once, for all kinds
         with mpl.rc_context(STYLE):

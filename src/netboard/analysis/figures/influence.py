@@ -1,4 +1,7 @@
-"""How much each partner's past says of the other, beside surrogate dyads."""
+"""Directed influence of each partner on the other, compared with surrogate dyads.
+
+The numbers come from `netboard.analysis.results.influence`. Transmission through the board counts as influence too.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +14,7 @@ from netboard.analysis.results.influence import Influence, influences
 TITLE = "Influence between partners"
 
 FEW = 6
-"""More columns than this have turned names [1]."""
+"""Largest number of columns with horizontal names [1]."""
 
 
 @styled
@@ -37,7 +40,7 @@ def picture(study: Study) -> Picture:
 
 
 def _column(axes: Axes, place: int, one: Influence) -> None:
-    """Draw true dyads at the left, surrogates at the right."""
+    """Draw true dyads on the left, surrogates on the right."""
     look = look_of(one.condition)
     name = f"{one.condition.name}, {one.direction}"
     named = place == 0

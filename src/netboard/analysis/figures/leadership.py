@@ -1,4 +1,8 @@
-"""Who moved first: signed delays and the leadership index of each dyad."""
+"""Leadership: signed delays and the leadership index of each dyad.
+
+The numbers come from `netboard.analysis.results.leadership`. Sides are the hands of one participant in bimanual
+conditions, and participants in dyadic ones.
+"""
 
 from collections.abc import Sequence
 
@@ -18,7 +22,7 @@ _MS = 1000.0
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw who moved first."""
+    """Draw the leadership measures."""
     found = leaders(study)
     if not found.leads:
         return Picture("leadership", TITLE, "No trial that counts has a delay.", None)
@@ -34,7 +38,7 @@ def picture(study: Study) -> Picture:
 
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
-    """Draw an answer: each dyad, and the mean."""
+    """Draw a measure: each dyad, and the mean."""
     in_ms = found[0].measure.unit == "s"
     scale = _MS if in_ms else 1.0
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)

@@ -1,4 +1,8 @@
-"""The paper's figure 2: completion time with the classes of movement, and velocity peaks, over the trials."""
+"""The paper's figure 2: completion time with movement classes, and velocity peaks, over the trials.
+
+Lines are means of all trials with the same number, pooled over haptic conditions; points are dyads in groups of trials.
+The numbers come from `netboard.analysis.results.learning`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,12 +29,12 @@ from netboard.analysis.results.windows import windows_of
 TITLE = "Learning"
 
 STACK = ("cooperative", "single", "competitive", "still")
-"""From below: dark and light colours in turn, so that neighbours differ in grey too."""
+"""From below; dark and light colours alternate, so that neighbours also differ in grey."""
 
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how people and dyads learn."""
+    """Draw the learning of participants and dyads."""
     found = learning(study)
     if not found.teams:
         return Picture("learning", TITLE, "No trial counts, so there is no learning to show.", None)
@@ -66,7 +70,7 @@ def picture(study: Study) -> Picture:
 
 
 def _areas(axes: Axes, one: TeamLearning) -> None:
-    """Stack the classes of movement."""
+    """Draw the movement classes as stacked areas."""
     order, known = one.courses[0].curve.order, np.isfinite(one.seconds).all(axis=1)
     below = np.zeros(len(order))
     for name in STACK:
@@ -102,7 +106,7 @@ def _course(axes: Axes, course: Course, team: str) -> None:
 
 
 def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> None:
-    """Write mean and standard deviation of the first and the last trials over them, one above the other if need be."""
+    """Label the first and last trials with mean and standard deviation, stacked if space is short."""
     last = int(course.curve.order.max())
     ends = ((course.ends.first, 1, "left"), (course.ends.last, last, "right"))
     for spread, edge, side in ends:
@@ -117,7 +121,7 @@ def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> N
 
 
 def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
-    """Write the names of the classes at the right of the areas."""
+    """Write the names of the classes to the right of the areas."""
     height = axes.get_ylim()[1]
     known = one.seconds[np.isfinite(one.seconds).all(axis=1)]
     if not len(known):
@@ -132,14 +136,14 @@ def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
 
 
 def _top(course: Course) -> float:
-    """Find the largest value that is drawn."""
+    """Return the largest value drawn."""
     highs = [mean.high for mean in course.stages.means]
     every = np.concatenate([course.curve.mean, course.stages.dyads.to_numpy().ravel(), highs])
     return float(np.max(every, initial=0.0, where=np.isfinite(every)))
 
 
 def _performers(one: TeamLearning) -> str:
-    """Say how many participants there are, where dyads are not what performs."""
+    """Return the number of participants, if the performers are not dyads."""
     return f"{many(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
 
 

@@ -1,7 +1,7 @@
-"""How conditions, means and intervals are drawn, alike in all pictures: also without colours they can be told apart.
+"""Styles of conditions, means and confidence intervals, shared by all figures and readable without colour.
 
-A configuration is a colour. A force is a shape: hollow without haptics, filled with them, and shapes of their own for
-parts of the force. Dyads are small pale points behind their mean.
+A configuration has a colour. A haptic condition has a marker: hollow for haptics off, filled for haptics on, and other
+shapes for parts of the force. Dyads are small pale points behind their mean.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,13 +37,13 @@ from netboard.analysis.statistics.estimates import Estimate
 from netboard.base.tables.declared import FORCES, require
 
 PARTNERS = {"robot partner": SKY, "still partner": PINK}
-"""Colours of dyadic conditions whose partner is no person."""
+"""Colours of dyadic conditions without a human partner."""
 
 MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
-"""Colours of teams that differ in the levels of other factors, in their order."""
+"""Colours of teams that differ in the levels of other factors, in order."""
 
 _TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
-"""Colours of such teams in the picture that is being drawn."""
+"""Colours of such teams in the current figure."""
 
 _SHAPES = {
     "none": ("o", "white", "--"),
@@ -57,15 +57,15 @@ _OTHER = ("X", "", ":")
 require("the marks of force conditions in netboard/analysis/figures/marks.py", _SHAPES, FORCES)
 
 _TITLE = 92
-"""Characters of a title over the whole width of a picture [1]."""
+"""Characters of a title over the full width of a figure [1]."""
 
 _HALO = [withStroke(linewidth=2.6, foreground="white")]
-"""Keeps means readable on areas and among points."""
+"""Outline that keeps means readable on areas and among points."""
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How something is drawn."""
+    """Colour, marker, marker face and line style of a condition or team."""
 
     colour: str
     marker: str
@@ -74,7 +74,7 @@ class Look:
 
 
 def team_colour(team: str) -> str:
-    """Colour of a team."""
+    """Return the colour of a team."""
     if team in _TEAMS.get():
         return _TEAMS.get()[team]
     configuration, _, partner = team.partition(", ")
@@ -82,14 +82,14 @@ def team_colour(team: str) -> str:
 
 
 def look_of(condition: Condition, colour: str = "") -> Look:
-    """Look of a condition."""
+    """Return the style of a condition."""
     own = colour or team_colour(condition.team)
     marker, face, line = _SHAPES.get(condition.force, _OTHER)
     return Look(own, marker, face or own, line)
 
 
 def team_look(team: str) -> Look:
-    """Look of a team, over all of its forces."""
+    """Return the style of a team, over all its haptic conditions."""
     markers = {"bimanual": "o", "dyadic": "s"}
     lines = {"bimanual": "-", "dyadic": "--"}
     colour, configuration = team_colour(team), team.partition(", ")[0]
@@ -98,7 +98,7 @@ def team_look(team: str) -> Look:
 
 
 def _colours(study: Study) -> dict[str, str]:
-    """Choose colours for teams that are told apart by more than configuration and partner."""
+    """Return colours for teams that differ by more than configuration and partner."""
     every = teams(study)
     others = [one for one in every if one not in COLOURS and one.partition(", ")[2] not in PARTNERS]
     taken = {team_colour(one) for one in every if one not in others}
@@ -107,7 +107,7 @@ def _colours(study: Study) -> dict[str, str]:
 
 
 def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """Let a function draw in the style of all pictures, and say under the picture whether people are simulated."""
+    """Decorate a drawing function with the common style and a caption note on simulated participants."""
 
     @wraps(draw)
     def drawn(study: Study) -> Picture:
@@ -124,7 +124,7 @@ def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]
 
 
 def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """As `styled_whole`, with no more conditions than a picture has room for; its caption says over what it pools."""
+    """As `styled_whole`, but pool conditions to fit a figure; the caption names the pooled factors."""
     whole = styled_whole(draw)
 
     @wraps(draw)
@@ -137,13 +137,13 @@ def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
 
 
 def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> tuple[Figure, dict[str, Axes]]:
-    """Begin a picture of axes of different sizes."""
+    """Return a new figure with axes of different sizes."""
     figure = Figure(figsize=(WIDTH, height))
     return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
 
 
 def titled(axes: Axes, letter: str, text: str) -> None:
-    """Name a panel: a bold letter, and what it is of."""
+    """Set the title of a panel: a bold letter and its content."""
     place = axes.get_subplotspec()
     columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
     lines = fill(text, max(14, _TITLE // max(columns, 1)), break_long_words=False)
@@ -153,14 +153,14 @@ def titled(axes: Axes, letter: str, text: str) -> None:
 def draw_mean(
     axes: Axes, at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
 ) -> None:
-    """Draw a mean and its interval; nothing where there is no mean.
+    """Draw a mean and its confidence interval; nothing without a mean.
 
     Parameters
     ----------
     label : str
-        Name of the two artists: the interval's goes on with ``, interval``.
+        Name of the two artists; the interval's ends with ``, interval``.
     scale : float
-        What values are multiplied by, such as 1000 for ms [1].
+        Scale factor of the values, such as 1000 for ms [1].
     """
     if not np.isfinite(mean.value):
         return
@@ -209,12 +209,12 @@ def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, 
 
 
 def beside(count: int, width: float) -> list[float]:
-    """Offsets that put some things beside each other round a place."""
+    """Return offsets for several items around one position."""
     return [0.0] if count == 1 else [float(x) for x in np.linspace(-width / 2, width / 2, count)]
 
 
 def apart(places: Sequence[float], least: float) -> list[float]:
-    """Move places of labels apart, as little as their order allows, upwards."""
+    """Shift label positions upwards to a minimum distance, in order and as little as possible."""
     moved: list[float] = []
     for place in places:
         moved.append(max(place, moved[-1] + least) if moved else place)
@@ -222,22 +222,22 @@ def apart(places: Sequence[float], least: float) -> list[float]:
 
 
 def in_lines(condition: Condition) -> str:
-    """Label of a condition on a narrow axis."""
+    """Return the label of a condition for a narrow axis."""
     return condition.label.replace(", ", "\n")
 
 
 def many(count: int, word: str) -> str:
-    """Write a number of things."""
+    """Return a count with its noun."""
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
-    """Say in a sentence of how many something is made: once, where it is as many everywhere.
+    """Return a sentence with the sample sizes, given once if they are equal.
 
     Parameters
     ----------
     known : sequence of (str, int, str)
-        Names, how many, and what one of these is called: the unit of replication.
+        Names, counts, and names of the unit of replication.
     """
     if not known:
         return ""
@@ -254,15 +254,15 @@ def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (),
 
 
 def sentence(words: str) -> str:
-    """Make a sentence of a note."""
+    """Return a note as a sentence."""
     return f"{words[0].upper()}{words[1:]}."
 
 
 def trial_ticks(size: int, last: int) -> list[int]:
-    """Choose ticks of an axis of trials: the first, the last of each whole group, and else the very last."""
+    """Return the ticks of a trial axis: the first, the last of each whole group, and otherwise the last."""
     return sorted({1, *(range(size, last + 1, size) or (last,))})
 
 
 def listed(words: Sequence[str]) -> str:
-    """Put words in a row, with ``and`` before the last."""
+    """Join words with commas, and ``and`` before the last."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,4 +1,8 @@
-"""Every measure in every condition: each dyad, and the mean over dyads."""
+"""Every measure in every condition: each dyad, and the mean over dyads with its 95 % t interval.
+
+The numbers come from `netboard.analysis.results.measures`. Other figures with many small panels use `grid`, `places`
+and `legend` from here.
+"""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -19,18 +23,18 @@ Where = Literal["outside upper center", "outside lower center"]
 TITLE = "All measures"
 
 COLUMNS = 4
-"""Panels beside each other [1]."""
+"""Panels in a row [1]."""
 
 TEAM_GAP = 0.5
-"""Further from the conditions of one team to those of the next than between conditions [1]."""
+"""Extra distance between the conditions of two teams [1]."""
 
 
 BESIDE = 0.22
-"""From a mean to its dyads [1]."""
+"""Distance from a mean to its dyads [1]."""
 
 
 _WIDE = 100
-"""Characters of labels beside each other in a legend [1]."""
+"""Characters of labels in a row of a legend [1]."""
 
 
 @styled
@@ -49,20 +53,20 @@ def picture(study: Study) -> Picture:
 
 
 def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> tuple[Figure, dict[str, Axes]]:
-    """Begin a picture of many small panels."""
+    """Return a new figure with many small panels."""
     rows = [list(names[k : k + columns]) for k in range(0, len(names), columns)]
     rows[-1] += ["."] * (columns - len(rows[-1])) if len(rows) > 1 else []
     return new_mosaic(0.35 + height * len(rows), rows)
 
 
 def places(shown: Sequence[Condition]) -> dict[str, float]:
-    """Put conditions beside each other, those of another team a little farther away."""
+    """Return positions of conditions, with larger gaps between teams."""
     teams = list(dict.fromkeys(one.team for one in shown))
     return {one.name: k + TEAM_GAP * teams.index(one.team) for k, one in enumerate(shown)}
 
 
 def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside upper center") -> None:
-    """Name conditions beside the panels."""
+    """Draw a legend of the conditions beside the panels."""
     looks = [look_of(one) for one in shown]
     handles = [
         Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
@@ -73,13 +77,13 @@ def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside u
 
 
 def _columns(labels: Sequence[str]) -> int:
-    """Columns of a legend that fit beside each other [1]."""
+    """Return the number of legend columns that fit in a row [1]."""
     most = 4 if len(labels) <= 4 else 3
     return max(1, min(most, _WIDE // max(map(len, labels), default=1)))
 
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
-    """Draw a measure, a team's dyads joined."""
+    """Draw a measure, with dyads joined within a team."""
     measure = found[0].measure
     unit = read_in(measure.unit, measure.name)
     for team in dict.fromkeys(one.condition.team for one in found):

@@ -1,4 +1,7 @@
-"""Models of all trials at once: their terms with intervals, and whether residuals are normal."""
+"""Models of all trials: terms with confidence intervals, and normality of residuals.
+
+The models come from `netboard.analysis.results.models`; those without a fit are named in the caption.
+"""
 
 from collections.abc import Sequence
 
@@ -19,7 +22,7 @@ LOOKS = {
     "velocity peaks": Look(ORANGE, "s", ORANGE, "-"),
     "falls per attempt": Look(SKY, "D", SKY, "-"),
 }
-"""Of each model."""
+"""Style of each model."""
 
 
 @styled_whole
@@ -44,7 +47,7 @@ def picture(study: Study) -> Picture:
 
 
 def factors_of(fit: Fit) -> list[Effect]:
-    """Return the terms that are ratios of conditions and known."""
+    """Return the estimable terms that are ratios of conditions."""
     others = ("intercept", "log trial")
     return [one for one in fit.model.effects if one.name not in others and np.isfinite(one.ratio.value)]
 
@@ -72,7 +75,7 @@ def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
 
 
 def _residuals(axes: Axes, fit: Fit) -> None:
-    """Draw residuals over where those of a normal distribution would be."""
+    """Draw a normal Q-Q plot of the residuals."""
     found = fit.model.diagnostics
     if found is None:
         return

@@ -1,4 +1,8 @@
-"""The effect of forces on cooperative movement, beside what they would do to a partner who never acts."""
+"""Effect of haptic feedback on cooperative movement, compared with the passive-partner effect.
+
+The passive effect is shown without friction, an upper bound, and with the device's friction if it is known. The numbers
+come from `netboard.analysis.results.passive_partner`.
+"""
 
 import numpy as np
 
@@ -15,7 +19,7 @@ TITLE = "How much of it a passive partner would show"
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the effect of forces beside the passive one."""
+    """Draw the effect of haptic feedback and the passive effect."""
     found = controls(study).controls
     if not found:
         why = "No dyad has trials of two people both with and without forces, in a scene with a free board."

@@ -1,4 +1,7 @@
-"""The mean course of a trial in each condition: ball and hands, with the spread of the trials."""
+"""Mean paths of ball and hands in each condition, with the spread of the trials.
+
+Trials with the target on the left are mirrored. The numbers come from `netboard.analysis.results.paths`.
+"""
 
 from typing import Literal
 
@@ -15,7 +18,7 @@ from netboard.analysis.results.units import read_in
 TITLE = "The course of a trial"
 
 COLUMNS = 4
-"""Conditions beside each other [1]."""
+"""Conditions in a row [1]."""
 
 _STYLES: dict[str, Literal["-", "--"]] = {"near": "-", "far": "--"}
 _HANDS = {"near": BLACK, "far": "#555555"}
@@ -46,14 +49,14 @@ def picture(study: Study) -> Picture:
 
 
 def _layout(lines: list[list[Condition]]) -> list[list[str]]:
-    """Put the hands of each condition below its ball."""
+    """Return a layout with the hands of each condition below its ball."""
     width = len(lines[0])
     rows = [[f"{what} {one.name}" for one in line] for line in lines for what in ("ball", "hands")]
     return [row + ["."] * (width - len(row)) for row in rows]
 
 
 def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
-    """Give panels of one quantity one scale, and its name to the first of each line."""
+    """Give panels of one quantity the same scale, and label the first panel of each row."""
     names = [name for line in lines for name in line]
     lows, highs = zip(*(axes[name].get_ylim() for name in names), strict=True)
     for name in names:

@@ -1,4 +1,7 @@
-"""What was recorded: falls and exclusions of every block, and completion times through the sessions."""
+"""Quality of the recordings: falls and exclusions of every block, and completion times over the sessions.
+
+The numbers come from `netboard.analysis.results.quality`.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,12 +16,12 @@ from netboard.analysis.results.quality import Quality, quality
 TITLE = "What was recorded"
 
 _READABLE = 30
-"""With more dyads than this, squares have no numbers [1]."""
+"""Largest number of dyads with numbers in the squares [1]."""
 
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw what was recorded."""
+    """Draw the quality of the recordings."""
     found = quality(study)
     if not len(found.blocks):
         return Picture("quality", TITLE, "There is no recording.", None)
@@ -36,12 +39,12 @@ def picture(study: Study) -> Picture:
 
 
 def of_blocks(study: Study) -> tuple[Condition, ...]:
-    """List the conditions of blocks, without the levels of factors that vary within them."""
+    """Return the conditions of blocks, without the levels of factors that vary within them."""
     return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 
 def _counts(axes: Axes, found: Quality, column: str) -> None:
-    """Draw a square for each block, the darker the more; a block that was not recorded has none."""
+    """Draw a square for each block, darker for higher counts; blocks without a recording are empty."""
     table = found.blocks.pivot(index="dyad", columns="block", values=column)
     values = table.to_numpy(float)
     most = max(float(np.nanmax(values)), 1.0)
@@ -59,12 +62,12 @@ def _counts(axes: Axes, found: Quality, column: str) -> None:
 
 
 def _step(blocks: int) -> int:
-    """Choose which blocks have their numbers at an axis: the first, and each that is so many after the last."""
+    """Return the step between labelled blocks on an axis, starting with the first."""
     return max(1, blocks // 9)
 
 
 def _times(axes: Axes, found: Quality, study: Study) -> None:
-    """Draw the geometric mean of each block, those of a dyad joined."""
+    """Draw the geometric mean of each block, joined within a dyad."""
     for dyad, own in found.blocks.groupby("dyad"):
         axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
     for condition in of_blocks(study):
@@ -102,7 +105,7 @@ def _caption(found: Quality, dyads: int) -> str:
 
 
 def _drift(found: Quality) -> str:
-    """Say how times change from block to block."""
+    """Return a sentence on the drift of times from block to block."""
     if not np.isfinite(found.drift.value):
         return "No drift can be told from conditions."
     ends = f" [{_percent(found.drift.low)}, {_percent(found.drift.high)}]" if np.isfinite(found.drift.low) else ""

@@ -1,4 +1,8 @@
-"""The paper's figure 5: ellipses of the strategies in groups of trials, and how their spread goes down."""
+"""The paper's figure 5: strategy ellipses of groups of trials, and the decrease of their spread.
+
+Ellipses pool the trials of all performers; variances are those within performers, averaged for each dyad. The numbers
+come from `netboard.analysis.results.strategy`.
+"""
 
 import matplotlib as mpl
 import numpy as np
@@ -28,12 +32,12 @@ _DISTANCE, _VELOCITY = read_in("m"), read_in("m/s")
 _SCALES = np.array([_DISTANCE.scale, _VELOCITY.scale])
 
 _ACROSS = 3
-"""Panels of ellipses beside each other."""
+"""Panels of ellipses in a row."""
 
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how the strategy converges."""
+    """Draw the convergence of the strategy."""
     teams = strategy(study).teams
     if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
         why = "No group of trials has enough first braking movements for an ellipse."
@@ -65,7 +69,7 @@ def picture(study: Study) -> Picture:
 
 
 def _colours(count: int) -> list[tuple[float, float, float, float]]:
-    """From light to dark, the later the darker."""
+    """Return colours from light to dark, later groups darker."""
     return [mpl.colormaps["viridis"](x) for x in np.linspace(0.75, 0.0, count)]
 
 
@@ -80,7 +84,7 @@ def _ellipses(axes: Axes, team: TeamStrategy) -> None:
 
 
 def _numbers(axes: Axes, team: TeamStrategy) -> None:
-    """Write which trials each ellipse is of."""
+    """Label each ellipse with its trials."""
     known = [k for k, one in enumerate(team.ellipses) if np.isfinite(one.width)]
     for line, (k, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
         words = f"{team.first[k]} to {team.last[k]}"
@@ -89,7 +93,7 @@ def _numbers(axes: Axes, team: TeamStrategy) -> None:
 
 
 def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> None:
-    """Draw one kind of spread over the groups of trials: each team's dyads, their mean and its band."""
+    """Draw one measure of spread over the groups of trials: each team's dyads, their mean and its band."""
     for team in teams:
         _spread(axes, team, team.spreads[kind])
     last = max(int(team.last[-1]) for team in teams)
@@ -127,7 +131,7 @@ def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
 
 
 def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
-    """Write the teams' names at the ends of their lines, where they do not lie on each other."""
+    """Write the teams' names at the ends of their lines, without overlap."""
     scale = read_in(teams[0].spreads[kind].unit).scale
     ends = {
         team.team: [scale * mean.value for mean in team.spreads[kind].means if np.isfinite(mean.value)]
@@ -161,6 +165,6 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
 
 
 def _range(counts: list[int]) -> str:
-    """Write from what to what numbers go."""
+    """Return the range of numbers as text."""
     low, high = min(counts), max(counts)
     return f"{low}" if low == high else f"{low} to {high}"

@@ -1,7 +1,7 @@
-"""How each number of one trial is computed: its traces, with what the measures find in them.
+"""Explanation of one trial's measures: its traces, with the events that the measures find in them.
 
-Everything that is marked comes from the same calls that fill the tables (`analysis.extraction`), with the same
-readings. Time is from the release of the ball on.
+All marks come from the same calls that fill the tables (`analysis.extraction`), with the same settings. Time is
+relative to the release of the ball.
 """
 
 from collections.abc import Callable
@@ -45,13 +45,13 @@ _ROOM = 0.15
 
 
 def _whole(take: Take) -> tuple[slice, NDArray[np.float64]]:
-    """Samples of an attempt, and their times."""
+    """Return the samples of an attempt, and their times."""
     window = take.trial.window("whole")
     return window, np.arange(window.stop - window.start) / RATE
 
 
 def draw_completion(axes: Axes, take: Take) -> str:
-    """Draw the ball's place and the target; return what is to be said of it."""
+    """Draw the ball's position and the target; return the explanation."""
     window, time = _whole(take)
     half, target = take.block.config.geometry.target_width / 2, take.trial.target
     axes.axhspan((target - half) * MM, (target + half) * MM, color=GREEN, alpha=0.2, lw=0)
@@ -66,7 +66,7 @@ def draw_completion(axes: Axes, take: Take) -> str:
 
 
 def draw_peaks(axes: Axes, take: Take) -> str:
-    """Draw the ball's speed with its peaks; return what is to be said of it."""
+    """Draw the ball's speed with its peaks; return the explanation."""
     window, time = _whole(take)
     how = take.block.readings.peaks
     speed = take.found.speed[window] * MM
@@ -87,7 +87,7 @@ def _slow(take: Take) -> str:
 
 
 def draw_classes(axes: Axes, take: Take) -> str:
-    """Draw the styluses' velocities and a strip of the classes; return what is to be said of it."""
+    """Draw the styluses' velocities and a strip of the movement classes; return the explanation."""
     window, time = _whole(take)
     for side in SIDES:
         axes.plot(time, getattr(take.found, f"{side}_vz")[window] * MM, color=HANDS[side], ls=_STYLES[side], label=side)
@@ -109,7 +109,7 @@ def draw_classes(axes: Axes, take: Take) -> str:
 
 
 def draw_movements(axes: Axes, take: Take) -> str:
-    """Draw the board's angular velocity with its movements; return what is to be said of it."""
+    """Draw the board's angular velocity with its movements; return the explanation."""
     window, time = _whole(take)
     moved = delays_of(take)[0]
     for first, stop, together in zip(take.own_turns.first, take.own_turns.stop, moved.cooperative, strict=True):
@@ -126,7 +126,7 @@ def draw_movements(axes: Axes, take: Take) -> str:
 
 
 def draw_delay(axes: Axes, take: Take) -> str:
-    """Draw the largest cooperative movement with the thresholds; return what is to be said of it."""
+    """Draw the largest cooperative movement with the delay thresholds; return the explanation."""
     moved, found, _ = delays_of(take)
     turns = take.own_turns
     axes.set_ylabel("styluses [mm/s]")
@@ -153,7 +153,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
 
 
 def draw_braking(axes: Axes, take: Take) -> str:
-    """Draw the tilt with the initial and the first braking movement; return what is to be said of it."""
+    """Draw the tilt with the initial and the first braking movement; return the explanation."""
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
     axes.plot(time, -take.trial.side * take.found.theta[window] * DEG, color=BLACK)
@@ -188,12 +188,12 @@ PANELS: dict[str, tuple[str, Callable[[Axes, Take], str]]] = {
     "delay": ("Delay", draw_delay),
     "braking": ("First braking movement", draw_braking),
 }
-"""Each part of the sheet by its name: title, and what draws it."""
+"""Parts of the sheet by name: title and drawing function."""
 
 
 @mpl.rc_context(STYLE)
 def panel(take: Take, name: str) -> Figure:
-    """Draw one part by itself."""
+    """Draw one part as a figure of its own."""
     figure, (axes,) = new_figure(2.0)
     _draw(axes, take, name)
     return figure
@@ -212,7 +212,7 @@ def sheet(take: Take) -> Picture:
 
 
 def _draw(axes: Axes, take: Take, name: str) -> None:
-    """Draw a part with its title and its words."""
+    """Draw a part with its title and its explanation."""
     title, draw = PANELS[name]
     said = draw(axes, take)
     axes.set_title(f"{title}: {said}", loc="left", fontsize=7.5)

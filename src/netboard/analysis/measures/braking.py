@@ -1,8 +1,8 @@
-"""The first braking movement: how far the ball is from the target, and how fast it comes, when it is first slowed down.
+"""First braking movement: the ball's distance and velocity when it is first slowed down before the target.
 
-The paper's "strategy". After the initial movement, which tilts the board towards the target, the first movement of the
-board counts that makes the ball accelerate away from the target. Distances and velocities are positive towards the
-target, as it lies from the middle of the board: a ball that has passed its midpoint has a negative distance.
+The paper calls this the strategy. The initial movement tilts the board towards the target. The braking movement is the
+first one after it that makes the ball accelerate away from the target. Distance and velocity are positive towards the
+target, as seen from the middle of the board; a ball past the target's midpoint has a negative distance.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ Braking = Literal["tilt", "rotation"]
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """First braking movement of a trial; NaN throughout where there is none, or where a hole may hide an earlier one.
+    """First braking movement of a trial; all NaN if there is none or if a gap may hide an earlier one.
 
     Attributes
     ----------
     distance : float
-        From the ball to the midpoint of the target at its onset, + = before it [m].
+        Distance from the ball to the midpoint of the target at onset, + = before it [m].
     velocity : float
-        Of the ball towards the target at its onset [m/s].
+        Velocity of the ball towards the target at onset [m/s].
     onset : float
-        When it begins, from the release on [s].
+        Onset time after the release [s].
     initial : float
-        When the initial movement begins, from the release on; NaN where there is none [s].
+        Onset of the initial movement after the release; NaN without one [s].
     wrong_way : float
-        Movements of the board before that, which turn it the wrong way [1].
+        Number of board movements before the initial one that tilt the board away from the target [1].
     """
 
     distance: float
@@ -43,7 +43,7 @@ class Strategy:
 
     @property
     def absolute_distance(self) -> float:
-        """The distance, whatever side of the midpoint the ball is on [m]."""
+        """Absolute distance from the ball to the midpoint of the target [m]."""
         return abs(self.distance)
 
 
@@ -57,29 +57,29 @@ def first_braking(
     *,
     braking: Braking = "tilt",
 ) -> Strategy:
-    """Ball's distance and velocity at the onset of the first braking movement.
+    """Return the ball's distance and velocity at the onset of the first braking movement.
 
     Parameters
     ----------
     segments : Segments
-        Movements of the board; those that begin in the trial are looked at.
+        Movements of the board; only those that begin in the trial count.
     theta : ndarray, shape (n,)
         Tilt, + = right end up [rad].
     p : ndarray, shape (n,)
-        Ball along the board, + = right [m].
+        Ball position along the board, + = right [m].
     vp : ndarray, shape (n,)
-        Its rate [m/s].
+        Ball velocity [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     trial : Trial
-        Where the trial lies in these arrays.
+        Position of the trial in these arrays.
     braking : {"tilt", "rotation"}
-        What a braking movement does after the initial one: turn the board back until its tilt accelerates the ball away
-        from the target, or turn it back at all, so that levelling it counts.
+        Definition of a braking movement: it turns the board back until the tilt accelerates the ball away from the
+        target, or it turns the board back at all, so that levelling the board counts.
     """
     own = segments.of_trial(trial)
     holes = np.flatnonzero(np.isnan(theta[trial.release : trial.stop]))
-    if holes.size:  # whatever comes after one need not be the first
+    if holes.size:  # a movement after a gap may not be the first
         own = own.where(own.first < trial.release + holes[0])
     back = own.direction == trial.side  # the end at the target goes up
     towards = np.flatnonzero(own.direction == -trial.side)

@@ -1,11 +1,10 @@
-"""Movements of the board that both sides make together, and the delay between the sides in them.
+"""Cooperative movements of the board, and the delay between the two sides in them.
 
-A delay is the time of the left side less that of the right one: positive where the right side was first. It is found
-between samples, on straight lines.
+A delay is the left side's time minus the right side's: positive if the right side was first. Crossing times are
+interpolated linearly between samples.
 
-With one threshold for both sides, as in the paper, the side that moves farther looks earlier, the more so the higher
-the threshold; with a threshold of each side's own peak it does not. How large that bias is, docs/reference/measures.md
-says.
+The paper uses one threshold for both sides. The side that moves farther then appears to be earlier, more so at higher
+thresholds. A threshold relative to each side's own peak avoids this bias; docs/reference/measures.md gives its size.
 """
 
 from collections.abc import Sequence
@@ -24,25 +23,25 @@ Search = Literal["back", "inside", "before_peak"]
 Velocity = Literal["own_direction", "magnitude"]
 
 PORTIONS = (0.1, 0.2, 0.3, 0.4)
-"""Portions of a peak velocity at which the paper takes delays [1]."""
+"""Fractions of a peak velocity at which the paper measures delays [1]."""
 
 LARGEST_RATIO = 9.0
-"""In a cooperative movement one side moves at most so much as much as the other [1]."""
+"""Largest ratio of the two sides' displacements in a cooperative movement [1]."""
 
 SEARCH_BACK = 0.3
-"""How long before a movement of the board a side may have passed a threshold [s]."""
+"""Search window before a movement of the board for a side's threshold crossing [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contributions:
-    """What each side does in each movement of the board.
+    """Contribution of each side to each movement of the board.
 
     Attributes
     ----------
     left, right : ndarray, shape (k,)
-        How far each stylus goes, + = up [m].
+        Displacement of each stylus, + = up [m].
     cooperative : ndarray of bool, shape (k,)
-        Whether they go in opposite directions, and neither more than nine times as far as the other [1].
+        Whether the sides move in opposite directions and neither moves more than nine times as far as the other [1].
     """
 
     left: NDArray[np.float64]
@@ -59,21 +58,21 @@ def contributions(
     amount: Amount = "net",
     largest_ratio: float = LARGEST_RATIO,
 ) -> Contributions:
-    """Find the cooperative ones among the movements of the board.
+    """Find the cooperative movements of the board.
 
     Parameters
     ----------
     segments : Segments
-        The movements.
+        Movements of the board.
     left_z, right_z : ndarray, shape (n,)
         Height of the styluses [m].
     opposite : {"net", "majority"}
-        What must be opposite: the displacements over the movement, or the directions in more than half of its samples.
+        Quantity that must be opposite: the net displacements, or the directions in more than half of the samples.
     amount : {"net", "path"}
-        What is compared with nine times that of the other: displacement, or length of path. Neither directions nor a
-        path are known of a movement with a hole: it is not cooperative then.
+        Quantity whose ratio is limited: net displacement or path length. Directions and path length are unknown in a
+        movement with a gap, which then does not count as cooperative.
     largest_ratio : float
-        The nine [1].
+        Largest ratio of the two amounts [1].
     """
     ends = segments.stop - 1
     left, right = left_z[ends] - left_z[segments.first], right_z[ends] - right_z[segments.first]
@@ -91,24 +90,23 @@ def contributions(
 
 
 def _summed(steps: NDArray[np.bool_] | NDArray[np.float64], segments: Segments) -> NDArray[np.float64]:
-    """Add up what is known of each step from one sample to the next, over each movement."""
+    """Sum the known sample-to-sample steps over each movement."""
     total = np.concatenate([[0.0], np.nancumsum(steps)])
     return np.asarray(total[segments.stop - 1] - total[segments.first])
 
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """Delays between the sides, a row for each movement of the board and a column for each portion of the peak.
+    """Delays between the sides: one row for each movement of the board, one column for each fraction of the peak.
 
     Attributes
     ----------
     signed : ndarray, shape (k, q)
-        Time of the left side less that of the right one; NaN where the movement is not cooperative or a side's crossing
-        is not known [s].
+        Left side's time minus the right side's; NaN if the movement is not cooperative or a crossing is unknown [s].
     truncated : ndarray of bool, shape (k, q)
-        Whether a side was above the threshold already where its search ended [1].
+        Whether a side was already above the threshold at the limit of its search [1].
     left_peak, right_peak : ndarray, shape (k,)
-        Peak velocity of each side in the direction it went; NaN where the movement is not cooperative [m/s].
+        Peak velocity of each side in its own direction; NaN if the movement is not cooperative [m/s].
     """
 
     signed: NDArray[np.float64]
@@ -135,35 +133,36 @@ def delays(
     velocity: Velocity = "own_direction",
     search_back: float = SEARCH_BACK,
 ) -> Delays:
-    """Difference of the times at which each side reaches a portion of the peak velocity of the slower side.
+    """Return the differences between the times at which the sides reach fractions of a peak velocity.
 
     Parameters
     ----------
     segments : Segments
         The movements of the board.
     moved : Contributions
-        What each side did in them, from `contributions`.
+        Contribution of each side, from `contributions`.
     left_vz, right_vz : ndarray, shape (n,)
-        Rates of the styluses' heights, also before the movements [m/s].
+        Vertical velocities of the styluses, including samples before the movements [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     portions : sequence of float
-        Portions of the peak, q of them [1].
+        Fractions of the peak, q of them [1].
     threshold : {"slower_side", "own_peak"}
-        Of which peak: that of the slower side for both, or that of each side for itself.
+        Reference peak: the slower side's peak for both sides, or each side's own peak.
     search : {"back", "inside", "before_peak"}
-        Where a side has reached the threshold: where it did first in the movement. If it is above it when the movement
-        begins: where it did before, up to `search_back` earlier, and nowhere if it did not; or at the beginning of the
-        movement. Or where it did last before its peak, which a twitch before the movement proper does not change.
+        Where a side reaches the threshold. "inside" takes the first such sample of the movement, which is its first
+        sample if the side is already above the threshold there. "back" searches up to `search_back` earlier in that
+        case, and gives NaN if it finds no crossing. "before_peak" takes the last crossing before the side's peak, so
+        that an earlier twitch has no influence.
     velocity : {"own_direction", "magnitude"}
-        What must reach the threshold: the velocity in the direction in which that side went, or its magnitude.
+        Velocity that must reach the threshold: in the side's own direction, or its magnitude.
     search_back : float
-        How long before a movement is searched [s].
+        Search window before a movement [s].
 
     Raises
     ------
     ValueError
-        If a portion is not above 0 and up to 1.
+        If a fraction is not above 0 and at most 1.
     """
     if not all(0 < portion <= 1 for portion in portions):
         raise ValueError(f"a portion of a peak is above 0 and at most 1, found {tuple(portions)}")
@@ -190,7 +189,7 @@ def delays(
 
 
 def _reached(u: NDArray[np.float64], level: float, start: int, search: Search) -> tuple[float, bool]:
-    """Sample at which a velocity rises to a level in a movement that begins at `start`, and whether that is cut off."""
+    """Return the sample at which a velocity reaches a level in a movement from `start`, and whether it is truncated."""
     if not level > 0:
         return float("nan"), False
     if search == "before_peak":

@@ -1,8 +1,8 @@
-"""Ellipses of strategies: where a group of trials lies in the plane of distance and velocity, and how far it spreads.
+"""Strategy ellipses: centre, orientation and spread of a group of trials in the distance-velocity plane.
 
 Centre: the mean. Rotation: the first principal component. Width and height: "the 90th percentile of the range of
-variation" along the two components, of which there are four readings. The components mix metres and metres per second,
-so that their directions depend on the units; these are SI, as printed.
+variation" along the two components, a phrase with four readings. The components combine metres and metres per second,
+so their directions depend on the units; these are SI, as printed in the paper.
 """
 
 from dataclasses import dataclass
@@ -15,29 +15,29 @@ Extent = Literal["middle_90", "twice_p90", "p10_to_p90", "nine_tenths"]
 Scaling = Literal["si", "standardised"]
 
 GROUP = 30
-"""Trials in a group [1]."""
+"""Number of trials in a group [1]."""
 
 FEWEST = 3
-"""An ellipse takes so many trials [1]."""
+"""Minimum number of trials for an ellipse [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Where most points of a group lie; NaN throughout for fewer than `FEWEST` points.
+    """Ellipse that contains most points of a group; all NaN for fewer than `FEWEST` points.
 
     Attributes
     ----------
     centre : ndarray, shape (2,)
         Mean of both quantities [m, m/s].
     components : ndarray, shape (2, 2)
-        First and second principal component, one a row, of length 1; the first one's first coordinate is not
-        negative, and the second lies 90 degrees counter-clockwise of the first [1].
+        First and second principal components as unit row vectors. The first coordinate of the first component is not
+        negative, and the second component lies 90 degrees counter-clockwise of the first [1].
     width, height : float
-        Extent along the first and the second component, from end to end, in units of `scale` [1].
+        Full extent along the first and the second component, in units of `scale` [1].
     scale : ndarray, shape (2,)
-        What both quantities were divided by before: 1, or their standard deviations [m, m/s].
+        Divisors of the two quantities: 1, or their standard deviations [m, m/s].
     count : int
-        Points [1].
+        Number of points [1].
     """
 
     centre: NDArray[np.float64]
@@ -54,16 +54,16 @@ class Ellipse:
 
     @property
     def area(self) -> float:
-        """Its area [m2/s]."""
+        """Area of the ellipse [m2/s]."""
         return float(np.pi / 4 * self.width * self.height * self.scale.prod())
 
     def outline(self, count: int = 100) -> NDArray[np.float64]:
-        """Points on it, once round.
+        """Return points on the ellipse, once around.
 
         Parameters
         ----------
         count : int
-            How many [1].
+            Number of points [1].
 
         Returns
         -------
@@ -76,7 +76,7 @@ class Ellipse:
 
 
 def _extent(scores: NDArray[np.float64], extent: Extent) -> float:
-    """How far scores spread, from end to end."""
+    """Return the full extent of scores along a component."""
     if extent == "middle_90":
         low, high = np.percentile(scores, (5, 95))
     elif extent == "p10_to_p90":
@@ -90,17 +90,17 @@ def _extent(scores: NDArray[np.float64], extent: Extent) -> float:
 
 
 def ellipse(points: NDArray[np.float64], *, extent: Extent = "middle_90", scaling: Scaling = "si") -> Ellipse:
-    """Ellipse of a group of points.
+    """Return the ellipse of a group of points.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Distance and velocity of each trial; rows with a NaN are left out [m, m/s].
+        Distance and velocity of each trial; rows with NaN are ignored [m, m/s].
     extent : {"middle_90", "twice_p90", "p10_to_p90", "nine_tenths"}
         Extent along a component: from the 5th to the 95th percentile of the scores, twice the 90th percentile of their
         magnitudes, from the 10th to the 90th percentile, or nine tenths of their range.
     scaling : {"si", "standardised"}
-        Whether the components are those of the quantities in SI units, or of both divided by their standard deviations.
+        Whether the components are computed from the quantities in SI units or from standardised quantities.
     """
     known = points[np.isfinite(points).all(axis=1)]
     scale = np.ones(2)
@@ -122,18 +122,18 @@ def ellipse(points: NDArray[np.float64], *, extent: Extent = "middle_90", scalin
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """How strategies spread in each group of trials, in the order of the groups.
+    """Spread of the strategies in each group of trials, in the order of the groups.
 
     Attributes
     ----------
     groups : ndarray of int64, shape (k,)
-        Numbers of the groups [1].
+        Group numbers [1].
     ellipses : tuple of Ellipse
-        One for each group.
+        Ellipse of each group.
     variance : ndarray, shape (k, 2)
-        Variance of distance and of velocity [m2, m2/s2].
+        Variances of distance and velocity [m2, m2/s2].
     generalised : ndarray, shape (k,)
-        Generalised variance: the determinant of their covariance [m4/s2].
+        Generalised variance: the determinant of the covariance matrix [m4/s2].
     """
 
     groups: NDArray[np.int64]
@@ -148,20 +148,20 @@ class Convergence:
 
 
 def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
-    """Group of each trial: the first 30 of a condition are group 0, the next 30 group 1.
+    """Return the group of each trial: the first 30 trials of a condition are group 0, the next 30 group 1.
 
     Parameters
     ----------
     order : ndarray of int64, shape (n,)
-        Place of each trial in its condition, from 1, as `netboard.analysis.measures.performance.running_number` counts
+        Position of each trial in its condition, from 1, from `netboard.analysis.measures.performance.running_number`
         [1].
     size : int
-        Trials in a group [1].
+        Number of trials in a group [1].
 
     Returns
     -------
     ndarray of int64, shape (n,)
-        The groups [1].
+        Group numbers [1].
     """
     return (order - 1) // size
 
@@ -173,14 +173,14 @@ def convergence(
     extent: Extent = "middle_90",
     scaling: Scaling = "si",
 ) -> Convergence:
-    """Ellipse and variance of the strategies in each group of trials.
+    """Return the ellipses and variances of the strategies in each group of trials.
 
-    Variances are those of a person or dyad if the trials are; the paper's ellipses are of everybody's trials together.
+    Pass the trials of one participant or dyad for their variances. The paper's ellipses pool the trials of all.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Distance and velocity of each trial; rows with a NaN are left out [m, m/s].
+        Distance and velocity of each trial; rows with NaN are ignored [m, m/s].
     groups : ndarray of int64, shape (n,)
         Group of each trial [1].
     extent, scaling

@@ -1,12 +1,12 @@
-"""Who influences whom: Granger causality, transfer entropy, and surrogate dyads as the level of chance.
+"""Directed influence between partners: Granger causality, transfer entropy and a chance level from surrogate dyads.
 
-Both ask whether the past of one partner helps to foretell the other beyond the other's own past. Trials are embedded
-one by one, and no past reaches over the beginning of a trial or has a hole. The past is taken at every `step` samples:
-neighbours at 1 kHz say the same, and only what is some reaction time old can be an answer.
+Both measures ask whether the past of one partner improves the prediction of the other beyond the other's own past.
+Trials are embedded one by one: no past crosses the start of a trial or a gap. The past is sampled at every `step`
+samples, because neighbours at 1 kHz are redundant and a response is at least a reaction time old.
 
-Partners who watch one ball are alike without any influence. Three things guard against that: give what both see as
-`given`; compare with surrogate dyads, in which everybody is with somebody else's partner in the same task; and do not
-call it a cause.
+Partners who watch the same ball move alike without any influence. Three precautions help: condition on what both see
+(`given`); compare with surrogate dyads, which pair each participant with another dyad's partner in the same task; and
+do not interpret the result as causation.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,24 +22,24 @@ from scipy.special import digamma
 
 Estimator = Literal["gaussian", "binned", "nearest"]
 Measure = Callable[[Sequence[NDArray[np.float64]], Sequence[NDArray[np.float64]]], float]
-"""Takes the trials of a source and of a target; returns how much the one says of the other."""
+"""Function of the trials of a source and of a target; returns the influence of the one on the other."""
 
 MOST_UNITS = 8
-"""Of up to so many dyads all exchanges of partners are looked at [1]."""
+"""Largest number of dyads for which all permutations of partners are evaluated [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """Which samples of the past count.
+    """Samples of the past that enter the prediction.
 
     Attributes
     ----------
     step : int
-        From one to the next [sample].
+        Spacing of the samples [sample].
     own, other : int
-        How many there are of the target's own and of the source's [1].
+        Number of samples of the target's own past and of the source's past [1].
     delay : int
-        How far the newest one of the source lies back [sample].
+        Lag of the newest sample of the source [sample].
     """
 
     step: int = 20
@@ -54,22 +54,22 @@ class Past:
 
 @dataclass(frozen=True, slots=True)
 class Granger:
-    """How much better a target is foretold with the past of a source than without.
+    """Improvement of the prediction of a target by the past of a source.
 
     Attributes
     ----------
     strength : float
-        Logarithm of the ratio of the residual variances; twice the transfer entropy of normal variables [nat].
+        Logarithm of the ratio of the residual variances; twice the transfer entropy for Gaussian variables [nat].
     f : float
-        Statistic of the test that it is none [1].
+        F statistic of the null hypothesis of no improvement [1].
     p : float
-        Its probability by chance, if residuals are normal and independent: hardly ever true of movements [1].
+        p value; it assumes independent normal residuals, which movements hardly ever have [1].
     numerator, denominator : int
-        Degrees of freedom [1].
+        Degrees of freedom of the F statistic [1].
     n : int
-        Foretold samples [1].
+        Number of predicted samples [1].
     unit : str
-        What is counted by n.
+        Unit that n counts.
     """
 
     strength: float
@@ -83,29 +83,29 @@ class Granger:
 
 @dataclass(frozen=True, slots=True)
 class Chance:
-    """A measure of true partners beside that of partners who never met.
+    """A measure in true dyads and in surrogate dyads of partners who never met.
 
     Attributes
     ----------
     value : float
-        Mean over the true dyads [its own].
+        Mean over the true dyads [unit of the measure].
     level : float
-        Mean over the surrogates: what the task alone makes of it [its own].
+        Mean over the surrogates: the chance level that the shared task alone produces [unit of the measure].
     excess : float
-        The one less the other [its own].
+        `value` minus `level` [unit of the measure].
     p : float
-        Share of all exchanges of partners, the true dyads counted in, of which the mean is at least as large; NaN if
-        one has none [1].
+        p value: proportion of all permutations of partners, the true dyads included, with a mean at least as large; NaN
+        if the measure is undefined for any pairing [1].
     least_p : float
-        The smallest p that so many exchanges could give [1].
+        Smallest p value that this number of permutations can give [1].
     surrogates : ndarray of float64, shape (m,)
-        Mean of each pairing in which nobody has the own partner [its own].
+        Mean of each permutation in which nobody keeps the true partner [unit of the measure].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
-        What they are.
+        Name of that unit.
     exact : bool
-        All exchanges were looked at; otherwise a random sample.
+        Whether all permutations were evaluated; otherwise a random sample.
     """
 
     value: float
@@ -120,7 +120,7 @@ class Chance:
 
 
 class _Embedded(NamedTuple):
-    """What is foretold, its own past with what is given, and the source's past; a row is a sample."""
+    """Predicted values, their own past with the given signals, and the source's past; one row for each sample."""
 
     now: NDArray[np.float64]
     own: NDArray[np.float64]
@@ -134,28 +134,28 @@ def granger(
     past: Past | None = None,
     given: Sequence[Sequence[ArrayLike]] = (),
 ) -> Granger:
-    """Foretell a target linearly, with and without the past of a source (Geweke, J. Am. Stat. Assoc. 77:304, 1982).
+    """Predict a target linearly, with and without the past of a source (Geweke, J. Am. Stat. Assoc. 77:304, 1982).
 
-    The strength is ``ln(RSS_without / RSS_with)`` of regressions with a constant.
+    The strength is ``ln(RSS_without / RSS_with)`` of linear regressions with an intercept.
 
     Parameters
     ----------
     sources, targets : sequence of array_like, shape (n_k,)
-        Trials of both, such as the velocities of two styluses [any].
+        Trials of both, for example the velocities of two styluses [any].
     past : Past or None
-        Which samples of the past count; None for three of each in steps of 20.
+        Samples of the past to use; None for three of each in steps of 20.
     given : sequence of sequence of array_like, shape (n_k,)
-        Further signals whose past is known in any case, such as the ball's: for each, its trials [any].
+        Further signals to condition on, such as the ball's: for each signal, its trials [any].
 
     Returns
     -------
     Granger
-        Strength and test; NaN for too few samples, or a target that its own past tells already.
+        Strength and test; NaN for too few samples or a target that its own past predicts exactly.
 
     Raises
     ------
     ValueError
-        If trials do not go together.
+        If the trials of the signals do not match.
     """
     past = past or Past()
     e = _embedded(sources, targets, past, given)
@@ -178,36 +178,37 @@ def transfer_entropy(
     bins: int = 3,
     neighbours: int = 4,
 ) -> float:
-    """Estimate the information that the past of a source has of a target beyond the target's own (Schreiber 2000).
+    """Estimate the transfer entropy from a source to a target (Schreiber 2000).
 
-    It is the mutual information of the target now and the source's past, given the target's past.
+    It is the mutual information of the target's present and the source's past, conditional on the target's past.
 
     Parameters
     ----------
     sources, targets : sequence of array_like, shape (n_k,)
-        Trials of both, such as the velocities of two styluses [any].
+        Trials of both, for example the velocities of two styluses [any].
     past : Past or None
-        Which samples of the past count; None for three of each in steps of 20.
+        Samples of the past to use; None for three of each in steps of 20.
     given : sequence of sequence of array_like, shape (n_k,)
-        Further signals whose past is known in any case: for each, its trials [any].
+        Further signals to condition on: for each signal, its trials [any].
     estimator : {"gaussian", "binned", "nearest"}
-        That of normal variables, half of `granger`'s strength (Barnett et al., Phys. Rev. Lett. 103:238701, 2009); of
-        equally filled bins, plugged in, which is biased upwards; or of distances to nearest neighbours, without any
-        model (Frenzel and Pompe, Phys. Rev. Lett. 99:204101, 2007, after Kraskov et al. 2004).
+        "gaussian" assumes normal variables and equals half of `granger`'s strength (Barnett et al., Phys. Rev. Lett.
+        103:238701, 2009). "binned" is the plug-in estimator with equally filled bins; it is biased upwards. "nearest"
+        uses distances to nearest neighbours and assumes no model (Frenzel and Pompe, Phys. Rev. Lett. 99:204101, 2007,
+        after Kraskov et al. 2004).
     bins : int
-        For "binned", bins of each variable; keep bins to the power of all variables well below the samples [1].
+        For "binned", bins of each variable; ``bins ** variables`` should stay well below the number of samples [1].
     neighbours : int
-        For "nearest", how many [1].
+        For "nearest", number of neighbours [1].
 
     Returns
     -------
     float
-        The transfer entropy; estimates may be a little below 0 where there is none; NaN for too few samples [nat].
+        The transfer entropy; without influence an estimate may lie slightly below 0; NaN for too few samples [nat].
 
     Raises
     ------
     ValueError
-        If trials do not go together.
+        If the trials of the signals do not match.
     """
     past = past or Past()
     if estimator == "gaussian":
@@ -227,36 +228,40 @@ def chance_level(
     most: int = 999,
     unit: str = "dyad",
 ) -> Chance:
-    """Compare true dyads with surrogate ones, in which each source is paired with the target of another dyad.
+    """Compare true dyads with surrogate dyads, which pair each source with the target of another dyad.
 
-    Trials are paired in their order and cut to the shorter one: bring those together that ask for the same, by
-    mirroring trials whose target is at the left. In a surrogate nobody keeps the own partner. The test is that of all
-    exchanges of partners, those too in which some keep theirs: without them true dyads would come out first too often,
-    1 time in 6 instead of 10 with four dyads. Of up to eight dyads all exchanges are looked at: with four there are 23
-    and nine surrogates, and p cannot be below 1 / 24.
+    Trials are paired in order and cut to the shorter one. Match trials with the same demands first, for example by
+    mirroring trials whose target is on the left.
+
+    In a surrogate nobody keeps the true partner; the chance level is the mean of the surrogates. The test uses all
+    permutations of partners, including those in which some keep theirs: with surrogates only, four true dyads would
+    rank first by chance 1 time in 6 instead of the nominal 1 in 10. With up to eight dyads all permutations are
+    evaluated. Four dyads have 23 permutations besides the true one, nine of them surrogates, so p cannot be below 1 /
+    24.
 
     Parameters
     ----------
     sources, targets : sequence of sequence of array_like, shape (n_k,)
-        For each dyad, its trials: at least two dyads [any].
+        Trials of each dyad; at least two dyads [any].
     measure : callable
-        Takes the trials of a source and of a target; returns a float: `granger`, `transfer_entropy`, a correlation.
+        Function of the trials of a source and of a target that returns a float, such as `granger`, `transfer_entropy`
+        or a correlation.
     rng : numpy.random.Generator
-        Source of chance, for more than eight dyads.
+        Random generator, used for more than eight dyads.
     most : int
-        How many exchanges are drawn then, of which more than a third are surrogates [1].
+        Number of random permutations then, of which more than a third are surrogates [1].
     unit : str
-        What is paired.
+        Name of the paired unit.
 
     Returns
     -------
     Chance
-        The mean of the true dyads, that of the surrogates, and how extreme it is among them.
+        Mean of the true dyads, mean of the surrogates, and the permutation test.
 
     Raises
     ------
     ValueError
-        If there are fewer than two dyads, or no equal numbers.
+        If there are fewer than two dyads, or unequal numbers of sources and targets.
     """
     n = len(sources)
     if n < 2 or len(targets) != n:
@@ -279,7 +284,7 @@ def chance_level(
 def _embedded(
     sources: Sequence[ArrayLike], targets: Sequence[ArrayLike], past: Past, given: Sequence[Sequence[ArrayLike]]
 ) -> _Embedded:
-    """Line up what is foretold with its past, trial by trial."""
+    """Align the predicted samples with their past, trial by trial."""
     if len({len(sources), len(targets), *map(len, given)}) > 1:
         raise ValueError("sources, targets and what is given have the same trials; found different numbers of them")
     parts = [
@@ -294,7 +299,7 @@ def _embedded(
 def _embedded_trial(
     source: NDArray[np.float64], target: NDArray[np.float64], *given: NDArray[np.float64], past: Past
 ) -> _Embedded:
-    """Line up one trial; rows follow each other by `past.step`, for samples in between say the same."""
+    """Align one trial; rows are `past.step` samples apart, because samples in between are redundant."""
     if any(signal.shape != target.shape or signal.ndim != 1 for signal in (source, *given)):
         raise ValueError(f"signals of a trial have one length; found {source.shape} and {target.shape}")
     first = max(past.own * past.step, past.delay + (past.other - 1) * past.step)
@@ -309,7 +314,7 @@ def _embedded_trial(
 def _matched(
     sources: Sequence[ArrayLike], targets: Sequence[ArrayLike]
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Pair trials in their order, each cut to the shorter one."""
+    """Pair trials in order, each cut to the shorter one."""
     pairs = [(np.asarray(a, dtype=float), np.asarray(b, dtype=float)) for a, b in zip(sources, targets, strict=False)]
     lengths = [min(len(a), len(b)) for a, b in pairs]
     return [a[:n] for (a, _), n in zip(pairs, lengths, strict=True)], [
@@ -318,7 +323,7 @@ def _matched(
 
 
 def _exchanges(n: int, rng: np.random.Generator, most: int) -> NDArray[np.int64]:
-    """Return exchanges of partners but for the one that changes nothing: all, or a sample."""
+    """Return all permutations of partners except the identity, or a random sample of them."""
     if n <= MOST_UNITS:
         return np.array(list(permutations(range(n)))[1:])
     drawn = (rng.permutation(n) for _ in range(most))
@@ -329,13 +334,13 @@ def _exchanges(n: int, rng: np.random.Generator, most: int) -> NDArray[np.int64]
 
 
 def _residual(y: NDArray[np.float64], x: NDArray[np.float64]) -> float:
-    """Return the sum of squares that a regression leaves."""
+    """Return the residual sum of squares of a regression."""
     left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
     return float(left @ left)
 
 
 def _binned(e: _Embedded, bins: int) -> float:
-    """Conditional mutual information of equally filled bins: H(now, own) - H(own) - H(all) + H(own, other)."""
+    """Return the conditional mutual information, H(now, own) - H(own) - H(all) + H(own, other), of binned ranks."""
     everything = np.column_stack([e.now, e.own, e.other])
     ranks = stats.rankdata(everything, axis=0, method="average")
     symbols = np.minimum((ranks - 0.5) * bins / len(everything), bins - 1).astype(np.int64)
@@ -344,13 +349,13 @@ def _binned(e: _Embedded, bins: int) -> float:
 
 
 def _entropy(symbols: NDArray[np.int64]) -> float:
-    """Entropy of the rows that occur."""
+    """Return the entropy of the observed rows."""
     share = np.unique(symbols, axis=0, return_counts=True)[1] / len(symbols)
     return float(-(share * np.log(share)).sum())
 
 
 def _nearest(e: _Embedded, k: int) -> float:
-    """Conditional mutual information from how many neighbours lie within the distance of the k-th in all variables."""
+    """Return the conditional mutual information from neighbour counts within the k-th neighbour distance."""
     now, own, other = (_standard(part) for part in (e.now[:, None], e.own, e.other))
     distance = KDTree(np.hstack([now, own, other])).query(np.hstack([now, own, other]), k + 1, p=np.inf)[0][:, k]
     with_now, with_other, alone = (
@@ -360,12 +365,12 @@ def _nearest(e: _Embedded, k: int) -> float:
 
 
 def _within(points: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Count the points nearer than a distance, the point itself counted in."""
+    """Count the points nearer than a distance, including the point itself."""
     nearer = np.nextafter(distance, 0.0)
     return np.asarray(np.maximum(1, KDTree(points).query_ball_point(points, nearer, p=np.inf, return_length=True)))
 
 
 def _standard(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bring variables to one scale."""
+    """Standardise the variables."""
     spread = columns.std(axis=0)
     return np.asarray((columns - columns.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))

@@ -1,11 +1,11 @@
-"""What two hands do to one board, and to each other: forces apart, work, effort and shares.
+"""Interaction of two hands through one board: opposing forces, work, effort and force shares.
 
-Forces are those of the hands on the board at its two control points, + = up; velocities those of the points they act
-at. A board that is raised and turned has two degrees of freedom, and two vertical forces move both: unlike two hands
-that squeeze a box, these have no force between them that the board does not feel. What cancels is therefore a question
-of an axis: two hands that lift cancel in the tilt, two that tilt cancel in the lift.
+Forces are those of the hands on the board at its two control points, + = up; velocities are those of the same points.
+The board has two degrees of freedom, height and tilt, and two vertical forces drive both. Unlike two hands that squeeze
+a box, they have no internal force that the board does not feel. Cancellation is therefore defined for one axis: two
+hands that lift cancel in the tilt, two hands that tilt cancel in the height.
 
-What the hands must bear anyway, the weights of board and ball, says nothing of their interaction: take `supports` off.
+Subtract the static support of board and ball (`supports`) first: it carries no information on the interaction.
 """
 
 from dataclasses import dataclass
@@ -30,11 +30,11 @@ class Interaction:
     Attributes
     ----------
     net : ndarray of float64, shape (n,)
-        What moves the board: the sum of both; times the arm the torque, along the tilt [N].
+        Net force: the sum of both, which moves the board; times the arm it is the torque along the tilt [N].
     between : ndarray of float64, shape (n,)
-        What the left side puts against the right one, with its sign; it moves nothing along the axis [N].
+        Interaction force of the left side against the right side, signed; it moves nothing along the axis [N].
     left_external, right_external : ndarray of float64, shape (n,)
-        What each side adds to the net force [N].
+        Contribution of each side to the net force [N].
     """
 
     net: NDArray[np.float64]
@@ -45,16 +45,16 @@ class Interaction:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """Energy between a partner and the board in a stretch of time.
+    """Energy exchanged between a partner and the board in a period.
 
     Attributes
     ----------
     net : float
-        Given less received [J].
+        Energy given minus energy received [J].
     given : float
-        By the partner to the board, never negative [J].
+        Energy from the partner to the board, never negative [J].
     received : float
-        By the partner from the board, never negative [J].
+        Energy from the board to the partner, never negative [J].
     """
 
     net: float
@@ -65,21 +65,21 @@ class Work:
 def supports(
     p: ArrayLike, *, board_mass: float, ball_mass: float, arm: float, g: float = 9.81
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the forces with which two hands bear a level board at rest, and the ball where it is.
+    """Return the static forces of two hands that hold a level board with the ball at rest.
 
-    They are the only two that balance weight and torque: ``F_left, F_right = (M + m) g / 2 -+ m g p / (2 l)``. The
-    spring to the origin is left out: stretching it is what the hands do.
+    They are the unique pair that balances weight and torque: ``F_left, F_right = (M + m) g / 2 -+ m g p / (2 l)``. The
+    spring to the origin is left out, because it is the hands that stretch it.
 
     Parameters
     ----------
     p : array_like, shape (n,)
-        The ball along the board, + = right [m].
+        Ball position along the board, + = right [m].
     board_mass, ball_mass : float
-        Masses M and m; the ball's is 0 while something else carries it [kg].
+        Masses M and m; the ball mass is 0 while something else carries the ball [kg].
     arm : float
         Distance l from the board's centre to a control point [m].
     g : float
-        Gravity [m/s2].
+        Gravitational acceleration [m/s2].
 
     Returns
     -------
@@ -92,18 +92,19 @@ def supports(
 
 
 def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule: Rule = "opposing") -> Interaction:
-    """Take the forces of both hands apart into what moves the board along an axis and what cancels.
+    """Decompose the forces of both hands into net force and interaction force along an axis.
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
-        Forces on the board, + = up, less what each hand must bear (`supports`) [N].
+        Forces on the board, + = up, minus the static support of each hand (`supports`) [N].
     axis : {"tilt", "heave"}
-        The axis of the task: the tilt, + = right end up, in which the left force counts negative; or the height.
+        Axis of the task: the tilt, + = right end up, in which the left force counts negative; or the height.
     rule : {"opposing", "half_difference"}
-        What counts as interaction: the smaller of two forces where they oppose each other and nothing where they do not
-        (Groten et al., IEEE RO-MAN 2009, 723); or half of the difference at all times, so that both add equally to the
-        net force (the difference force of Reed and Peshkin, IEEE Trans. Haptics 1:108, 2008).
+        Definition of the interaction force. "opposing": the smaller of two opposing forces, and zero if they do not
+        oppose each other (Groten et al., IEEE RO-MAN 2009, 723). "half_difference": half of the difference at all
+        times, so that both sides contribute equally to the net force (the difference force of Reed and Peshkin, IEEE
+        Trans. Haptics 1:108, 2008).
 
     Returns
     -------
@@ -113,7 +114,7 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
     Raises
     ------
     ValueError
-        If the forces have no equal shape.
+        If the shapes of the forces differ.
     """
     a, b = paired(left, right)
     if axis == "tilt":
@@ -121,7 +122,7 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
     if rule == "half_difference":
         between = (a - b) / 2.0
     else:
-        # Asked this way round, what is missing stays so.
+        # The comparison has this direction so that NaN stays NaN.
         between = np.where(a * b >= 0.0, 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)))
     return Interaction(a + b, between, a - between, b + between)
 
@@ -134,11 +135,11 @@ def point_velocities(
     Parameters
     ----------
     vz : array_like, shape (n,)
-        Rate of the height of the board's centre [m/s].
+        Vertical velocity of the board's centre [m/s].
     theta : array_like, shape (n,)
         Tilt, + = right end up [rad].
     omega : array_like, shape (n,)
-        Its rate [rad/s].
+        Angular velocity [rad/s].
     arm : float
         Distance l from the board's centre to a control point [m].
 
@@ -153,10 +154,10 @@ def point_velocities(
 
 
 def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
-    """Integrate a partner's power, by trapezoids.
+    """Integrate a partner's power by the trapezoidal rule.
 
-    With the stylus' velocity it is what the hand gives, of which the coupling's damper takes a part; with the control
-    point's (`point_velocities`) it is what the board gets.
+    With the stylus velocity the result is the work of the hand, part of which the virtual coupling's damper dissipates.
+    With the control point's velocity (`point_velocities`) it is the work on the board.
 
     Parameters
     ----------
@@ -165,17 +166,17 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
     velocity : array_like, shape (n,)
         Velocity of the stylus or of the control point, + = up [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
     Work
-        Net, given and received; the latter are integrals of the power's parts of either sign [J].
+        Net, given and received energy; the last two integrate the positive and the negative power [J].
 
     Raises
     ------
     ValueError
-        If force and velocity have no equal shape.
+        If the shapes of force and velocity differ.
     """
     f, v = paired(force, velocity)
     given, received = _integral(np.maximum(f * v, 0.0), rate), _integral(np.maximum(-f * v, 0.0), rate)
@@ -185,25 +186,25 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
 def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tuple[float, float]:
     """Integrate the power that passes through the board from one partner to the other.
 
-    At any time that is the smaller of what one gives and what the other receives; the rest moves the board and the
-    ball, or comes from them.
+    At any time this is the smaller of the power that one partner gives and the power that the other receives. The rest
+    drives the board and the ball, or comes from them.
 
     Parameters
     ----------
     left_power, right_power : array_like, shape (n,)
         Force times velocity of each, + = into the board [W].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
     to_right, to_left : float
-        Energy that passes, never negative [J].
+        Transferred energy, never negative [J].
 
     Raises
     ------
     ValueError
-        If the powers have no equal shape.
+        If the shapes of the powers differ.
     """
     a, b = paired(left_power, right_power)
     to_right = np.minimum(np.maximum(a, 0.0), np.maximum(-b, 0.0))
@@ -212,17 +213,17 @@ def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tup
 
 
 def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
-    """Measure how much a hand pushes, whether or not it moves.
+    """Measure the effort of a hand, whether or not it moves.
 
     Parameters
     ----------
     force : array_like, shape (n,)
-        Force of the hand; with or without what it must bear (`supports`) [N].
+        Force of the hand, with or without static support (`supports`) [N].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     kind : {"squared", "absolute", "rms"}
-        Integral of the squared force, as in optimal control; integral of its magnitude; or its root mean square, which
-        does not grow with the time.
+        Integral of the squared force, as in optimal control; integral of the absolute force; or root mean square, which
+        does not grow with time.
 
     Returns
     -------
@@ -236,25 +237,25 @@ def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
 
 
 def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute") -> float:
-    """Return the right partner's share in the forces of both: 0 = all is the left's, 0.5 = even, 1 = all is its own.
+    """Return the right partner's share of both forces: 0 = all from the left, 0.5 = even, 1 = all from the right.
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
-        Forces on the board, less what each hand must bear (`supports`), of which the one nearer to the ball has more
+        Forces on the board, minus the static support of each hand (`supports`), which is larger on the side of the ball
         [N].
     kind : {"absolute", "squared"}
-        What is summed: magnitudes or squares.
+        Whether magnitudes or squares are summed.
 
     Returns
     -------
     float
-        The share; NaN where there is no force [1].
+        The share; NaN without force [1].
 
     Raises
     ------
     ValueError
-        If the forces have no equal shape.
+        If the shapes of the forces differ.
     """
     a, b = (np.abs(side) ** (2 if kind == "squared" else 1) for side in paired(left, right))
     total = a.sum() + b.sum()
@@ -262,5 +263,5 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
 
 
 def _integral(values: NDArray[np.float64], rate: float) -> float:
-    """Integrate samples over time."""
+    """Integrate samples over time by the trapezoidal rule."""
     return float(trapezoid(values, dx=1.0 / rate))

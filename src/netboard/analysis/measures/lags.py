@@ -1,10 +1,10 @@
-"""Who moved first, and by how much: delays between the two sides of one movement or one stretch of time.
+"""Delays between the two sides of a movement or period, and leadership.
 
-A delay is the time of the left side less that of the right one: positive where the right side was first. Two sides that
-tilt the board move in opposite directions, so by default the left side is compared with the mirrored right one. Delays
-are found between samples: a millisecond is too coarse for a difference of a few.
+A delay is the left side's time minus the right side's: positive if the right side was first. Two sides that tilt the
+board move in opposite directions, so by default the left side is compared with the mirrored right side. Delays are
+interpolated between samples, because 1 ms is too coarse for differences of a few milliseconds.
 
-Delays by thresholds, the paper's, are those of `netboard.analysis.measures.cooperation`.
+The paper's threshold delays are in `netboard.analysis.measures.cooperation`.
 """
 
 from dataclasses import dataclass
@@ -24,20 +24,20 @@ _SIGNS = {"mirrored": -1.0, "alike": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class Lag:
-    """The delay at which two signals are most alike.
+    """Delay at which two signals correlate most.
 
     Attributes
     ----------
     delay : float
-        Time of the left less that of the right, + = right first; NaN where there is none within reach [s].
+        Left time minus right time, + = right first; NaN without a maximum in the search range [s].
     coefficient : float
         Correlation at that delay [1].
     at_once : float
-        Correlation without a delay [1].
+        Correlation at zero delay [1].
     n : int
-        Samples of each side [1].
+        Number of samples of each side [1].
     unit : str
-        What is counted by n.
+        Unit that n counts.
     """
 
     delay: float
@@ -49,20 +49,21 @@ class Lag:
 
 @dataclass(frozen=True, slots=True)
 class Leadership:
-    """How evenly two sides took the lead.
+    """Balance of leadership between two sides.
 
     Attributes
     ----------
     index : float
-        Right first less left first, over both: -1 = always left, 0 = even, +1 = always right; NaN without a leader [1].
+        (Right first - left first) / (right first + left first): -1 = always left, 0 = even, +1 = always right; NaN
+        without a leader [1].
     left_first, right_first, together : int
-        How often each was first, and neither [1].
+        Counts of left first, right first, and neither [1].
     mean, deviation : float
-        Mean and standard deviation of the signed delays; NaN for too few [s].
+        Mean and standard deviation of the signed delays; NaN for too few delays [s].
     n : int
-        Delays that exist [1].
+        Number of known delays [1].
     unit : str
-        What is counted by n.
+        Unit that n counts.
     """
 
     index: float
@@ -84,34 +85,35 @@ def lag_of(
     relation: Relation = "mirrored",
     overlap: Overlap = "pearson",
 ) -> Lag:
-    """Find the delay at which both sides are most alike, by cross-correlation.
+    """Find the delay of largest cross-correlation between both sides.
 
-    The best of all delays of whole samples is refined by the parabola through it and its neighbours (for instance
-    Jacovitti and Scarano, IEEE Trans. Signal Process. 41:525, 1993).
+    The best whole-sample delay is refined by the parabola through it and its neighbours (for instance Jacovitti and
+    Scarano, IEEE Trans. Signal Process. 41:525, 1993).
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
-        Velocities of both sides, or any other signal of theirs [any].
+        Velocities of both sides, or another signal of each [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     longest : float
-        No longer delay is looked for [s].
+        Largest delay in the search [s].
     relation : {"mirrored", "alike"}
-        Whether the sides agree when they go in opposite directions, as in a tilt, or in the same.
+        Whether the sides agree when they move in opposite directions, as in a tilt, or in the same direction.
     overlap : {"pearson", "full"}
-        At each delay, the correlation of the samples that overlap, or their covariance over that of the whole record,
-        which favours short delays.
+        At each delay, the correlation of the overlapping samples, or their covariance divided by that of the whole
+        record, which favours short delays.
 
     Returns
     -------
     Lag
-        All NaN if a side does not vary; no delay if the best one is at the end of the search, and no maximum.
+        All NaN if a side does not vary; the delay is NaN if the best one lies at the end of the search range and is no
+        maximum.
 
     Raises
     ------
     ValueError
-        If the sides have no equal length, or fewer than two samples overlap at the longest delay.
+        If the lengths of the sides differ, or fewer than two samples overlap at the longest delay.
     """
     a, b = paired(left, right)
     b = _SIGNS[relation] * b
@@ -136,34 +138,34 @@ def windowed_lags(
     longest: float = 0.3,
     relation: Relation = "mirrored",
 ) -> tuple[NDArray[np.float64], tuple[Lag, ...]]:
-    """Follow the delay through a record, window by window (Boker et al., Psychol. Methods 7:338, 2002).
+    """Compute the delay in sliding windows (Boker et al., Psychol. Methods 7:338, 2002).
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
-        Velocities of both sides, or any other signal of theirs [any].
+        Velocities of both sides, or another signal of each [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     window : float
-        Length of a window [s].
+        Window length [s].
     step : float
-        From one window to the next [s].
+        Step between windows [s].
     longest : float
-        No longer delay is looked for [s].
+        Largest delay in the search [s].
     relation : {"mirrored", "alike"}
         As in `lag_of`.
 
     Returns
     -------
     centres : ndarray of float64, shape (m,)
-        Middles of the windows that are whole, from the first sample on [s].
+        Centre times of the complete windows, from the first sample [s].
     lags : tuple of Lag
-        The delay in each [s].
+        Delay in each window [s].
 
     Raises
     ------
     ValueError
-        If the sides have no equal length, or the window is too short for the delay.
+        If the lengths of the sides differ, or the window is too short for the delay.
     """
     a, b = paired(left, right)
     size, every = round(window * rate), max(1, round(step * rate))
@@ -173,25 +175,25 @@ def windowed_lags(
 
 
 def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
-    """Take the delay between the peaks of both sides' velocities, each in its own direction.
+    """Return the delay between the velocity peaks of both sides, each in its own direction.
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
         Velocities of both sides in one movement [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
     float
-        Left less right, + = right first; NaN where a side has its largest velocity at the first or last sample, or one
-        is missing [s].
+        Left time minus right time, + = right first; NaN if a side has its largest velocity at the first or last sample,
+        or a sample is missing [s].
 
     Raises
     ------
     ValueError
-        If the sides have no equal length.
+        If the lengths of the sides differ.
     """
     sides = [_forward(side) for side in paired(left, right)]
     if not len(sides[0]):
@@ -201,21 +203,21 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
 
 
 def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "movement") -> Leadership:
-    """Count who was first.
+    """Count how often each side was first.
 
     Parameters
     ----------
     delays : array_like, shape (n,)
-        Signed delays, + = right first; NaN are left out [s].
+        Signed delays, + = right first; NaN are ignored [s].
     tolerance : float
-        Up to this both were first together [s].
+        Largest absolute delay that counts as simultaneous [s].
     unit : str
-        What each delay is of.
+        Unit to which each delay belongs.
 
     Returns
     -------
     Leadership
-        Counts, their index, and the mean delay with its spread.
+        Counts, leadership index, and mean delay with its standard deviation.
     """
     signed = np.asarray(delays, dtype=float).ravel()
     signed = signed[np.isfinite(signed)]
@@ -237,7 +239,7 @@ def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, ov
     a, b = a - a.mean(), b - b.mean()
     n, lags = len(a), np.arange(-reach, reach + 1)
     products = correlate(a, b, method="fft")[n - 1 - reach : n + reach]
-    # Not `a @ a`: its last bits depend on how many threads the linear algebra library may use.
+    # Not `a @ a`: its last bits depend on the number of threads of the linear algebra library.
     square_a, square_b = np.sum(a * a), np.sum(b * b)
     if overlap == "full":
         return np.asarray(products / np.sqrt(square_a * square_b))
@@ -245,19 +247,19 @@ def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, ov
     sum_a, sum_b = _sums(a, first, count), _sums(b, other, count)
     vary_a = _sums(a * a, first, count) - sum_a**2 / count
     vary_b = _sums(b * b, other, count) - sum_b**2 / count
-    # What is left of a constant stretch by rounding is not a variance.
+    # Rounding leaves a residue on constant signals, which is not a variance.
     vary = np.where((vary_a > 1e-12 * square_a) & (vary_b > 1e-12 * square_b), vary_a * vary_b, np.nan)
     return np.asarray((products - sum_a * sum_b / count) / np.sqrt(vary))
 
 
 def _sums(x: NDArray[np.float64], first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Sum stretches of a signal."""
+    """Return the sums of segments of a signal."""
     total = np.concatenate([[0.0], np.cumsum(x)])
     return np.asarray(total[first + count] - total[first])
 
 
 def _vertex(values: NDArray[np.float64], best: int) -> tuple[float, float]:
-    """Return place and height of the parabola through a maximum and its neighbours; none at an end [sample, any]."""
+    """Return vertex and height of the parabola through a maximum and its neighbours; none at an end [sample, any]."""
     if not 0 < best < len(values) - 1 or not np.isfinite(values[best - 1 : best + 2]).all():
         return np.nan, float(values[best])
     before, here, after = values[best - 1 : best + 2]
@@ -267,5 +269,5 @@ def _vertex(values: NDArray[np.float64], best: int) -> tuple[float, float]:
 
 
 def _forward(velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Count a velocity in the direction of the whole movement."""
+    """Return a velocity with the sign of the whole movement."""
     return velocity if velocity.sum() >= 0.0 else -velocity

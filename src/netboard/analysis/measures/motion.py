@@ -1,9 +1,9 @@
-"""What the paper's measures look at: the filtered movement of styluses, board and ball, and the trials within it.
+"""Input of the paper's measures: filtered motion of styluses, board and ball, and the trials in it.
 
 "The force and kinematic data were low-pass filtered with a tenth-order, zero-phase-lag Butterworth filter with 20 Hz
 cutoff frequency"; the board's angular velocity and the ball's absolute velocity then with one of 5 Hz. A whole
-recording is filtered at once and trials are cut out of it afterwards, so that a trial has no ends of its own. The ball
-is put somewhere else between two trials: those jumps are told as `placed`, and no filter smears them into a trial.
+recording is filtered at once and cut into trials afterwards, so that trials have no edge effects. The ball is
+repositioned between two trials; `placed` lists these jumps, and no filter runs across them.
 """
 
 from dataclasses import dataclass, replace
@@ -19,22 +19,22 @@ Window = Literal["to_completion", "whole"]
 Inside = Literal["centre", "whole_ball"]
 
 FAST = LowPass(20.0)
-"""The paper's filter of all force and kinematic data."""
+"""Filter for all force and kinematic data in the paper."""
 
 SLOW = LowPass(5.0)
-"""The paper's filter of the board's angular velocity and of the ball's absolute velocity."""
+"""Filter for the board's angular velocity and the ball's absolute velocity in the paper."""
 
 HALF_WIDTH = 0.035
-"""The target reaches so far to both sides of its centre [m]."""
+"""Half-width of the target [m]."""
 
 BALL_RADIUS = 0.025
 """Radius of the ball [m]."""
 
 HOLD = 1.5
-"""The ball must stay in the target for so long [s]."""
+"""Time for which the ball must stay in the target [s]."""
 
 FASTEST = 2.0
-"""A ball that is faster from one sample to the next did not roll there [m/s]."""
+"""Speed between two samples above which the ball was repositioned [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +44,21 @@ class Motion:
     Attributes
     ----------
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     left_z, right_z : ndarray, shape (n,)
-        Height of the styluses [m].
+        Heights of the styluses [m].
     left_vz, right_vz : ndarray, shape (n,)
-        Their rates [m/s].
+        Vertical velocities of the styluses [m/s].
     theta : ndarray, shape (n,)
         Tilt of the board, + = right end up [rad].
     omega : ndarray, shape (n,)
-        Its rate, filtered by the slow filter as well [rad/s].
+        Angular velocity of the board, also filtered by the slow filter [rad/s].
     p : ndarray, shape (n,)
-        Ball along the board, + = right [m].
+        Ball position along the board, + = right [m].
     vp : ndarray, shape (n,)
-        Its rate [m/s].
+        Ball velocity [m/s].
     speed : ndarray, shape (n,)
-        Absolute velocity of the ball, filtered by the slow filter as well [m/s].
+        Absolute velocity of the ball, also filtered by the slow filter [m/s].
     """
 
     rate: float
@@ -74,21 +74,21 @@ class Motion:
 
 
 def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) -> NDArray[np.int64]:
-    """Where a ball was put somewhere else: at 1 kHz, by 2 mm or more.
+    """Find where the ball was repositioned: at 1 kHz, a jump of 2 mm or more.
 
     Parameters
     ----------
     p : ndarray, shape (n,)
-        Ball along the board, as recorded [m].
+        Ball position along the board, as recorded [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     fastest : float
-        A ball that is faster from one sample to the next did not roll there [m/s].
+        Speed between two samples above which the ball was repositioned [m/s].
 
     Returns
     -------
     ndarray of int64, shape (k,)
-        The first sample at each new place [1].
+        First sample at each new position [1].
     """
     return 1 + np.flatnonzero(np.abs(np.diff(p)) * rate > fastest)
 
@@ -101,20 +101,20 @@ def ball_speed(
     low_pass: LowPass = SLOW,
     breaks: Breaks = (),
 ) -> NDArray[np.float64]:
-    """Absolute velocity of the ball, low-pass filtered: where that rings beside a ball at rest, a little below 0.
+    """Return the low-pass filtered absolute velocity of the ball; ringing near rest may make it slightly negative.
 
     Parameters
     ----------
     vp : ndarray, shape (n,)
         Velocity of the ball [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     order : {"absolute_first", "filter_first"}
-        Whether the absolute value is filtered, as the paper's words say, or taken of the filtered velocity.
+        Whether the absolute value is filtered, as the paper words it, or taken of the filtered velocity.
     low_pass : LowPass
         The filter.
     breaks : sequence of int
-        First samples after the ball was put somewhere [1].
+        First samples after each repositioning of the ball [1].
 
     Returns
     -------
@@ -142,33 +142,33 @@ def motion(
 ) -> Motion:
     """Filter a recording as the paper did.
 
-    Velocities are the derivatives of the filtered positions; those of the styluses may be given instead.
+    Velocities are derivatives of the filtered positions, unless stylus velocities are given.
 
     Parameters
     ----------
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     left_z, right_z : ndarray, shape (n,)
-        Height of the styluses [m].
+        Heights of the styluses [m].
     theta : ndarray, shape (n,)
         Tilt of the board, + = right end up [rad].
     p : ndarray, shape (n,)
-        Ball along the board, + = right [m].
+        Ball position along the board, + = right [m].
     left_vz, right_vz : ndarray, shape (n,), optional
-        Rates of the styluses as the devices estimated them, to be filtered and used [m/s].
+        Stylus velocities as the devices estimated them; they are filtered and used instead [m/s].
     placed : sequence of int
-        First samples after the ball was put somewhere, as `placements` finds them [1].
+        First samples after each repositioning of the ball, from `placements` [1].
     fast : LowPass
-        The filter of everything.
+        Filter for all signals.
     slow : LowPass
-        The filter of the board's angular velocity and of the ball's speed.
+        Second filter for the board's angular velocity and the ball's speed.
     speed : {"absolute_first", "filter_first"}
         As for `ball_speed`.
 
     Raises
     ------
     ValueError
-        If the arrays do not have one length.
+        If the lengths of the arrays differ.
     """
     if len({left_z.shape, right_z.shape, theta.shape, p.shape}) != 1 or left_z.ndim != 1:
         raise ValueError("heights, tilt and ball must have one value each for every sample")
@@ -190,18 +190,18 @@ def motion(
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Where a trial, or a failed attempt at one, lies in a recording.
+    """Sample range of a trial, or of a failed attempt, in a recording.
 
     Attributes
     ----------
     release : int
-        Sample at which the ball was released [1].
+        Sample of the ball's release [1].
     stop : int
-        Sample after its last one, the hold included [1].
+        Sample after the last one, including the hold in the target [1].
     target : float
         Centre of the target along the board, + = right [m].
     completion : int or None
-        Sample at which the hold began; None for an attempt that failed [1].
+        Sample at which the hold in the target began; None for a failed attempt [1].
     """
 
     release: int
@@ -215,12 +215,12 @@ class Trial:
         return float(np.sign(self.target))
 
     def window(self, which: Window = "to_completion") -> slice:
-        """Samples that are looked at.
+        """Return the samples to analyse.
 
         Parameters
         ----------
         which : {"to_completion", "whole"}
-            From the release to the beginning of the hold (for a failed attempt, to its end), or with the hold.
+            From the release to the start of the hold (for a failed attempt, to its end), or including the hold.
         """
         if which == "whole" or self.completion is None:
             return slice(self.release, self.stop)
@@ -229,17 +229,17 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """When a trial was completed.
+    """Completion of a trial.
 
     Attributes
     ----------
     time : float
-        From the release to the beginning of the hold; NaN without one, or if a hole may hide when it began [s].
+        Time from the release to the start of the hold; NaN without a hold, or if a gap may hide its start [s].
     sample : int or None
-        Sample at which the hold began; None without one, or if a hole may hide when that was [1].
+        Sample at which the hold began; None without a hold, or if a gap may hide its start [1].
     entries : float
-        How often the ball came into the target, the last time included; all times, without a hold; NaN if a hole may
-        hide some [1].
+        Number of entries into the target up to and including the one that led to the hold; all entries without a hold;
+        NaN if a gap may hide some [1].
     """
 
     time: float
@@ -257,30 +257,30 @@ def find_completion(
     radius: float = BALL_RADIUS,
     hold: float = HOLD,
 ) -> Completion:
-    """Completion time: from the release to the start of the time for which the ball stayed in the target.
+    """Find the completion time: from the release to the start of the uninterrupted stay in the target.
 
-    The server's own completion time is one tick more: it counts the tick in which the ball came in.
+    The server's completion time is one tick longer, because it counts the tick in which the ball enters.
 
     Parameters
     ----------
     p : ndarray, shape (n,)
-        Ball along the board from the release on, as recorded [m].
+        Ball position along the board from the release, as recorded [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     target : float
         Centre of the target [m].
     inside : {"centre", "whole_ball"}
-        What must be within the target, its edge included: the ball's centre, or all of the ball.
+        Part of the ball that must be in the target, edges included: its centre, or all of it.
     half_width : float
-        The target reaches so far to both sides of its centre [m].
+        Half-width of the target [m].
     radius : float
-        Of the ball [m].
+        Radius of the ball [m].
     hold : float
-        How long it must stay, by the definition of `netboard.analysis.measures.signals.lasting` [s].
+        Minimum duration of the stay, as defined by `netboard.analysis.measures.signals.lasting` [s].
     """
     reach = half_width if inside == "centre" else half_width - radius
     away = np.abs(p - target)
-    # Where a sample is missing, the ball was in the target or it was not: what depends on that is not known.
+    # A missing sample may lie in or outside the target: only a result common to both cases is known.
     found, other = _first_hold(away <= reach, hold, rate), _first_hold(~(away > reach), hold, rate)
     if found.sample != other.sample:
         return Completion(float("nan"), None, float("nan"))
@@ -288,7 +288,7 @@ def find_completion(
 
 
 def _first_hold(within: NDArray[np.bool_], hold: float, rate: float) -> Completion:
-    """Find the first stay in the target that is long enough."""
+    """Find the first sufficiently long stay in the target."""
     entries = runs(within)[:, 0]
     held = lasting(within, hold, rate)
     if held.size == 0:

@@ -1,7 +1,7 @@
-"""How two sides move at one instant: in opposite directions, in the same one, one of them only, or not at all.
+"""Movement classes of two sides at an instant: cooperative, competitive, single, or still.
 
-The paper calls the first cooperative and the second competitive, by what they do to the tilt of the board. Two sides
-that agree to lift the board are competitive by that rule.
+Opposite directions are cooperative and equal directions competitive, by their effect on the board's tilt. Two sides
+that agree to lift the board are therefore competitive by the paper's rule.
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ AtLimit = Literal["moving", "still"]
 Average = Literal["trials", "time"]
 
 STILL_BELOW = 0.003
-"""A stylus that is slower does not move [m/s]."""
+"""Speed below which a stylus is still [m/s]."""
 
 
 class Movement(IntEnum):
-    """Class of a sample; `UNKNOWN` where a velocity is missing."""
+    """Movement class of a sample; `UNKNOWN` if a velocity is missing."""
 
     UNKNOWN = -1
     STILL = 0
@@ -36,21 +36,21 @@ def classify(
     still_below: float = STILL_BELOW,
     at_limit: AtLimit = "moving",
 ) -> NDArray[np.int8]:
-    """Class of the movement at each sample.
+    """Return the movement class of each sample.
 
     Parameters
     ----------
     left_vz, right_vz : ndarray, shape (n,)
-        Rates of the styluses' heights [m/s].
+        Vertical velocities of the styluses [m/s].
     still_below : float
-        A stylus that is slower does not move [m/s].
+        Speed below which a stylus is still [m/s].
     at_limit : {"moving", "still"}
-        What a stylus does that is exactly as fast.
+        Class of a stylus whose speed equals `still_below`.
 
     Returns
     -------
     ndarray of int8, shape (n,)
-        A `Movement` each [1].
+        `Movement` of each sample [1].
     """
 
     def direction(vz: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -73,16 +73,16 @@ def classify(
 
 @dataclass(frozen=True, slots=True)
 class MovementTimes:
-    """For how long there was each class of movement.
+    """Durations of the movement classes.
 
     Attributes
     ----------
     cooperative, competitive, single, still : float
-        Time in the paper's four classes [s].
+        Durations of the paper's four classes [s].
     left_only, right_only : float
-        The two parts of the single movement [s].
+        Durations of the two parts of single movement [s].
     unknown : float
-        Time without velocities [s].
+        Duration without known velocities [s].
     """
 
     cooperative: float
@@ -95,24 +95,24 @@ class MovementTimes:
 
     @property
     def seconds(self) -> NDArray[np.float64]:
-        """Time of cooperative, competitive, single movement and stillness, shape (4,) [s]."""
+        """Durations of cooperative, competitive, single movement and stillness, shape (4,) [s]."""
         return np.array([self.cooperative, self.competitive, self.single, self.still])
 
     @property
     def shares(self) -> NDArray[np.float64]:
-        """The same as shares of their sum, shape (4,); NaN if there is nothing [1]."""
+        """Shares of the four classes in their sum, shape (4,); NaN for a zero sum [1]."""
         return shares(self.seconds)
 
 
 def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
-    """Time of each class of movement in a trial; NaN for all of them if no velocity is known.
+    """Return the durations of the movement classes in a trial; all NaN if no velocity is known.
 
     Parameters
     ----------
     classes : ndarray of int8, shape (n,)
-        From `classify`, of the samples of one trial that are looked at [1].
+        Classes from `classify`, of the analysed samples of one trial [1].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     """
     counts = np.bincount(classes.astype(np.int64) + 1, minlength=len(Movement)) / rate
     if counts[0] and not counts[1:].any():
@@ -130,17 +130,17 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
 
 
 def shares(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of each class.
+    """Return the share of each class.
 
     Parameters
     ----------
     seconds : ndarray, shape (..., 4)
-        Time of each class [s].
+        Duration of each class [s].
 
     Returns
     -------
     ndarray, shape (..., 4)
-        Shares with the sum 1; NaN where there is no time at all [1].
+        Shares with the sum 1; NaN for a zero duration [1].
     """
     total = seconds.sum(axis=-1, keepdims=True)
     return np.asarray(np.divide(seconds, total, out=np.full(seconds.shape, np.nan), where=total > 0))
@@ -149,21 +149,21 @@ def shares(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
 def mean_shares(
     seconds: NDArray[np.float64], people: NDArray[np.int64] | None = None, *, of: Average = "trials"
 ) -> NDArray[np.float64]:
-    """Mean shares of a condition: of trials within a person or dyad, then of those.
+    """Return mean shares of a condition, averaged within participants or dyads and then over them.
 
     Parameters
     ----------
     seconds : ndarray, shape (n, 4)
-        Time of each class in each trial [s].
+        Duration of each class in each trial [s].
     people : ndarray of int64, shape (n,), optional
-        Whose trial it is; without it all are one person's [1].
+        Participant or dyad of each trial; without it all trials belong to one [1].
     of : {"trials", "time"}
-        What counts the same within a person: every trial, or every second, by which long trials dominate.
+        Weighting within a participant: every trial counts equally, or every second, so that long trials dominate.
 
     Returns
     -------
     ndarray, shape (4,)
-        The shares; NaN without a trial [1].
+        Mean shares; NaN without trials [1].
     """
     whose = np.zeros(len(seconds), np.int64) if people is None else people
     each = []

@@ -1,12 +1,12 @@
-"""How much of an effect of forces is mechanics: what a partner would do who holds the stylus and never acts.
+"""Passive-partner control: how much of an effect of haptic feedback is mechanics rather than communication.
 
-A force that is felt also pushes. When one side goes up, the board's spring and the couplings push the other hand down:
-by 1.5 mm for every 10 mm, for a hand of 150 N/m in the paper's scene. That is movement in opposite directions, and by
-the paper's rule it is cooperation. Before such movement is taken for communication, it is to be compared with that of
-a passive partner: a mass, a damper and a spring.
+A rendered force also pushes. When one side goes up, the board's spring and the virtual couplings push the other hand
+down: 1.5 mm for every 10 mm, for a hand of 150 N/m in the paper's scene. That is movement in opposite directions, and
+the paper's rule calls it cooperative. Before such movement is taken for communication, compare it with that of a
+passive partner: a mass, a damper and a spring.
 
-Rule 1: what the scene does to a hand is known here only by gains or by a callable that is handed in.
-Rule 2: a passive part is not all that touch does to a movement; it is what needs nobody who feels.
+Rule 1: the scene's action on a hand enters only as gains or as a callable.
+Rule 2: the passive part is not the whole effect of touch on a movement; it is the part that needs no perception.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,27 +22,27 @@ from scipy.signal import cont2discrete, lfilter
 
 Side = Literal["left", "right"]
 Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.float64]]
-"""Takes the height of the active stylus, the ball, and the passive side; returns the height of the passive stylus."""
+"""Function of the active stylus's height, ball position and passive side; returns the passive stylus's height."""
 Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
-"""Takes the heights of the left and of the right stylus in a trial; returns what is compared."""
+"""Function of the heights of the left and right stylus in a trial; returns the compared quantity."""
 
 
 LONGEST_STEP = 0.25e-3
-"""A hand with friction is integrated in steps no longer than this, those of a simulated participant's [s]."""
+"""Largest integration step for a hand with friction, the same as for simulated participants [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class PassiveHand:
-    """A hand that holds a stylus and never acts.
+    """Passive hand: it holds a stylus and never acts.
 
     Attributes
     ----------
     mass : float
-        Of arm and device [kg].
+        Mass of arm and device [kg].
     damping : float
-        Of both [N s/m].
+        Damping of arm and device [N s/m].
     stiffness : float
-        Towards where it is held [N/m].
+        Stiffness towards the held position [N/m].
     friction : float
         Coulomb friction of the device [N].
     """
@@ -57,29 +57,29 @@ class PassiveHand:
             raise ValueError(f"a hand has a mass, and no negative damping, stiffness or friction; found {self}")
 
     def holding(self, mass: float, damping: float, friction: float) -> "PassiveHand":
-        """Return the same arm with a device in its hand.
+        """Return the same arm holding a device.
 
         Parameters
         ----------
         mass : float
             Apparent mass of the device [kg].
         damping : float
-            Its viscous damping [N s/m].
+            Viscous damping of the device [N s/m].
         friction : float
-            Its Coulomb friction [N].
+            Coulomb friction of the device [N].
         """
         return PassiveHand(self.mass + mass, self.damping + damping, self.stiffness, self.friction + friction)
 
 
 class Gains(NamedTuple):
-    """What makes the force of one hand on the board at rest, as in `netboard.physics.scene.rendering.GAINS`.
+    """Gains of the static force of one hand on the board, as in `netboard.physics.scene.rendering.GAINS`.
 
     Attributes
     ----------
     own, partner : float
-        By the height of the own stylus and of the partner's [N/m].
+        Gain of the height of the hand's own stylus and of the partner's [N/m].
     ball : float
-        By the place of the ball along the board [N/m].
+        Gain of the ball position along the board [N/m].
     """
 
     own: float
@@ -88,14 +88,14 @@ class Gains(NamedTuple):
 
 
 class Heights(NamedTuple):
-    """What was recorded of one trial: where both styluses and the ball were.
+    """Recorded positions of both styluses and the ball in one trial.
 
     Attributes
     ----------
     left, right : ndarray of float64, shape (n,)
         Heights of the styluses [m].
     p : ndarray of float64, shape (n,)
-        The ball along the board [m].
+        Ball position along the board [m].
     """
 
     left: NDArray[np.float64]
@@ -105,20 +105,20 @@ class Heights(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PassiveControl:
-    """An effect of forces beside the one that a passive partner would show.
+    """Effect of haptic feedback, and its passive part.
 
     Attributes
     ----------
     effect : ndarray of float64, shape (n,)
-        For each dyad, the measure with forces less that without [its own].
+        Measure with haptic feedback minus measure without, for each dyad [unit of the measure].
     passive : ndarray of float64, shape (n,)
-        For each dyad, the measure of active and passive hand less that of an active hand and a still one [its own].
+        Measure of active and passive hand minus measure of active and still hand, for each dyad [unit of the measure].
     share : float
-        Sum of the passive effects over that of the effects: 1 = all is mechanics; NaN without an effect [1].
+        Sum of the passive effects divided by the sum of the effects: 1 = all is mechanics; NaN without an effect [1].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
-        What they are.
+        Name of that unit.
     """
 
     effect: NDArray[np.float64]
@@ -129,7 +129,7 @@ class PassiveControl:
 
 
 def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
-    """Return how far a passive hand comes to rest from where it was, for each metre that the partner goes.
+    """Return the static displacement of a passive hand for each metre of the partner's displacement.
 
     It is ``-partner / (stiffness + own)``: with the paper's 25.93 N/m, -0.341, -0.147 and -0.080 for hands of 50, 150
     and 300 N/m.
@@ -139,36 +139,36 @@ def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
     hand : PassiveHand
         The hand.
     gains : Gains
-        Of its side.
+        Gains of its side.
 
     Returns
     -------
     float
-        The ratio, negative for movement in opposite directions [1].
+        Displacement ratio, negative for movement in opposite directions [1].
     """
     return -gains.partner / (hand.stiffness + gains.own)
 
 
 def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
-    """Return how a force alone moves a passive hand: ``m z'' + b z' + k z + friction = F - F(0)``.
+    """Return a passive hand's response to a force: ``m z'' + b z' + k z + friction = F - F(0)``.
 
-    Applied to the force that was rendered, it is the passive part of the recorded movement, and what is left
-    of that the person's own doing, as far as the arm is linear and its stiffness known. Part of the rendered force
-    answers the own movement; `passive_partner` has only what comes from elsewhere.
+    For the rendered force the result is the passive part of the recorded movement. The rest is voluntary, as far as the
+    arm is linear and its stiffness known. Part of the rendered force answers the hand's own movement; `passive_partner`
+    includes only the force from elsewhere.
 
     Parameters
     ----------
     force : array_like, shape (n,)
-        On the hand, + = up; linear between samples [N].
+        Force on the hand, + = up; linear between samples [N].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        Its height, from where it was [m].
+        Height of the hand relative to its start [m].
     """
     f = np.asarray(force, dtype=float)
     if not len(f):
@@ -193,7 +193,7 @@ def _rubbed(
 ) -> NDArray[np.float64]:
     """Integrate a hand with Coulomb friction; damping and friction are implicit (Moreau), so a held hand is at rest.
 
-    `netboard.participants.hand` has the same rule. After a missing sample nothing is known any more.
+    `netboard.participants.hand` has the same rule. After a missing sample all values are NaN.
     """
     heights = np.zeros(len(force))
     z, v = 0.0, 0.0
@@ -214,7 +214,7 @@ def _rubbed(
 
 @lru_cache(maxsize=256)
 def _discretised(hand: PassiveHand, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the filter from force to height: it takes longer to find than a trial to filter, and hands recur."""
+    """Return the filter from force to height; cached, because its design takes longer than filtering a trial."""
     above, below, _ = cont2discrete(([1.0], [hand.mass, hand.damping, hand.stiffness]), 1.0 / rate, method="foh")
     above, below = np.ravel(above), np.asarray(below)
     above.flags.writeable = below.flags.writeable = False
@@ -224,49 +224,49 @@ def _discretised(hand: PassiveHand, rate: float) -> tuple[NDArray[np.float64], N
 def passive_partner(
     active: ArrayLike, p: ArrayLike, rate: float, hand: PassiveHand, gains: Gains
 ) -> NDArray[np.float64]:
-    """Return how a passive hand moves when the partner and the ball do what they did, and forces are felt.
+    """Return the movement of a passive hand under the recorded movement of partner and ball, with haptic feedback.
 
-    The board is at rest between the hands at all times, which it is within some 10 ms. A hand without friction is an
-    upper bound: friction of the device (0.26 N of a Touch) holds most of this movement.
+    The board is taken to be in static equilibrium between the hands, which it reaches within some 10 ms. A hand without
+    friction gives an upper bound: device friction (0.26 N for a Touch) suppresses most of this movement.
 
     Parameters
     ----------
     active : array_like, shape (n,)
         Height of the partner's stylus [m].
     p : array_like, shape (n,)
-        The ball along the board [m].
+        Ball position along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
     gains : Gains
-        Of its side.
+        Gains of its side.
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        Its height, from where it was [m].
+        Height of the hand relative to its start [m].
     """
     push = -gains.partner * np.asarray(active, dtype=float) - gains.ball * np.asarray(p, dtype=float)
     return driven(push, rate, replace(hand, stiffness=hand.stiffness + gains.own))
 
 
 def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) -> Respond:
-    """Make a passive partner for `passive_control`, out of `passive_partner`.
+    """Return a passive partner for `passive_control`, based on `passive_partner`.
 
     Parameters
     ----------
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     hand : PassiveHand
         The hand.
     left, right : Gains
-        Of both sides.
+        Gains of both sides.
 
     Returns
     -------
     callable
-        The partner.
+        The passive partner.
     """
 
     def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:
@@ -283,33 +283,34 @@ def passive_control(
     *,
     unit: str = "dyad",
 ) -> PassiveControl:
-    """Compare the effect of forces with that on a partner who never acts.
+    """Compare the effect of haptic feedback with its effect on a passive partner.
 
-    In each trial with forces either side in turn keeps its recorded movement and the other is replaced: by the passive
-    partner, and by one who does not move, as a passive one does without forces. The difference of the measure between
-    the two is the passive effect. An interval of the share is that of
-    `netboard.analysis.statistics.estimates.bootstrap` with `ratio_of_sums` of `passive` and `effect`.
+    In each trial with haptic feedback each side in turn keeps its recorded movement, and the other side is replaced
+    twice: by the passive partner and by a motionless partner, which is what a passive partner is without haptic
+    feedback. The passive effect is the difference of the measure between the two. For a confidence interval of the
+    share, use `netboard.analysis.statistics.estimates.bootstrap` with `ratio_of_sums` of `passive` and `effect`.
 
     Parameters
     ----------
     with_forces, without : sequence of sequence of Heights
-        For each dyad, its trials with and without forces.
+        Trials of each dyad with and without haptic feedback.
     respond : callable
-        The passive partner: takes the height of the active stylus, the ball, and the passive side; returns a height.
+        Passive partner: a function of the active stylus's height, the ball position and the passive side; returns a
+        height.
     measure : callable
-        Takes the heights of the left and of the right stylus; returns, say, the share of cooperative movement.
+        Function of the heights of the left and right stylus, for example the share of cooperative movement.
     unit : str
-        What is replicated.
+        Name of the unit of replication.
 
     Returns
     -------
     PassiveControl
-        Both effects in each dyad, and the share of the one in the other.
+        Both effects in each dyad, and the share of the passive effect.
 
     Raises
     ------
     ValueError
-        If there are not as many dyads with forces as without, or a dyad has no trial of a kind.
+        If the numbers of dyads with and without haptic feedback differ, or a dyad lacks trials of either kind.
     """
     if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
         raise ValueError("each dyad has trials with and without forces; found some that have not")
@@ -326,7 +327,7 @@ def _mean_of(trials: Sequence[Heights], measure: Measure) -> float:
 
 
 def _passive(trial: Heights, respond: Respond, measure: Measure) -> float:
-    """Measure what forces do to a passive partner, at either side."""
+    """Return the effect of haptic feedback on a passive partner, averaged over both sides."""
     still = np.zeros_like(trial.p)
     of_right = measure(trial.left, respond(trial.left, trial.p, "right")) - measure(trial.left, still)
     of_left = measure(respond(trial.right, trial.p, "left"), trial.right) - measure(still, trial.right)

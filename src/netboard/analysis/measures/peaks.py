@@ -1,7 +1,7 @@
-"""Number of peaks in the ball's absolute velocity: the paper's measure of smoothness (its equation for NP).
+"""Number of peaks (NP) of the ball's absolute velocity: the paper's measure of smoothness.
 
-The printed set lacks a condition on the second derivative. Counted are maxima, where it is negative; the numbers that
-the paper reports fit that.
+The printed equation lacks a condition on the second derivative. This module counts maxima, where it is negative, which
+fits the numbers that the paper reports.
 """
 
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ class Peaks:
     Attributes
     ----------
     samples : ndarray of int64, shape (k,)
-        Where they are, counted from the beginning of what was looked at [1].
+        Samples of the peaks, counted from the start of the window [1].
     heights : ndarray, shape (k,)
-        The speed there [m/s].
+        Speed at each peak [m/s].
     whole : bool
-        Whether no sample of the speed is missing.
+        Whether the speed has no missing sample.
     """
 
     samples: NDArray[np.int64]
@@ -35,7 +35,7 @@ class Peaks:
 
     @property
     def count(self) -> float:
-        """How many there are: the paper's NP; NaN if a hole may hide one [1]."""
+        """Number of peaks: the paper's NP; NaN if a gap may hide one [1]."""
         return len(self.samples) if self.whole else float("nan")
 
 
@@ -47,22 +47,22 @@ def velocity_peaks(
     least_prominence: float = 0.0,
     least_share: float = 0.0,
 ) -> Peaks:
-    """Find the peaks of the ball's absolute velocity. An end of what is looked at is none.
+    """Find the peaks of the ball's absolute velocity; the ends of the window do not count.
 
     Parameters
     ----------
     speed : ndarray, shape (n,)
-        Absolute velocity of the ball, filtered by the slow filter, in the window that is looked at [m/s].
+        Absolute velocity of the ball in the window, filtered by the slow filter [m/s].
     extrema : {"maxima", "maxima_and_minima"}
-        Which points without slope are counted: those where the second derivative is negative, or where it is not 0.
+        Stationary points that count: those with a negative second derivative, or those with a non-zero one.
     plateau : {"first_sample", "midpoint"}
-        Where a peak is that several equal samples share: at the first of them, provided that the next one is not higher
-        (``v[i-1] < v[i] >= v[i+1]``), or in their middle, provided that the speed falls on both sides (that of
-        `scipy.signal.find_peaks`). Without equal samples there is no difference.
+        Position of a peak of several equal samples: the first of them, if the next sample is not higher (``v[i-1] <
+        v[i] >= v[i+1]``); or their middle, if the speed falls on both sides (as in `scipy.signal.find_peaks`). Both
+        agree without equal samples.
     least_prominence : float
-        How far a peak must stand out; 0 for any [m/s].
+        Minimum prominence of a peak; 0 for none [m/s].
     least_share : float
-        How far, as a share of the largest speed: the ringing of the filter is in proportion to that [1].
+        Minimum prominence as a fraction of the largest speed, because the filter's ringing scales with that [1].
     """
     least = max(least_prominence, least_share * float(np.max(speed, initial=0.0, where=~np.isnan(speed))))
     samples = _maxima(speed, plateau, least)
@@ -72,7 +72,7 @@ def velocity_peaks(
 
 
 def _maxima(speed: NDArray[np.float64], plateau: Plateau, least_prominence: float) -> NDArray[np.int64]:
-    """Find maxima that stand out."""
+    """Find the maxima with sufficient prominence."""
     if plateau == "midpoint":
         samples = find_peaks(speed)[0]
     else:

@@ -1,7 +1,7 @@
-"""Performance over trials: completion times or numbers of peaks of many trials, with the labels of their conditions.
+"""Performance over trials: completion times or numbers of peaks, with the labels of their conditions.
 
-Trials are in the order in which they were done. Values that are not a number (trials without a success) are left out
-everywhere. A spread is that of single trials, as the paper's, unless people are named.
+Trials are in the order in which they were performed. NaN values (trials without a success) are ignored everywhere.
+Standard deviations are those of single trials, as in the paper, unless participants are named.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ TrialTime = Literal["successful_attempt", "all_attempts"]
 Level = Literal["mean", "median", "last"]
 
 ENDS = 30
-"""How many trials at the beginning and at the end the paper compares [1]."""
+"""Number of trials at the start and at the end of a condition that the paper compares [1]."""
 
 LAST = 60
-"""Trials that tell how well somebody does in the end: a block [1]."""
+"""Number of last trials that define final performance: one block [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +28,11 @@ class Summary:
     Attributes
     ----------
     mean : float
-        NaN of no values [as given].
+        Mean; NaN without values [as given].
     deviation : float
-        NaN of fewer than two [as given].
+        Standard deviation; NaN for fewer than two values [as given].
     count : int
-        Values [1].
+        Number of values [1].
     """
 
     mean: float
@@ -41,14 +41,15 @@ class Summary:
 
 
 def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -> Summary:
-    """Mean and standard deviation of trials, or of people.
+    """Return mean and standard deviation over trials, or over participants.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         One value for each trial [any].
     people : ndarray, shape (n,), optional
-        Whose trial each is. With it the values are means of people; without it single trials, all together [1].
+        Participant or dyad of each trial. If given, the statistics are those of participants' means; otherwise those of
+        all single trials [1].
     """
     known = np.isfinite(values)
     kept = values[known]
@@ -60,25 +61,25 @@ def summarise(values: NDArray[np.float64], people: NDArray[Any] | None = None) -
 
 
 def running_number(*labels: NDArray[Any]) -> NDArray[np.int64]:
-    """Place of each trial among those with the same labels, from 1, in the order given.
+    """Return the position of each trial among those with the same labels, from 1, in the order given.
 
-    With participant, configuration and haptics as labels the paper's 180 trials of a condition are counted, so that
-    both haptic conditions have a first and a last trial; without haptics, the 360 of a configuration.
+    The labels participant, configuration and haptics number the paper's 180 trials of a condition, so that both haptic
+    conditions have a first and a last trial. Without haptics they number the 360 trials of a configuration.
 
     Parameters
     ----------
     *labels : ndarray, shape (n,)
-        What must be the same [1].
+        Labels that must be equal [1].
 
     Returns
     -------
     ndarray of int64, shape (n,)
-        The numbers [1].
+        Positions [1].
 
     Raises
     ------
     ValueError
-        If there are no labels, or not one of each for every trial.
+        If there are no labels, or their lengths differ.
     """
     if len({label.shape for label in labels}) != 1:
         raise ValueError("every trial needs one of each label")
@@ -98,24 +99,24 @@ def trial_times(
     *,
     of: TrialTime = "successful_attempt",
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Completion time of each trial from its attempts.
+    """Return the completion time of each trial from its attempts.
 
     Parameters
     ----------
     trials : ndarray of int64, shape (n,)
-        Number of the trial of each attempt [1].
+        Trial number of each attempt [1].
     durations : ndarray, shape (n,)
-        How long each attempt took, holds included [s].
+        Duration of each attempt, including the hold [s].
     completions : ndarray, shape (n,)
-        Completion time of each attempt, NaN for one that failed [s].
+        Completion time of each attempt, NaN for a failed one [s].
     of : {"successful_attempt", "all_attempts"}
-        From when it counts: the release of the successful attempt, or that of the first one, the failed attempts'
-        time added (but not the pauses between them).
+        Start of the completion time: the release of the successful attempt, or that of the first attempt, so that the
+        durations of failed attempts are added (but not the pauses between them).
 
     Returns
     -------
     tuple of ndarray, shape (k,)
-        Numbers of the trials, and their times; NaN for one without a success [1, s].
+        Trial numbers and completion times; NaN for a trial without a success [1, s].
     """
     numbers = np.unique(trials)
     times = np.full(len(numbers), np.nan)
@@ -130,19 +131,19 @@ def trial_times(
 
 
 def window_sizes(trials: int) -> tuple[int, int]:
-    """Choose how many trials the first and the last ones are, and how many a group has: the paper's 30, or fewer.
+    """Return the number of first and last trials and the group size: the paper's 30, or fewer.
 
     Parameters
     ----------
     trials : int
-        How many there are in a condition [1].
+        Number of trials in a condition [1].
 
     Returns
     -------
     ends : int
-        At most half of them, at least one [1].
+        Number of first and of last trials: at most half of the condition, at least one [1].
     group : int
-        At least three, and if possible a number that divides them [1].
+        Group size: at least three, and a divisor of the number of trials if possible [1].
     """
     ends = max(min(ENDS, trials // 2), 1)
     return ends, next((size for size in range(ends, 2, -1) if trials % size == 0), max(ends, 3))
@@ -150,12 +151,12 @@ def window_sizes(trials: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class FirstAndLast:
-    """How it was in the first trials and in the last ones.
+    """Performance in the first and in the last trials.
 
     Attributes
     ----------
     first, last : Summary
-        Of the first trials and of the last ones.
+        Summaries of the first and of the last trials.
     """
 
     first: Summary
@@ -163,7 +164,7 @@ class FirstAndLast:
 
     @property
     def change(self) -> float:
-        """Last mean less the first one [as given]."""
+        """Last mean minus first mean [as given]."""
         return self.last.mean - self.first.mean
 
 
@@ -182,18 +183,18 @@ def first_and_last(
     values : ndarray, shape (n,)
         One value for each trial [any].
     order : ndarray of int64, shape (n,)
-        Place of each trial in its condition, from 1, from `running_number` [1].
+        Position of each trial in its condition, from 1, from `running_number` [1].
     count : int
-        Trials at each end [1].
+        Number of trials at each end [1].
     length : int, optional
-        Trials in a condition; without it the largest number in `order` [1].
+        Number of trials in a condition; by default the largest number in `order` [1].
     people : ndarray, shape (n,), optional
-        Whose trial each is, for means and deviations of people instead of trials [1].
+        Participant or dyad of each trial, for statistics over participants instead of trials [1].
 
     Raises
     ------
     ValueError
-        If the two ends overlap.
+        If the first and last trials overlap.
     """
     whole = length if length is not None else int(order.max(initial=0))
     if 2 * count > whole > 0:
@@ -207,18 +208,18 @@ def first_and_last(
 
 @dataclass(frozen=True, slots=True)
 class LearningCurve:
-    """Mean over everybody at each place in a condition.
+    """Learning curve: the mean over participants and conditions at each position.
 
     Attributes
     ----------
     order : ndarray of int64, shape (k,)
-        Place in the condition, from 1 [1].
+        Position in the condition, from 1 [1].
     mean : ndarray, shape (k,)
-        Mean; NaN where there is no value [as given].
+        Mean; NaN without values [as given].
     deviation : ndarray, shape (k,)
-        Standard deviation; NaN of fewer than two values [as given].
+        Standard deviation; NaN for fewer than two values [as given].
     count : ndarray of int64, shape (k,)
-        Values [1].
+        Number of values [1].
     """
 
     order: NDArray[np.int64]
@@ -228,14 +229,14 @@ class LearningCurve:
 
 
 def learning_curve(values: NDArray[np.float64], order: NDArray[np.int64]) -> LearningCurve:
-    """Average trials with the same place in their condition, over people and conditions.
+    """Average trials at the same position in their condition, over participants and conditions.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         One value for each trial [any].
     order : ndarray of int64, shape (n,)
-        Place of each trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
     """
     places = np.arange(1, int(order.max(initial=0)) + 1)
     parts = [summarise(values[order == place]) for place in places]
@@ -248,16 +249,16 @@ def learning_curve(values: NDArray[np.float64], order: NDArray[np.int64]) -> Lea
 
 
 def level(values: NDArray[np.float64], *, of: Level = "mean", last: int = LAST) -> float:
-    """One number for how well a person or dyad does in a condition [as given].
+    """Return the performance level of a participant or dyad in a condition [as given].
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         One value for each trial, in order [any].
     of : {"mean", "median", "last"}
-        Mean of all trials, their median, or the mean of the last ones.
+        Mean of all trials, their median, or the mean of the last trials.
     last : int
-        How many are the last ones [1].
+        Number of last trials [1].
     """
     known = values[np.isfinite(values)]
     if known.size == 0:
@@ -269,14 +270,14 @@ def level(values: NDArray[np.float64], *, of: Level = "mean", last: int = LAST) 
 
 @dataclass(frozen=True, slots=True)
 class RelativePerformance:
-    """A participant beside the partner and the dyad (the paper's figure of dyadic improvement); less is better.
+    """A participant relative to the partner and to the dyad (the paper's figure of dyadic improvement); less is better.
 
     Attributes
     ----------
     against_partner : float
-        The figure's x, half of what the partner needs more; + = better than the partner [as given].
+        The figure's x: half of the partner's level minus the participant's; + = better than the partner [as given].
     of_dyad : float
-        The figure's y, what the dyad needs more; + = worse together than alone [as given].
+        The figure's y: the dyad's level minus the participant's; + = worse together than alone [as given].
     """
 
     against_partner: float
@@ -284,35 +285,35 @@ class RelativePerformance:
 
     @property
     def gain(self) -> float:
-        """What the dyad needs less than the mean of the two; + = below the figure's diagonal [as given]."""
+        """Mean level of the two participants minus the dyad's; + = below the figure's diagonal [as given]."""
         return self.against_partner - self.of_dyad
 
 
 def relative_performance(own: float, partner: float, dyad: float) -> RelativePerformance:
-    """Relate a participant's bimanual level to the partner's and to that of both together.
+    """Compare a participant's bimanual level with the partner's and with the dyad's.
 
     Parameters
     ----------
     own, partner : float
-        Level of each of the two alone, from `level` [any].
+        Level of each participant alone, from `level` [any].
     dyad : float
-        Level of both together [as the others].
+        Level of the dyad [as the others].
     """
     return RelativePerformance((partner - own) / 2, dyad - own)
 
 
 def better_dyads(pairs: Sequence[RelativePerformance]) -> tuple[int, int]:
-    """Count the dyads that do better than the mean of their two participants.
+    """Count the dyads that perform better than the mean of their two participants.
 
     Parameters
     ----------
     pairs : sequence of RelativePerformance
-        One of each dyad: it does not matter whose, for both have the same gain.
+        One entry for each dyad, of either participant, because both have the same gain.
 
     Returns
     -------
     tuple of int
-        How many do, of how many whose gain is known [1].
+        Number of better dyads, and number of dyads with a known gain [1].
     """
     gains = np.array([pair.gain for pair in pairs])
     return int(np.count_nonzero(gains > 0)), int(np.count_nonzero(np.isfinite(gains)))

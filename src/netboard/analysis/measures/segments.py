@@ -1,6 +1,6 @@
-"""Movements of the board: stretches in which it turns one way, fast enough, for long enough and far enough.
+"""Movements of the board: segments with one direction and at least a minimum rate, duration and angle.
 
-They are found in a whole recording, so that the limits of a trial cut none; a trial has those that begin in it.
+Segments are found in a whole recording, so that the limits of a trial cut none. A trial owns those that begin in it.
 """
 
 from dataclasses import dataclass, replace
@@ -17,13 +17,13 @@ Turning = Literal["one_way", "either_way"]
 Angle = Literal["net", "range", "integral"]
 
 LEAST_RATE = float(np.radians(1.0))
-"""The board turns when it is faster than this [rad/s]."""
+"""Minimum angular speed of a movement of the board [rad/s]."""
 
 SHORTEST = 0.1
-"""A movement of the board takes at least so long [s]."""
+"""Minimum duration of a movement of the board [s]."""
 
 LEAST_ANGLE = float(np.radians(1.0))
-"""A movement of the board goes at least so far [rad]."""
+"""Minimum angle of a movement of the board [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +33,12 @@ class Segments:
     Attributes
     ----------
     first, stop : ndarray of int64, shape (k,)
-        First sample of each and the one after its last [1].
+        First sample of each, and the sample after its last [1].
     angle : ndarray, shape (k,)
-        How far it went, + = counter-clockwise, the right end up [rad].
+        Angle of each movement, + = counter-clockwise, right end up [rad].
     cut : ndarray of bool, shape (k,)
-        Whether it may have begun earlier or gone on longer than is known: it lies at an end of the recording, at a
-        hole, or (in `of_trial`) goes on after the trial [1].
+        Whether it may begin earlier or end later than known: it touches an end of the recording or a gap, or (in
+        `of_trial`) ends after the trial [1].
     """
 
     first: NDArray[np.int64]
@@ -51,26 +51,26 @@ class Segments:
 
     @property
     def direction(self) -> NDArray[np.float64]:
-        """Which way each turned: +1 counter-clockwise, -1 clockwise [1]."""
+        """Direction of each movement: +1 counter-clockwise, -1 clockwise [1]."""
         return np.sign(self.angle)
 
     def where(self, chosen: NDArray[np.bool_]) -> "Segments":
-        """Some of them.
+        """Return the chosen movements.
 
         Parameters
         ----------
         chosen : ndarray of bool, shape (k,)
-            Which [1].
+            Mask of the chosen movements [1].
         """
         return Segments(self.first[chosen], self.stop[chosen], self.angle[chosen], self.cut[chosen])
 
     def of_trial(self, trial: Trial) -> "Segments":
-        """Those that begin in a trial.
+        """Return the movements that begin in a trial.
 
         Parameters
         ----------
         trial : Trial
-            Where it lies in the recording.
+            The trial, with its position in the recording.
         """
         begun = self.where((self.first >= trial.release) & (self.first < trial.stop))
         return replace(begun, cut=begun.cut | (begun.stop > trial.stop))
@@ -79,7 +79,7 @@ class Segments:
 def _angles(
     theta: NDArray[np.float64], omega: NDArray[np.float64], bounds: NDArray[np.int64], rate: float, angle: Angle
 ) -> NDArray[np.float64]:
-    """How far each segment goes."""
+    """Return the angle of each segment."""
     first, last = bounds[:, 0], bounds[:, 1] - 1
     if angle == "net":
         return np.asarray(theta[last] - theta[first])
@@ -102,7 +102,7 @@ def board_segments(
     shortest: float = SHORTEST,
     least_angle: float = LEAST_ANGLE,
 ) -> Segments:
-    """Movements of the board: faster than 1 degree/s for at least 100 ms, and over at least 1 degree.
+    """Find the movements of the board: faster than 1 degree/s for at least 100 ms, over at least 1 degree.
 
     Parameters
     ----------
@@ -111,24 +111,23 @@ def board_segments(
     theta : ndarray, shape (n,)
         Tilt, + = right end up [rad].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     turning : {"one_way", "either_way"}
-        Whether a movement ends where the board begins to turn the other way, or only where it is slow. A filtered
-        velocity passes zero in between, so that the two hardly differ.
+        Whether a movement ends where the board reverses, or only where it is slow. A filtered velocity passes zero in
+        between, so the two hardly differ.
     angle : {"net", "range", "integral"}
-        How far it goes: tilt at the end less tilt at the beginning, largest less smallest tilt, or the integral of
-        `omega`.
+        Angle of a movement: final minus initial tilt, largest minus smallest tilt, or the integral of `omega`.
     least_rate : float
-        The board turns when it is faster than this [rad/s].
+        Minimum angular speed of a movement of the board [rad/s].
     shortest : float
-        Least duration, by the definition of `netboard.analysis.measures.signals.lasting` [s].
+        Minimum duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     least_angle : float
-        Least angle [rad].
+        Minimum angle [rad].
 
     Raises
     ------
     ValueError
-        If the arrays do not have one length.
+        If the lengths of the arrays differ.
     """
     if omega.shape != theta.shape or omega.ndim != 1:
         raise ValueError("the board's tilt and its rate must have one value each for every sample")

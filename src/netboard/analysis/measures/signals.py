@@ -1,11 +1,11 @@
-"""From what was sampled to what is measured: low-pass filters, derivatives, other rates, samples that are missing.
+"""Signal processing for all measures: low-pass filters, derivatives, resampling and missing samples.
 
-Samples are evenly spaced, `rate` a second; one that is missing is not a number. Nothing here reaches over a hole or
-over a break, which is the first sample after a jump: the pieces between them are filtered and differentiated by
-themselves, and what was missing stays missing. To fill short holes is a decision of its own, `bridge`.
+Samples are evenly spaced at `rate`; a missing sample is NaN. No function crosses a gap or a break, which is the first
+sample after a jump. The pieces in between are filtered and differentiated separately, and missing samples remain
+missing. Filling short gaps is a separate decision: `bridge`.
 
-Filters are cascades of second-order sections, always: as one fraction of two polynomials a tenth-order filter with a
-cutoff of 5 Hz at 1 kHz is unstable in float64.
+Filters are always cascades of second-order sections: as a single transfer function, a tenth-order filter with a cutoff
+of 5 Hz at 1 kHz is unstable in float64.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,34 +27,35 @@ Padding = Literal["odd", "even", "constant", "none"]
 Interpolation = Literal["linear", "monotone"]
 
 FINEST_RATIO = 1000
-"""Two rates are taken as a ratio of integers up to this [1]."""
+"""Largest integer in the ratio of two rates [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LowPass:
-    """A Butterworth low-pass filter, run forward and backward, so that it delays nothing.
+    """A zero-phase Butterworth low-pass filter, applied forward and backward.
 
     Attributes
     ----------
     cutoff : float
-        Its cutoff frequency [Hz].
+        Cutoff frequency [Hz].
     order : int
-        Its order [1].
+        Filter order [1].
     order_of : {"both_passes", "each_pass"}
-        What has that order: both passes together, so that each has half of it (the convention of the field), or each of
-        the two.
+        Whether the order is that of both passes together, so that each has half of it (the convention of the field), or
+        of each pass.
     cutoff_of : {"design", "both_passes"}
-        What has its cutoff there: one pass, so that both together halve the amplitude at it, or both together, which
-        then have their -3 dB there (Winter's correction).
+        Whether the cutoff is that of each pass, so that both together halve the amplitude there, or of both together,
+        which then have their -3 dB point there (Winter's correction).
     padding : {"odd", "even", "constant", "none"}
-        What is assumed beyond the ends: the signal turned about its end point, mirrored, its last value, or nothing.
+        Assumed signal beyond the ends: reflected through the end point, mirrored, constant at the last value, or no
+        padding.
     pad : float
-        For how long that is assumed [s].
+        Duration of the padding [s].
 
     Raises
     ------
     ValueError
-        If the cutoff is not positive, or there is no such order.
+        If the cutoff is not positive, or the order is not possible.
     """
 
     cutoff: float
@@ -78,17 +79,17 @@ class LowPass:
         return self.order // 2 if self.order_of == "both_passes" else self.order
 
     def pass_cutoff(self, rate: float) -> float:
-        """Cutoff frequency of each pass [Hz].
+        """Return the cutoff frequency of each pass [Hz].
 
         Parameters
         ----------
         rate : float
-            Samples per second [Hz].
+            Sampling rate [Hz].
 
         Raises
         ------
         ValueError
-            If it is not below half the rate.
+            If the cutoff is not below half the sampling rate.
         """
         cutoff = self.cutoff
         if 0 < cutoff < rate / 2 and self.cutoff_of == "both_passes":
@@ -104,16 +105,16 @@ class LowPass:
         Parameters
         ----------
         values : ndarray, shape (n,)
-            The signal [any].
+            Signal [any].
         rate : float
-            Samples per second [Hz].
+            Sampling rate [Hz].
         breaks : sequence of int
             First samples after a jump [1].
 
         Returns
         -------
         ndarray, shape (n,)
-            The filtered signal [as given].
+            Filtered signal [as given].
         """
         sections = _sections(self.pass_order, self.pass_cutoff(rate), rate)
         longest = round(self.pad * rate)
@@ -130,95 +131,95 @@ class LowPass:
 
 
 def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Where something is true without a break.
+    """Find the runs of true values.
 
     Parameters
     ----------
     mask : ndarray of bool, shape (n,)
-        Whether it is [1].
+        Mask [1].
 
     Returns
     -------
     ndarray of int64, shape (k, 2)
-        First sample of each run and the one after its last [1].
+        First sample of each run, and the sample after its last [1].
     """
     padded = np.concatenate([[False], mask, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def ticks_of(seconds: float, rate: float) -> int:
-    """Return how many sample intervals a time takes: the nearest whole number, as in the trial state machine [1].
+    """Return the number of sample intervals in a duration, rounded as in the trial state machine [1].
 
     Parameters
     ----------
     seconds : float
-        The time [s].
+        Duration [s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     """
     return round(seconds * rate)
 
 
 def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]:
-    """Return how long stretches of samples last: from the first sample of each to its last one.
+    """Return the durations of runs of samples, from first to last sample.
 
     Parameters
     ----------
     first, stop : array_like, shape (k,)
-        First sample of each stretch and the one after its last, as from `runs` [1].
+        First sample of each run, and the sample after its last, as from `runs` [1].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
     ndarray, shape (k,)
-        The durations: a stretch of n samples lasts ``(n - 1) / rate`` [s].
+        Durations: a run of n samples lasts ``(n - 1) / rate`` [s].
     """
     return (np.asarray(stop, np.float64) - 1.0 - np.asarray(first, np.float64)) / rate
 
 
 def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.int64]:
-    """Find where a condition holds for a minimum duration: the one definition of this in all measures.
+    """Find where a condition holds for a minimum duration. All measures use this definition.
 
-    A condition has lasted for a time T when it is true at a sample and at all samples up to, and including, the one
-    that is T later: at ``T rate + 1`` samples. The trial state machine counts the hold of the ball in the target in
-    this way (it counts ticks from the one after the ball came in), so a hold of 1.5 s at 1 kHz takes 1501 samples.
+    A condition has lasted for a time T when it is true at a sample and at all samples up to and including the one T
+    later: at ``T rate + 1`` samples. The trial state machine counts the hold of the ball in the target in the same way
+    (it counts ticks from the one after the ball entered), so a hold of 1.5 s at 1 kHz takes 1501 samples.
 
     Parameters
     ----------
     mask : ndarray of bool, shape (n,)
         Whether the condition is true [1].
     seconds : float
-        The minimum duration; a single sample lasts for 0 s [s].
+        Minimum duration; a single sample lasts 0 s [s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
 
     Returns
     -------
     ndarray of int64, shape (k, 2)
-        First sample of each run that is long enough, and the one after its last [1].
+        First sample of each sufficiently long run, and the sample after its last [1].
     """
     found = runs(mask)
     return found[found[:, 1] - 1 - found[:, 0] >= ticks_of(seconds, rate)]
 
 
 def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Take two signals that go together, sample by sample.
+    """Return two signals as float arrays of equal length.
 
     Parameters
     ----------
     left, right : array_like, shape (n,)
-        The signals [any].
+        Signals [any].
 
     Returns
     -------
     left, right : ndarray of float64, shape (n,)
-        The same [as given].
+        The same signals [as given].
 
     Raises
     ------
     ValueError
-        If they are not of one length.
+        If the lengths of the signals differ.
     """
     a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
     if a.ndim != 1 or a.shape != b.shape:
@@ -228,12 +229,12 @@ def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDAr
 
 @lru_cache
 def _sections(order: int, cutoff: float, rate: float) -> NDArray[np.float64]:
-    """Design a pass, once for all signals that it is for."""
+    """Design a pass; cached for all signals."""
     return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
 
 
 def _pieces(values: NDArray[np.float64], breaks: Breaks) -> Iterator[slice]:
-    """Yield where a signal is without holes and breaks."""
+    """Yield the pieces of a signal between gaps and breaks."""
     inner = sorted({int(at) for at in breaks if 0 < at < values.size})
     for begin, end in zip([0, *inner], [*inner, values.size], strict=True):
         for first, stop in runs(np.isfinite(values[begin:end])):
@@ -243,7 +244,7 @@ def _pieces(values: NDArray[np.float64], breaks: Breaks) -> Iterator[slice]:
 def _piecewise(
     change: Callable[[NDArray[np.float64]], NDArray[np.float64]], values: NDArray[np.float64], breaks: Breaks
 ) -> NDArray[np.float64]:
-    """Change each piece of a signal by itself."""
+    """Apply a function to each piece of a signal separately."""
     changed = np.full(values.shape, np.nan)
     for piece in _pieces(values, breaks):
         changed[piece] = change(np.asarray(values[piece], np.float64))
@@ -251,21 +252,21 @@ def _piecewise(
 
 
 def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) -> NDArray[np.float64]:
-    """Rate of change, by central differences; at the ends of a piece by one-sided ones that are as accurate.
+    """Return the derivative by central differences; at the ends of a piece by one-sided differences of equal order.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        The signal [any].
+        Signal [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     breaks : sequence of int
         First samples after a jump [1].
 
     Returns
     -------
     ndarray, shape (n,)
-        Its derivative; NaN for a sample that stands alone [as given, per s].
+        Derivative; NaN for an isolated sample [as given, per s].
     """
 
     def differences(piece: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -277,24 +278,24 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
 
 
 def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put samples where their numbers say, so that missing ones leave holes.
+    """Place samples at their numbers, so that missing samples become gaps.
 
     Parameters
     ----------
     numbers : ndarray of int64, shape (n,)
-        Numbers of the samples, rising [1].
+        Sample numbers, increasing [1].
     values : ndarray, shape (n,)
-        The samples [any].
+        Samples [any].
 
     Returns
     -------
     ndarray, shape (m,)
-        One sample for each number from the first to the last, NaN for those that are missing [as given].
+        One sample for each number from the first to the last, NaN for missing ones [as given].
 
     Raises
     ------
     ValueError
-        If the numbers do not rise.
+        If the numbers are not increasing.
     """
     if np.any(np.diff(numbers) <= 0):
         raise ValueError("the numbers of samples must rise")
@@ -306,21 +307,21 @@ def by_number(numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArra
 
 
 def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> NDArray[np.float64]:
-    """Fill short holes with straight lines.
+    """Fill short gaps by linear interpolation.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        The signal, NaN where a sample is missing [any].
+        Signal, NaN for missing samples [any].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     longest : float
-        Longest hole that is filled: its missing samples times their spacing. Holes at the ends are left [s].
+        Longest gap to fill: its missing samples times their spacing. Gaps at the ends remain [s].
 
     Returns
     -------
     ndarray, shape (n,)
-        The signal with fewer holes [as given].
+        Signal with fewer gaps [as given].
     """
     missing = ~np.isfinite(values)
     filled = np.array(values, np.float64)
@@ -334,19 +335,19 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
 
 
 def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArray[np.float64]:
-    """Give an evenly sampled signal another rate, without aliases (a polyphase filter without delay).
+    """Resample an evenly sampled signal without aliasing (zero-phase polyphase filter).
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        The signal, without holes [any].
+        Signal without gaps [any].
     rate, new_rate : float
-        Samples per second before and after, in a ratio of integers up to `FINEST_RATIO` [Hz].
+        Old and new sampling rates, in a ratio of integers up to `FINEST_RATIO` [Hz].
 
     Returns
     -------
     ndarray, shape (m,)
-        The same from the same first sample on, ``ceil(n new_rate / rate)`` samples [as given].
+        Resampled signal from the same first sample, ``ceil(n new_rate / rate)`` samples [as given].
 
     Raises
     ------
@@ -358,7 +359,7 @@ def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArr
         raise ValueError(f"{new_rate} Hz and {rate} Hz are in no ratio of integers up to {FINEST_RATIO}")
     if not np.all(np.isfinite(values)):
         raise ValueError("a signal with holes cannot be resampled; bridge them or cut it there")
-    # The filter's phases differ in their gain by some 1e-4, which a constant need not suffer.
+    # The filter's phases differ in gain by some 1e-4; subtracting the mean keeps a constant exact.
     middle = values.mean() if values.size else 0.0
     return np.asarray(middle + resample_poly(values - middle, ratio.numerator, ratio.denominator, padtype="line"))
 
@@ -366,30 +367,31 @@ def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArr
 def evenly(
     times: NDArray[np.float64], values: NDArray[np.float64], rate: float, kind: Interpolation = "linear"
 ) -> NDArray[np.float64]:
-    """Sample a signal evenly that was not.
+    """Resample an unevenly sampled signal evenly.
 
-    Nothing is filtered: where the new rate is lower than the old one, filter afterwards would be too late.
+    There is no anti-aliasing filter: at a rate below the old one the result is aliased, and filtering it afterwards is
+    too late.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        When the samples were taken, rising [s].
+        Sample times, increasing [s].
     values : ndarray, shape (n,)
-        The samples [any].
+        Samples [any].
     rate : float
-        Samples per second wanted, from the first time on [Hz].
+        New sampling rate, from the first time [Hz].
     kind : {"linear", "monotone"}
-        What lies between two samples: a straight line, or a cubic without overshoot (PCHIP).
+        Interpolation between two samples: linear, or a monotone cubic without overshoot (PCHIP).
 
     Returns
     -------
     ndarray, shape (m,)
-        Samples at ``times[0] + k / rate``, as far as `times` reaches [as given].
+        Samples at ``times[0] + k / rate``, within the range of `times` [as given].
 
     Raises
     ------
     ValueError
-        If there are fewer than two samples or their times do not rise.
+        If there are fewer than two samples, or their times are not increasing.
     """
     if times.size < 2 or not np.all(np.diff(times) > 0):
         raise ValueError("to sample evenly takes two samples or more, with rising times")

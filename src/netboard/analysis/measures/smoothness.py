@@ -1,11 +1,11 @@
-"""How smooth a movement is: its spectral arc length, and its jerk without dimensions.
+"""Smoothness of a movement: spectral arc length and dimensionless jerk.
 
-Both are of the speed of one movement, or of anything that is zero, rises and is zero again. They are negative; nearer
-to zero is smoother. Neither depends on amplitude or duration of a movement of one shape. The definitions are those of
-Balasubramanian, Melendez-Calderon and Burdet (IEEE Trans. Biomed. Eng. 59:2126, 2012) and of Balasubramanian,
-Melendez-Calderon, Roby-Brami and Burdet (J. NeuroEng. Rehabil. 12:112, 2015).
+Both measures apply to the speed of one movement, or any signal that rises from zero and returns to zero. They are
+negative; values nearer to zero are smoother. Neither depends on the amplitude or the duration of a movement of given
+shape. The definitions are those of Balasubramanian, Melendez-Calderon and Burdet (IEEE Trans. Biomed. Eng. 59:2126,
+2012) and of Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet (J. NeuroEng. Rehabil. 12:112, 2015).
 
-The jerk is a third derivative of the position: it says something of filtered signals, and nothing of raw ones.
+Jerk is the third derivative of position: compute it from filtered signals only.
 """
 
 from typing import Literal
@@ -29,42 +29,42 @@ def spectral_arc_length(
 ) -> float:
     """Return the spectral arc length of a speed: SPARC, or the older SAL.
 
-    It is minus the length of the curve of the spectrum's magnitude V over the frequency f, up to f_c::
+    It is minus the arc length of the normalised magnitude spectrum V over the frequency f, up to f_c::
 
         - integral from 0 to f_c of sqrt((1 / f_c)^2 + (d(V / V(0)) / df)^2) df
 
-    A speed has its largest magnitude at f = 0. For a signal of both signs that is not so; the magnitude is then taken
-    over its largest value up to `highest`, and the curve begins where it first reaches the threshold. The authors'
-    program gives the same unless that signal is largest at a frequency that does not count.
+    A speed has its largest magnitude at f = 0. A signal of both signs does not: its magnitude is normalised by the
+    largest value up to `highest`, and the curve begins where it first reaches the threshold. The authors' program gives
+    the same result unless that signal's largest magnitude lies above `highest`.
 
-    Only the frequencies up to `highest` are computed, as a chirp transform: those of the padded record, one in fifty of
-    all at 1 kHz.
+    Only the frequencies up to `highest` are computed, by a chirp transform: at 1 kHz one in fifty of those of the
+    padded record.
 
     Parameters
     ----------
     speed : array_like, shape (n,)
         Speed of the movement [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     cutoff : {"adaptive", "fixed"}
         The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
         2015), or at `highest` (SAL, 2012).
     highest : float
-        No frequency above this counts; 10 Hz with SPARC, 20 Hz was usual with SAL [Hz].
+        Largest frequency; 10 Hz for SPARC, 20 Hz was usual for SAL [Hz].
     threshold : float
-        Portion of the largest magnitude, for the adaptive cutoff [1].
+        Fraction of the largest magnitude, for the adaptive cutoff [1].
     padding : int
-        The record is filled up with zeros to this power of two times the next power of two of its length [1].
+        Zero padding: the record is extended to ``2 ** (ceil(log2(n)) + padding)`` samples [1].
 
     Returns
     -------
     float
-        The arc length, negative; NaN if nothing moves or a sample is missing [1].
+        Arc length, negative; NaN without movement or with a missing sample [1].
 
     Raises
     ------
     ValueError
-        If the speed has fewer than two samples, or the highest frequency is beyond half the rate.
+        If the speed has fewer than two samples, or `highest` is above half the sampling rate.
     """
     v = _checked(speed)
     if not 0.0 < highest <= rate / 2.0:
@@ -87,28 +87,28 @@ def spectral_arc_length(
 
 
 def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return the jerk of a movement, squared and without dimensions.
+    """Return the dimensionless squared jerk of a movement.
 
     It is::
 
         - T^3 / v^2 * integral of (d2v / dt2)^2 dt
 
-    Of a movement of minimum jerk it is -204.8 with its peak speed, and -720 with its mean speed.
+    For a minimum-jerk movement it is -204.8 with the peak speed, and -720 with the mean speed.
 
     Parameters
     ----------
     speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; it lasts n samples [m/s].
+        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
-        The speed v: the largest (Balasubramanian et al. 2012), or distance over duration, by which the factor is
-        T^5 / distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
+        Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
+        distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
 
     Returns
     -------
     float
-        The jerk, negative; NaN if nothing moves or a sample is missing [1].
+        Dimensionless jerk, negative; NaN without movement or with a missing sample [1].
 
     Raises
     ------
@@ -120,29 +120,29 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
     size = np.abs(v).max() if scale == "peak_speed" else np.abs(v.sum()) / rate / duration
     if not np.isfinite(v).all() or not size > 0.0:
         return np.nan
-    # Divided first: the square of a tiny speed is zero.
+    # Divide first, because the square of a tiny speed underflows to zero.
     jerk = np.diff(v / size, 2) * rate**2
     return float(-(duration**3) * np.sum(jerk**2) / rate)
 
 
 def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return minus the logarithm of the jerk of a movement without dimensions: LDLJ.
+    """Return the log dimensionless jerk (LDLJ) of a movement: minus the logarithm of its absolute value.
 
-    Of a movement of minimum jerk it is -5.322 with its peak speed, and -6.579 with its mean speed.
+    For a minimum-jerk movement it is -5.322 with the peak speed, and -6.579 with the mean speed.
 
     Parameters
     ----------
     speed : array_like, shape (n,)
-        Speed of the movement, from rest to rest; it lasts n samples [m/s].
+        Speed of the movement, from rest to rest; its duration is n samples [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     scale : {"peak_speed", "mean_speed"}
         As in `dimensionless_jerk`.
 
     Returns
     -------
     float
-        The logarithm, negative for all movements from rest to rest; NaN where there is no jerk [1].
+        LDLJ, negative for all movements from rest to rest; NaN without jerk [1].
 
     Raises
     ------
@@ -154,7 +154,7 @@ def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "pea
 
 
 def _checked(speed: ArrayLike, least: int = 2) -> NDArray[np.float64]:
-    """Check that there is one record."""
+    """Return a speed as a float array; check its shape and length."""
     v = np.asarray(speed, dtype=float)
     if v.ndim != 1 or len(v) < least:
         raise ValueError(f"a speed has one value for each of at least {least} samples, found shape {v.shape}")

@@ -1,9 +1,8 @@
-"""How well a trial went, beyond its completion time: time in the target, overshoots, falls, and the time to react.
+"""Task performance beyond completion time: time in target, overshoots, falls, and reaction time.
 
-Positions are the ball's along the board, + = right, from the release on; the target may be at either side. An amount of
-time counts each sample as the time until the next one; a single stay lasts from its first sample to its last. Of a
-record with a hole nothing is known that the hole could change: bridge short ones first
-(`netboard.analysis.measures.signals.bridge`).
+Positions are those of the ball along the board, + = right, from the release; the target may be on either side. A total
+time counts each sample as one sampling interval; a single stay lasts from its first to its last sample. Where a gap
+could change a result, the result is NaN: bridge short gaps first (`netboard.analysis.measures.signals.bridge`).
 """
 
 from collections.abc import Iterable
@@ -23,20 +22,20 @@ Onset = Literal["sustained", "before_peak"]
 
 @dataclass(frozen=True, slots=True)
 class InTarget:
-    """The ball's stays in the target; NaN throughout if a sample is missing.
+    """The ball's stays in the target; all NaN if a sample is missing.
 
     Attributes
     ----------
     time : float
-        All of them together [s].
+        Total time in the target [s].
     share : float
-        Of the record; NaN for an empty one [1].
+        Share of the record's duration; NaN for an empty record [1].
     visits : float
-        How many there are [1].
+        Number of stays [1].
     longest : float
-        The longest of them, from its first sample to its last [s].
+        Duration of the longest stay, from its first to its last sample [s].
     first : float
-        When the first begins, from the release; NaN without one [s].
+        Start of the first stay after the release; NaN without a stay [s].
     """
 
     time: float
@@ -48,16 +47,16 @@ class InTarget:
 
 @dataclass(frozen=True, slots=True)
 class Overshoots:
-    """How often and how far the ball went too far; NaN throughout if a sample is missing.
+    """Number and size of the ball's overshoots; all NaN if a sample is missing.
 
     Attributes
     ----------
     count : float
-        How often it passed the limit, away from where it came from [1].
+        Number of times that it passed the limit, away from its starting side [1].
     largest : float
-        How far beyond the limit it came; 0 without an overshoot [m].
+        Largest distance beyond the limit; 0 without an overshoot [m].
     time : float
-        How long it was beyond [s].
+        Time beyond the limit [s].
     """
 
     count: float
@@ -67,18 +66,18 @@ class Overshoots:
 
 @dataclass(frozen=True, slots=True)
 class Falls:
-    """Attempts that ended with the ball over the edge.
+    """Attempts that ended with a fall of the ball.
 
     Attributes
     ----------
     falls : int
-        How many [1].
+        Number of falls [1].
     n : int
-        Attempts that ended with success or a fall [1].
+        Number of attempts that ended with success or a fall [1].
     share : float
-        Of those; NaN without any [1].
+        Share of falls; NaN without attempts [1].
     unit : str
-        What is counted by n.
+        Unit that n counts.
     """
 
     falls: int
@@ -89,14 +88,16 @@ class Falls:
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """When a stylus began to move.
+    """Movement onset of a stylus.
 
     Attributes
     ----------
     time : float
-        From the release; NaN if it never did, was moving already, or may have begun in a hole [s].
+        Reaction time after the release; NaN if the stylus never moved, was already moving, or may have begun in a gap
+        [s].
     anticipated : float
-        1: it was moving at the release, or began sooner than anybody reacts; 0: not; NaN if a hole may hide it [1].
+        1: the stylus was moving at the release, or began earlier than any reaction; 0: not; NaN if a gap may hide it
+        [1].
     """
 
     time: float
@@ -109,18 +110,18 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
     Parameters
     ----------
     p : array_like, shape (n,)
-        The ball along the board [m].
+        Ball position along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     centre : float
-        Middle of the target [m].
+        Centre of the target [m].
     half_width : float
-        Half its width; its edges belong to it [m].
+        Half-width of the target, edges included [m].
 
     Returns
     -------
     InTarget
-        Their time, share, number, and the longest.
+        Total time, share, number and longest stay.
     """
     ball = np.asarray(p, dtype=float)
     if np.isnan(ball).any():
@@ -140,27 +141,27 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
 def overshoots(
     p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH, beyond: Beyond = "far_edge"
 ) -> Overshoots:
-    """Find where the ball went too far: past the target, seen from where it was at first.
+    """Find where the ball overshot: past the target, as seen from its initial position.
 
-    Where it was in the target's very middle, it is seen from the board's.
+    If it starts exactly at the target's centre, the board's middle replaces the initial position.
 
     Parameters
     ----------
     p : array_like, shape (n,)
-        The ball along the board, the first from the release; at least one [m].
+        Ball position along the board from the release; at least one sample [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     centre : float
-        Middle of the target [m].
+        Centre of the target [m].
     half_width : float
-        Half its width [m].
+        Half-width of the target [m].
     beyond : {"far_edge", "centre"}
-        The limit: the target's edge, after which the hold begins anew, or its middle.
+        Limit: the target's far edge, beyond which the hold restarts, or its centre.
 
     Returns
     -------
     Overshoots
-        Their number, the largest, and their time.
+        Number, largest distance and time.
 
     Raises
     ------
@@ -179,21 +180,21 @@ def overshoots(
 
 
 def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
-    """Return when the ball fell off the board: when its place along it was first beyond the edge.
+    """Return the time of the ball's fall: when its distance from the board's middle first exceeds the edge.
 
     Parameters
     ----------
     p : array_like, shape (n,)
-        The ball along the board [m].
+        Ball position along the board [m].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     edge : float
-        From the board's middle to its end [m].
+        Distance from the board's middle to its end [m].
 
     Returns
     -------
     float
-        Time from the first sample; NaN if it stayed on the board, or may have fallen in a hole [s].
+        Time from the first sample; NaN if the ball stayed on the board, or may have fallen in a gap [s].
     """
     ball = np.asarray(p, dtype=float)
     off = np.flatnonzero(~(np.abs(ball) <= edge))
@@ -206,13 +207,13 @@ def falls(outcomes: Iterable[str]) -> Falls:
     Parameters
     ----------
     outcomes : iterable of str
-        How each attempt ended, in the words of a recording's summary: "success" and "fell" count, other ends, such as
-        an operator's, do not.
+        Outcome of each attempt, as in a recording's summary: "success" and "fell" count; other outcomes, such as an
+        operator's stop, do not.
 
     Returns
     -------
     Falls
-        Their number and share.
+        Number and share of falls.
     """
     ends = list(outcomes)
     fell, count = ends.count("fell"), ends.count("fell") + ends.count("success")
@@ -229,30 +230,31 @@ def reaction(
     portion: float = 0.05,
     soonest: float = 0.1,
 ) -> Reaction:
-    """Find when a stylus began to move after the release.
+    """Find the movement onset of a stylus after the release.
 
     Parameters
     ----------
     velocity : array_like, shape (n,)
-        Its velocity, the first sample that of the release [m/s].
+        Velocity of the stylus; the first sample is the release [m/s].
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     onset : {"sustained", "before_peak"}
-        A movement begins where the speed reaches the threshold for a while; or, once one is found so, where its speed
-        last rose through a portion of its first peak, which does not depend on how fast the movement is.
+        Definition of the onset. "sustained": the speed reaches the threshold and stays above it for `hold`.
+        "before_peak": in such a movement, the speed's last rise through a fraction of its first peak, which does not
+        depend on the speed of the movement.
     threshold : float
-        Speed from which a stylus moves [m/s].
+        Minimum speed of a moving stylus [m/s].
     hold : float
-        Time for which it must, without a break, by the definition of `netboard.analysis.measures.signals.lasting` [s].
+        Minimum uninterrupted duration, as defined by `netboard.analysis.measures.signals.lasting` [s].
     portion : float
-        Of the first peak [1].
+        Fraction of the first peak [1].
     soonest : float
-        An earlier onset is no reaction to the release but a guess at it [s].
+        Shortest possible reaction time; an earlier onset is an anticipation [s].
 
     Returns
     -------
     Reaction
-        The time of the onset, and whether it was anticipated.
+        Onset time, and whether it was anticipated.
     """
     speed = np.abs(np.asarray(velocity, dtype=float))
     moves = lasting(speed >= threshold, hold, rate)
@@ -269,7 +271,7 @@ def reaction(
 
 
 def _rise_to_first_peak(speed: NDArray[np.float64], begin: int, end: int, portion: float) -> int:
-    """Walk from the first peak of a run back to where the speed rose through a portion of it."""
+    """Return the sample before the first peak of a run where the speed last rises through a fraction of it."""
     falling = np.flatnonzero(np.diff(speed[begin:end]) < 0.0)
     peak = begin + int(falling[0]) if len(falling) else end - 1
     below = np.flatnonzero(speed[:peak] < portion * speed[peak])

@@ -1,4 +1,4 @@
-"""The command in the folder of an analysis: written in last, because all else there is the same whoever asked."""
+"""Insertion of the command line into an analysis folder, last, because all other files do not depend on it."""
 
 import json
 import shlex
@@ -10,11 +10,11 @@ from markupsafe import escape
 from netboard.analysis.report.wording import visible
 
 PLACEHOLDER = "@command-of-this-analysis@"
-"""What stands for it until then; as a word of a command it is left as it is."""
+"""Placeholder for the command until then; a command word with this text is left as it is."""
 
 
 def name_command(folder: Path, command: Sequence[str]) -> None:
-    """Write the words of the command into provenance and report."""
+    """Write the command into provenance and report."""
     text = shlex.join(command)
     written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
     for name, shown in written.items():

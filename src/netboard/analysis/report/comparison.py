@@ -1,4 +1,7 @@
-"""A study beside the paper, as a table for the terminal."""
+"""Comparison of a study with the paper, as a table for the terminal.
+
+The numbers come from `netboard.analysis.results.paper`; the report has the same comparison as an HTML table.
+"""
 
 from math import isfinite
 from typing import Any
@@ -12,7 +15,7 @@ from netboard.base.terminal import FittedTable
 
 
 def comparison_table(compared: pd.DataFrame) -> FittedTable:
-    """Make the table."""
+    """Return the comparison as a table for the terminal."""
     table = FittedTable(
         "Fig.", "quantity", "of", "paper", "this study", "n", "", title="The paper and this study", caption=REMINDER
     )
@@ -29,12 +32,12 @@ def comparison_table(compared: pd.DataFrame) -> FittedTable:
 
 
 def _paper(row: dict[str, Any]) -> str:
-    """Write what the paper says."""
+    """Return the paper's number as text."""
     return reported(row) if row["kind"] == "number" and isfinite(row["reported_sd"]) else str(row["said"])
 
 
 def _study(row: dict[str, Any]) -> str:
-    """Write what the study says: with the standard deviation, the interval, or of how many."""
+    """Return the study's number as text, with its standard deviation, confidence interval or total."""
     if not isfinite(row["value"]):
         return "-"
     value, interval, unit = written(row)[0], between(row), after(unit_of(row))
@@ -46,6 +49,6 @@ def _study(row: dict[str, Any]) -> str:
 
 
 def _colour(verdict: str) -> Text:
-    """Mark what agrees and what does not; the words say so too."""
+    """Colour agreement and disagreement; the words say it too."""
     colour = {"same": "green", "other": "red"}.get(verdict.split(maxsplit=1)[0])
     return Text(verdict, colour or "")

@@ -1,4 +1,4 @@
-"""Who did what in which order: the blocks of each dyad, how conditions are balanced, and the people."""
+"""Design section: block order of each dyad, balance of conditions, and participants."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,12 +36,12 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What was done, and in which order.
+    """Design of a study as performed.
 
     Attributes
     ----------
     factors, conditions, beginnings : Grid
-        What varied by plan, how much of each condition there is, and how often each force came first.
+        Factors, blocks and trials of each condition, and counts of the haptic condition that came first.
     """
 
     steps: tuple[tuple[str, tuple[Step | None, ...]], ...]
@@ -53,7 +53,7 @@ class Design:
 
 
 def design(study: Study) -> Design:
-    """Say what was done, and in which order."""
+    """Return the design of a study as performed."""
     blocks = study.blocks.drop_duplicates(["dyad", "block"])
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
     found = {(row["dyad"], row["block"]): _step(row, study.factors) for row in blocks.to_dict("records")}
@@ -71,7 +71,7 @@ def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
 
 
 def _factors(study: Study) -> Grid:
-    """List what varied by plan."""
+    """Return the table of factors."""
     where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
     forces = [force for force in FORCES if force in set(study.analysed["force"])]
     rows: list[tuple[str, ...]] = [
@@ -90,7 +90,7 @@ def _factors(study: Study) -> Grid:
 
 
 def _sentences(blocks: pd.DataFrame) -> list[str]:
-    """Say what came before what."""
+    """Return sentences on the order of conditions."""
     both = blocks[blocks["configuration"] == "dyadic"]
     alone = blocks[blocks["configuration"] == "bimanual"]
     if both.empty or alone.empty:
@@ -110,7 +110,7 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
 
 
 def _studies(blocks: pd.DataFrame) -> list[str]:
-    """Warn of dyads that are in several studies: their trials are numbered as those of one."""
+    """Return warnings of dyads in several studies: their trials are numbered as one study."""
     names = blocks.groupby("dyad")["study"].unique()
     several = names[names.map(len) > 1]
     if several.empty:
@@ -123,7 +123,7 @@ def _studies(blocks: pd.DataFrame) -> list[str]:
 
 
 def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
-    """Count blocks and trials of each condition, and say when they came on average."""
+    """Return blocks, trials and mean position of each condition."""
     trials = study.trials
     rows = []
     for condition, of_it in trials.groupby("condition", sort=True):
@@ -151,7 +151,7 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
 
 
 def _beginnings(blocks: pd.DataFrame) -> Grid:
-    """Count with which force performers began."""
+    """Return how many performers began with each haptic condition."""
     first = blocks.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
     counts = pd.crosstab(first["configuration"], first["force"])
     columns = [Column("Configuration"), *(number(f"Began with {force}") for force in counts)]
@@ -160,7 +160,7 @@ def _beginnings(blocks: pd.DataFrame) -> Grid:
 
 
 def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
-    """List the people."""
+    """Return the table of participants."""
     people: dict[tuple[str, str], list[dict[Any, Any]]] = {}
     for row in study.blocks.to_dict("records"):
         for who in sorted({row["left_by"], row["right_by"]} - set(_NOBODY)):
@@ -179,7 +179,7 @@ def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
 
 
 def _person(who: str, dyad: str, mine: list[dict[Any, Any]], hand: str) -> tuple[str | int, ...]:
-    """Say what a person did."""
+    """Return the row of a participant."""
     together = [row for row in mine if row["configuration"] == "dyadic"]
     seats = [side for side in SIDES if any(row[f"{side}_by"] == who for row in together)]
     simulated = sum(int(row["simulated"]) for row in mine)

@@ -1,6 +1,6 @@
-"""Pictures within a page: as SVG with a title and a description, or as PNG where the SVG would be huge.
+"""Figures in an HTML page: as SVG with title and description, or as PNG if the SVG would be huge.
 
-Every id of a picture is made its own, so that two pictures with the same marks do not take each other's.
+Element ids are made unique, so that figures with the same marks do not share them.
 """
 
 import base64
@@ -13,7 +13,7 @@ from netboard.analysis.figures.figure import Picture, as_bytes
 from netboard.analysis.report.wording import visible
 
 LARGEST_SVG = 400_000
-"""A picture whose SVG has more bytes is put in as PNG [1]."""
+"""Largest SVG file that is embedded; larger figures are embedded as PNG, in bytes [1]."""
 
 _SVG = "http://www.w3.org/2000/svg"
 _HREF = "{http://www.w3.org/1999/xlink}href"
@@ -22,7 +22,7 @@ _DROPPED = {f"{{{_SVG}}}metadata", f"{{{_SVG}}}style", f"{{{_SVG}}}title"}
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A picture as the page takes it."""
+    """A figure prepared for the page."""
 
     name: str
     title: str
@@ -32,7 +32,7 @@ class Drawing:
 
 
 def drawing(picture: Picture) -> Drawing:
-    """Make a picture ready for a page."""
+    """Prepare a figure for the page."""
     words = picture.name, visible(picture.title), visible(picture.caption)
     if picture.figure is None:
         return Drawing(*words)
@@ -44,7 +44,7 @@ def drawing(picture: Picture) -> Drawing:
 
 
 def _inline(file: bytes, name: str, title: str, caption: str) -> str:
-    """Make an SVG file an element of a page."""
+    """Return an SVG file as an HTML element."""
     root = ElementTree.fromstring(file)
     for parent in root.iter():
         for child in [child for child in parent if child.tag in _DROPPED]:
@@ -66,7 +66,7 @@ def _inline(file: bytes, name: str, title: str, caption: str) -> str:
 
 
 def _attributes(found: dict[str, str], name: str) -> Iterator[tuple[str, str]]:
-    """Yield the attributes of an element, with ids of its own; a link to outside is none."""
+    """Yield the attributes of an element with unique ids and without external links."""
     for key, value in found.items():
         if key == "id":
             yield "id", f"{name}-{value}"

@@ -1,7 +1,7 @@
-"""The folder of an analysis: tables, their dictionary, the settings, where all of it comes from, pictures, the report.
+"""Output folder of an analysis: tables, data dictionary, settings, provenance, figures and report.
 
-The tables are the same, byte for byte, for the same recordings and settings, whoever measured and whatever was kept.
-Nothing in the folder says when or on which machine it was made.
+The tables are identical, byte for byte, for the same recordings and settings, on any machine and with any cache. No
+file records the time or the machine of the analysis.
 """
 
 import json
@@ -34,16 +34,16 @@ from netboard.recording.export.formats import Progress
 from netboard.recording.format.channels import Field
 
 SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
-"""What takes part in an analysis."""
+"""Software whose versions are recorded."""
 
 KINDS = ("svg", "pdf", "png")
-"""As what each picture is written."""
+"""File formats of each figure."""
 
 LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
 """Columns of the table of recordings that were left out."""
 
 PORTION = 20_000
-"""Rows of a table that are written at once [1]."""
+"""Rows of a table that are written at a time [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +65,10 @@ TABLES = (
     Kind("left_out", "one recording that could not be measured", LEFT_OUT),
     Kind("results", "one number that is reported", RESULTS),
 )
-"""Those of every analysis."""
+"""Tables of every analysis."""
 
 BESIDE_THE_PAPER = Kind("comparison", "one statement of the paper, and the same of the study", COMPARISON)
-"""The one that is made if it is asked for."""
+"""Optional table that compares the study with the paper."""
 
 PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"
 
@@ -82,7 +82,7 @@ def write_analysis(
     *,
     beside_the_paper: bool = False,
 ) -> tuple[str, ...]:
-    """Write all of an analysis: the tables first, then what is made of them."""
+    """Write all files of an analysis: the tables first, then figures and report."""
     progress("numbers", 0, 3)
     results = results_of(study)
     comparison = compare(study) if beside_the_paper else None
@@ -130,31 +130,31 @@ def write_tables(
 
 
 OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
-"""Tables whose rows have levels of factors."""
+"""Tables with factor columns."""
 
 
 def _with_factors(kind: Kind, study: Study) -> Kind:
-    """Give a table the columns of the study's factors."""
+    """Return a table's description with the study's factor columns."""
     there = {field.name for field in kind.fields}
     more = [field for field in study.factor_fields if kind.name in OF_TRIALS and field.name not in there]
     return replace(kind, fields=(*kind.fields, *more))
 
 
 def _of_study(study: Study, name: str) -> pd.DataFrame:
-    """Return a table of the study, with the columns of its factors."""
+    """Return a table of the study, with its factor columns."""
     frame: pd.DataFrame = getattr(study, name)
     return study.with_factors(frame) if name == "exclusions" else frame
 
 
 def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
-    """Write the paths as Parquet alone, one recording after the other."""
+    """Write the paths, as Parquet only, one recording after the other."""
     with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
         for recording in study.blocks["recording"]:
             put(_columns(study.with_factors(study.paths[recording]), kind))
 
 
 def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
-    """Write a table in both formats, some rows at a time."""
+    """Write a table in both formats, in portions of rows."""
     for ending, sheet in (("parquet", parquet), ("csv", delimited)):
         with sheet.open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
             for first in range(0, len(frame), PORTION):
@@ -162,12 +162,12 @@ def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
 
 
 def _columns(frame: pd.DataFrame, kind: Kind) -> Columns:
-    """Return the columns of a table as they are written."""
+    """Return the columns of a table in their written form."""
     return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
-    """Write each picture in all formats: one that there is not says in its place why."""
+    """Write each figure in all formats; a missing figure is replaced by the reason."""
     folder.mkdir()
     for picture in drawn:
         shown = picture.shown
@@ -176,14 +176,14 @@ def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
 
 
 def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
-    """Say where an analysis comes from, without time and machine.
+    """Return the provenance of an analysis, without time and machine.
 
     Returns
     -------
     dict
-        ``command``; ``versions`` of the software; ``code_sha256`` of what measures; ``recordings`` by name, each with
-        its ``file`` as it was named, and the ``sha256`` of that; ``left_out``, with ``file`` and ``why`` of each;
-        ``handedness`` of the people by pseudonym.
+        ``command``; ``versions`` of the software; ``code_sha256`` of the extracting code; ``recordings`` by name, each
+        with its ``file`` name and ``sha256``; ``left_out``, with ``file`` and ``why`` of each; ``handedness`` of the
+        participants by pseudonym.
     """
     return {
         "command": shlex.join(command),
@@ -199,7 +199,7 @@ def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
 
 
 def _hands(harvest: Harvest) -> Iterator[tuple[str, str]]:
-    """Yield pseudonym and dominant hand of everybody."""
+    """Yield pseudonym and dominant hand of each participant."""
     for source in harvest.sources:
         for person in source.run.people:
             yield person.label, person.handedness

@@ -1,4 +1,4 @@
-"""Tables of a report, as the page's template takes them: a caption, columns, and rows of texts, numbers and links."""
+"""Tables of a report for the page template: caption, columns, and rows of texts, numbers and links."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import Literal
 from netboard.analysis.report.wording import amount
 
 Kind = Literal["text", "name", "number", "code"]
-"""What a column holds: words of the report, words of others, numbers, or what a machine reads."""
+"""Content of a column: the report's words, names chosen by others, numbers, or machine-readable text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column."""
+    """A column of a table."""
 
     title: str
     kind: Kind = "text"
@@ -20,7 +20,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A cell that leads to another place of the report."""
+    """A cell with a link to another place in the report."""
 
     text: str
     to: str
@@ -31,7 +31,7 @@ Cell = str | Link
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table."""
+    """A table of the report."""
 
     caption: str
     columns: tuple[Column, ...]
@@ -40,21 +40,21 @@ class Grid:
 
 
 def grid(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell | float]]) -> Grid:
-    """Make a table."""
+    """Return a table."""
     written = tuple(tuple(cell if isinstance(cell, str | Link) else amount(cell) for cell in row) for row in rows)
     return Grid(caption, tuple(columns), written)
 
 
 def number(title: str) -> Column:
-    """Describe a column of numbers."""
+    """Return a column of numbers."""
     return Column(title, "number")
 
 
 def name(title: str) -> Column:
-    """Describe a column of words that others have chosen."""
+    """Return a column of names that others have chosen."""
     return Column(title, "name")
 
 
 def code(title: str) -> Column:
-    """Describe a column of what a machine reads."""
+    """Return a column of machine-readable text."""
     return Column(title, "code")

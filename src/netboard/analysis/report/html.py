@@ -1,7 +1,7 @@
-"""The report of a study: one page that needs nothing but itself, to be read from top to bottom or printed.
+"""The HTML report of a study: one self-contained page, for reading from top to bottom or for printing.
 
-No script runs in it, and its own rules forbid it to load anything. What participants, experimenters and file systems
-have named is text in it and nothing else. The same study gives the same bytes.
+The page has no scripts, and its content security policy forbids loading anything. Names from participants,
+experimenters and file systems are escaped text. The same study gives the same bytes.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ from netboard.analysis.report.wording import css_text, visible
 from netboard.base.errors import NetboardError
 
 NAME = "report.html"
-"""Of the file."""
+"""Name of the report file."""
 
 
 def write_report(
@@ -44,17 +44,17 @@ def write_report(
     Parameters
     ----------
     results : DataFrame
-        The tidy table of all results, with the columns of `netboard.analysis.results.result.RESULTS`.
+        Tidy table of all results, with the columns of `netboard.analysis.results.result.RESULTS`.
     pictures : sequence of Picture
-        The pictures, in the order in which they are read; results belong to one by its name.
+        Figures in reading order; results belong to a figure by its name.
     provenance : mapping
-        Where it comes from. ``recordings``: of every recording of the study, by its name, a mapping with its ``file``,
-        as a command takes it, and its ``sha256``. ``versions``: versions of software by name. Optional: ``left_out``,
-        mappings of ``file`` and ``why``; ``handedness``, the dominant hand by pseudonym; ``command``, which analysed;
-        ``made_utc``, when.
+        Provenance. ``recordings``: for every recording of the study, by name, a mapping with its ``file``, as a command
+        takes it, and its ``sha256``. ``versions``: versions of software by name. Optional: ``left_out``, mappings of
+        ``file`` and ``why``; ``handedness``, the dominant hand by pseudonym; ``command`` of the analysis; ``made_utc``,
+        its time.
     comparison : DataFrame, optional
-        The study beside the paper, a row for a statement: ``figure``, ``quantity``, ``group``, what is ``said``, the
-        number ``reported``, its ``reported_sd`` and ``reported_of`` how many, the study's ``value`` with the columns of
+        Comparison with the paper, one row for each statement: ``figure``, ``quantity``, ``group``, what is ``said``,
+        the number ``reported``, its ``reported_sd`` or total ``reported_of``, the study's ``value`` with the columns of
         a result, and the ``verdict``.
     """
     known = provenance["recordings"]
@@ -74,7 +74,7 @@ def _page(
     provenance: Mapping[str, Any],
     comparison: pd.DataFrame | None,
 ) -> str:
-    """Write the page."""
+    """Return the page."""
     drawings = [drawing(picture) for picture in pictures]
     titles = {one.name: one.title for one in drawings}
     top = head(study, provenance)
@@ -103,7 +103,7 @@ def _page(
 
 
 def _template() -> Any:
-    """Load the page's template: all text is escaped, and what is not there is an error."""
+    """Load the page template: all text is escaped, and an undefined name is an error."""
     pages = Environment(
         loader=PackageLoader("netboard.analysis.report", "pages"),
         autoescape=True,
@@ -116,12 +116,12 @@ def _template() -> Any:
 
 
 def _shown(value: Any) -> Any:
-    """Show what would not be seen in a text; what is markup already has been seen to."""
+    """Make invisible characters of a text visible; markup is left as it is."""
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet: whole, or not at all."""
+    """Write a new file, completely or not at all."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,6 @@
-"""The results of a study in a report: how a number is written with its interval, all of them in tables, and the paper.
+"""Results in a report: numbers with their intervals, result tables, and the comparison with the paper.
 
-Numbers are written in the units in which they are read (`netboard.analysis.results.units`); those in the tables of an
-analysis are in SI units.
+Numbers are in display units (`netboard.analysis.results.units`); the tables of an analysis are in SI units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,33 +16,33 @@ from netboard.analysis.results.units import Unit, read_in
 
 
 def unit_of(row: Mapping[str, Any]) -> Unit:
-    """Choose the unit in which a result is read.
+    """Return the display unit of a result.
 
     Parameters
     ----------
     row : mapping
-        A row of the table of results, or of one that has its columns.
+        A row of the table of results, or of a table with its columns.
     """
     return read_in(row["unit"], row["quantity"], row["group"])
 
 
 def after(unit: Unit) -> str:
-    """Write a unit as it follows a number, on the same line: nothing for a pure number."""
+    """Return a unit as it follows a number on the same line; empty for a pure number."""
     return "\N{NO-BREAK SPACE}" + unit.symbol.replace(" ", "\N{NO-BREAK SPACE}") if unit.symbol else ""
 
 
 def between(row: Mapping[str, Any]) -> str:
-    """Write an interval.
+    """Return an interval as text.
 
     Parameters
     ----------
     row : mapping
-        A row of the table of results, or of one that has its columns.
+        A row of the table of results, or of a table with its columns.
 
     Returns
     -------
     str
-        Its ends, or how far it goes to either side if it is a standard deviation; empty without one.
+        Limits of the interval, or plus-minus for a standard deviation; empty without an interval.
     """
     _, low, high = written(row)
     if not isfinite(row["low"]):
@@ -55,15 +54,15 @@ def between(row: Mapping[str, Any]) -> str:
 
 
 def _three(row: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Return a result and the ends of its interval in the unit in which it is read."""
+    """Return a result and the limits of its interval in the display unit."""
     scale = unit_of(row).scale
     return float(row["value"]) * scale, float(row["low"]) * scale, float(row["high"]) * scale
 
 
 def _places(row: Mapping[str, Any]) -> int:
-    """Say how many decimals a result and its interval have: the larger of it and its reach decides.
+    """Return the decimals of a result and its interval; the larger of value and interval reach decides.
 
-    That one has three digits; two are enough where it is below 1 and has an interval, which says how little they mean.
+    The larger one has three digits; two if the value is below 1 and has an interval.
     """
     value, low, high = _three(row)
     if not isfinite(low):
@@ -73,12 +72,12 @@ def _places(row: Mapping[str, Any]) -> int:
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Write a result and the ends of its interval with the same decimals, in the unit in which it is read.
+    """Return a result and the limits of its interval as text, with equal decimals, in the display unit.
 
     Parameters
     ----------
     row : mapping
-        A row of the table of results, or of one that has its columns.
+        A row of the table of results, or of a table with its columns.
     """
     places = _places(row)
     value, low, high = (amount(part, places) for part in _three(row))
@@ -92,7 +91,7 @@ class Topic:
     Attributes
     ----------
     notes : tuple of str
-        What must be known to read them; the table has their numbers, from 1.
+        Notes on the results; the table refers to their numbers, from 1.
     """
 
     title: str
@@ -101,13 +100,13 @@ class Topic:
 
 
 def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...]:
-    """Put all results into tables."""
+    """Return all results as tables."""
     groups = results.groupby("topic", sort=False)
     return tuple(_topic(titles.get(str(topic), str(topic)), records(rows)) for topic, rows in groups)
 
 
 def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
-    """Put the results of a topic into a table."""
+    """Return the results of a topic as a table."""
     notes = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
     columns = [
         Column("Quantity"),
@@ -126,7 +125,7 @@ def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
 
 
 def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
-    """Write a row of the table of results."""
+    """Return the cells of a result."""
     note = str(notes.index(row["note"]) + 1) if row["note"] else ""
     labels, last = [row["quantity"], row["group"]], [row["interval"], int(row["n"]), row["of"], note]
     return [*labels, *written(row), unit_of(row).symbol, *last]
@@ -138,7 +137,7 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def comparison_grid(comparison: pd.DataFrame) -> Grid:
-    """Put a study's numbers beside those of the paper."""
+    """Return the comparison with the paper as a table."""
     columns = [
         Column("Figure"),
         Column("Quantity"),
@@ -155,7 +154,7 @@ def comparison_grid(comparison: pd.DataFrame) -> Grid:
 
 
 def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Write a row of the comparison."""
+    """Return the cells of a comparison."""
     here = f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE
     interval = f"{between(row)} ({row['interval']})" if between(row) else ""
     made_of = counted(int(row["n"]), row["of"]) if row["n"] else ""
@@ -165,7 +164,7 @@ def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def reported(row: Mapping[str, Any]) -> str:
-    """Write the paper's number, with its standard deviation or of how many it is."""
+    """Return the paper's number as text, with its standard deviation or total."""
     unit = unit_of(row)
     parts = [amount(row["reported"] * unit.scale)]
     if isfinite(row["reported_sd"]):

@@ -1,4 +1,4 @@
-"""What a study is, and what its report was made with: the head, the settings, the software, the recordings."""
+"""Sections on the study and its provenance: head, settings, software, recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from netboard.base.settings import Table, tables, to_toml
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What a study is, in a few lines."""
+    """Summary of a study in a few lines."""
 
     title: str
     facts: tuple[tuple[str, str], ...]
@@ -24,7 +24,7 @@ class Head:
 
 
 def head(study: Study, provenance: Mapping[str, Any]) -> Head:
-    """Say what a study is."""
+    """Return the head of a report."""
     blocks, trials = study.blocks, study.trials
     days = sorted({str(when)[:10] for when in blocks["opened_utc"]})
     successes = int((trials["outcome"] == "success").sum())
@@ -44,7 +44,7 @@ def head(study: Study, provenance: Mapping[str, Any]) -> Head:
 
 
 def _warnings(blocks: pd.DataFrame) -> list[str]:
-    """Say who was no person, and what was no experiment."""
+    """Return warnings of simulated participants and pilot recordings."""
     said = []
     if blocks["simulated"].all():
         said.append("Simulated people: nobody held a device. Nothing here is evidence about people.")
@@ -59,7 +59,7 @@ def _warnings(blocks: pd.DataFrame) -> list[str]:
 
 
 def settings_grids(readings: Readings) -> tuple[Grid, ...]:
-    """Put all settings of an analysis into tables; those that differ from their defaults are marked."""
+    """Return all settings of an analysis as tables; non-default values are marked."""
     return tuple(_settings(table, readings) for table in tables(Readings) if table.keys)
 
 
@@ -79,7 +79,7 @@ def _settings(table: Table, readings: Readings) -> Grid:
 
 
 def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
-    """List the software."""
+    """Return the table of software versions."""
     recorded = sorted(study.blocks["netboard"].unique())
     rows: list[tuple[Cell, ...]] = [("netboard, which recorded", ", ".join(recorded))]
     rows += [(package, str(version)) for package, version in versions.items()]
@@ -87,7 +87,7 @@ def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
 
 
 def recordings_grid(study: Study, known: Mapping[str, Mapping[str, Any]]) -> Grid:
-    """List the recordings with their SHA-256."""
+    """Return the table of recordings with their SHA-256."""
     rows = []
     for recording, opened in study.blocks[["recording", "opened_utc"]].itertuples(index=False, name=None):
         file = known[recording]

@@ -1,4 +1,4 @@
-"""What is sound in a study and what is not: recordings, marks of quality, what does not count, what is unusual."""
+"""Quality section of a report: recordings, quality flags, exclusions, and unusual attempts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from netboard.analysis.report.wording import amount, counted
 from netboard.task.trials.quality import WORDS
 
 UNUSUAL = 5
-"""How many attempts of each kind are shown [1]."""
+"""Number of unusual attempts of each kind that are shown [1]."""
 
 _KINDS = (
     ("completion", "longest completion time", "s"),
@@ -25,12 +25,12 @@ _KINDS = (
 
 @dataclass(frozen=True, slots=True)
 class Soundness:
-    """What is sound, and what is not.
+    """Quality of a study's recordings and attempts.
 
     Attributes
     ----------
     recordings, flags, causes, excluded, unusual : Grid
-        Of each recording, of each mark of quality, of each reason; the attempts excluded, and those unusual.
+        Tables of recordings, quality flags, reasons for exclusion, excluded attempts, and unusual attempts.
     """
 
     sentences: tuple[str, ...]
@@ -43,7 +43,7 @@ class Soundness:
 
 
 def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> Soundness:
-    """Say what is sound in a study."""
+    """Return the quality section of a study."""
     table = grid(
         "Files that were found and are not part of this study",
         [code("File"), Column("Why")],
@@ -61,7 +61,7 @@ def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> Soundness:
 
 
 def _sentences(study: Study, left_out: int) -> list[str]:
-    """Say it in words."""
+    """Return the quality section's sentences."""
     blocks, trials = study.blocks, study.trials
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
@@ -81,7 +81,7 @@ def _sentences(study: Study, left_out: int) -> list[str]:
 
 
 def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
-    """Count trials planned and done for each block, which may be in several recordings."""
+    """Return planned and completed trials of each block, which may have several recordings."""
     key = ["dyad", "session", "block"]
     done = study.trials.assign(done=study.trials["outcome"] == "success").groupby("recording")["done"].sum()
     blocks = study.blocks.assign(done=study.blocks["recording"].map(done).fillna(0))
@@ -90,7 +90,7 @@ def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
 
 
 def _recordings(study: Study) -> Grid:
-    """Say of each recording what is in it and what is not."""
+    """Return the table of recordings, with their contents and losses."""
     of_each = dict(list(study.trials.groupby("recording")))
     out = pd.Series([key[0] for key in reasons(study)], dtype=object).value_counts()
     rows = []
@@ -128,7 +128,7 @@ def _recordings(study: Study) -> Grid:
 
 
 def _flags(study: Study) -> Grid:
-    """Count the marks of quality."""
+    """Return the counts of quality flags."""
     trials = study.trials
     out = set(reasons(study))
     keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
@@ -146,14 +146,14 @@ def _flags(study: Study) -> Grid:
 
 
 def _causes(study: Study) -> Grid:
-    """Count the reasons."""
+    """Return the counts of reasons for exclusion."""
     counts = study.exclusions["why"].value_counts()
     columns = [name("Why"), number("Attempts")]
     return grid("Why attempts do not count; one may have several reasons", columns, [*counts.items()])
 
 
 def _excluded(study: Study) -> Grid:
-    """List every attempt that does not count, with every reason."""
+    """Return every excluded attempt with every reason."""
     known = anchors(study)
     rows = [
         (Link(key[0], known[key]) if key in known else key[0], key[1], key[2], "; ".join(why))
@@ -164,7 +164,7 @@ def _excluded(study: Study) -> Grid:
 
 
 def _unusual(study: Study) -> Grid:
-    """List the successful attempts that are farthest out."""
+    """Return the most extreme successful attempts."""
     known = anchors(study)
     done = study.trials[study.trials["outcome"] == "success"]
     rows: list[tuple[Any, ...]] = []

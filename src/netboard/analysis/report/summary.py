@@ -1,7 +1,7 @@
-"""The summary of a report: of each topic what the data show and how sure it is in a sentence, then a small table.
+"""Summary of a report: the main results of each topic in sentences, then a small table.
 
-Sentences are made of the numbers alone: a value, its interval, of how many dyads it is, and whether the interval
-includes 0 (of a ratio, 1). No cause is named and nothing is called significant.
+Sentences contain only numbers: a value, its confidence interval, the number of dyads, and whether the interval includes
+0 (for a ratio, 1). No sentence names a cause or calls a result significant.
 """
 
 import re
@@ -26,20 +26,19 @@ _LEVEL = r"(?!.* less )(?P<group>.+)"
 
 @dataclass(frozen=True, slots=True)
 class Saying:
-    """How a quantity is put into a sentence.
+    """Pattern of the sentence for a quantity.
 
     Attributes
     ----------
     group : str
-        The groups that it is said of: a regular expression, whose named parts the words may use; a ``team`` becomes
-        trials of that team.
+        Regular expression of the groups; the words may use its named parts; a ``team`` becomes trials of that team.
     lead : str
-        How the sentence begins; groups with the same beginning share it.
+        Start of the sentence; groups with the same start share a sentence.
     none : str
-        What no effect is called, such as ``no change``; empty for a level, which is said only where a study has no
-        difference of the quantity.
+        Words for no effect, such as ``no change``; empty for a level, which is reported only if the study has no
+        contrast of the quantity.
     without : float
-        The value that no effect has [its unit].
+        Value of no effect [its unit].
     """
 
     quantity: str
@@ -57,7 +56,7 @@ class Heading:
     Attributes
     ----------
     quantities : tuple of str
-        What is in it, as in the table of results; no two of them have the same group.
+        Quantities in this column, as in the table of results; no two of them have the same group.
     """
 
     title: str
@@ -67,7 +66,7 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """What the summary says of a topic."""
+    """Content of the summary for a topic."""
 
     topic: str
     picture: str
@@ -76,13 +75,13 @@ class Theme:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """All that it takes from the table of results."""
+        """All quantities that it uses from the table of results."""
         said = [one.quantity for one in self.sayings]
         return tuple(dict.fromkeys([*said, *(quantity for one in self.headings for quantity in one.quantities)]))
 
 
 def _compared(quantity: str, what: str) -> tuple[Saying, ...]:
-    """Say how a quantity differs with forces, and between teams; or what it is."""
+    """Return patterns for a quantity's contrasts between haptic conditions and teams, and for its level."""
     return (
         Saying(
             quantity,
@@ -206,17 +205,17 @@ THEMES = (
         ),
     ),
 )
-"""What the summary says, in this order."""
+"""Themes of the summary, in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Main:
-    """The main results of a topic.
+    """Main results of a topic.
 
     Attributes
     ----------
     table : Grid
-        The numbers: a row for each group, a column for each quantity.
+        Numbers: a row for each group, a column for each quantity.
     """
 
     picture: str
@@ -226,7 +225,7 @@ class Main:
 
 
 def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...]:
-    """Sum up the main results, topic by topic; a topic of which a study has nothing is left out."""
+    """Return the main results by topic; topics without results are left out."""
     found = []
     for theme in THEMES:
         mine = results[(results["topic"] == theme.topic) & results["value"].notna()]
@@ -239,7 +238,7 @@ def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...
 
 
 def _sentences(sayings: Sequence[Saying], rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Put results into sentences; groups with the same beginning share one."""
+    """Yield results as sentences; groups with the same start share one."""
     known: set[str] = set()
     for saying in sayings:
         if not saying.none and saying.quantity in known:
@@ -255,13 +254,13 @@ def _sentences(sayings: Sequence[Saying], rows: Sequence[Mapping[str, Any]]) -> 
 
 
 def _trials(team: str) -> str:
-    """Say whose trials they are."""
+    """Return a phrase for the trials of a team."""
     configuration, _, partner = team.partition(", ")
     return f"{configuration} trials{f' with a {partner}' if partner else ''}"
 
 
 def _clause(saying: Saying, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
-    """Say a result of one group, and how sure it is."""
+    """Return a clause with the result of one group and its confidence interval."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
     aside = ", ".join(part for part in (between(row), counted(int(row["n"]), row["of"])) if part)
     said = f"{saying.clause.format(value=value, **words)} ({aside})"
@@ -269,7 +268,7 @@ def _clause(saying: Saying, row: Mapping[str, Any], words: Mapping[str, str]) ->
 
 
 def _sure(saying: Saying, row: Mapping[str, Any]) -> str:
-    """Say where the interval lies."""
+    """Return a phrase on the position of the confidence interval."""
     if not (isfinite(row["low"]) and isfinite(row["high"])):
         return "there is no interval, so nothing is known of how sure it is"
     if row["low"] <= saying.without <= row["high"]:
@@ -278,7 +277,7 @@ def _sure(saying: Saying, row: Mapping[str, Any]) -> str:
 
 
 def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
-    """Put the results of a topic into a table: what they are of, their values with intervals, and of how many."""
+    """Return the results of a topic as a table: groups, values with intervals, and numbers of units."""
     held = {(quantity, one.title): one for one in theme.headings for quantity in one.quantities}
     cells: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
@@ -296,7 +295,7 @@ def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def _ends_of_series(groups: Sequence[str]) -> list[str]:
-    """Keep, of groups of trials that follow each other, each team's first and last one."""
+    """Return each team's first and last of consecutive groups of trials."""
     series: dict[str, list[str]] = {}
     for group in groups:
         match = re.fullmatch(r"(.+), trials \d+ to \d+", group)
@@ -305,7 +304,7 @@ def _ends_of_series(groups: Sequence[str]) -> list[str]:
 
 
 def _cell(heading: Heading, row: Mapping[str, Any]) -> str:
-    """Write a result with its interval."""
+    """Return a result with its interval as text."""
     value, interval = written(row)[0], between(row)
     if heading.is_count:
         return f"{value} of {amount(int(row['n']))}"
@@ -313,14 +312,14 @@ def _cell(heading: Heading, row: Mapping[str, Any]) -> str:
 
 
 def _heading(heading: Heading, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Name a column, with the unit of its numbers."""
+    """Return the heading of a column, with its unit."""
     unit = next(unit_of(row) for row in rows if row["quantity"] in heading.quantities)
     symbol = unit.symbol.removesuffix(" points")
     return f"{heading.title} [{symbol}]" if symbol else heading.title
 
 
 def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say what is in brackets, and in what differences of shares are."""
+    """Return a caption that explains the brackets and the unit of differences of shares."""
     kinds = dict.fromkeys(row["interval"] for row in rows if row["interval"] and isfinite(row["low"]))
     said = [f"{title}; in brackets, {' or '.join(kinds)} intervals" if kinds else title]
     if any(unit_of(row).symbol == "% points" for row in rows):
@@ -329,7 +328,7 @@ def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def few(dyads: int) -> str:
-    """Say what so many dyads can show."""
+    """Return a caution for the number of dyads."""
     least = min(1.0, 2.0 / 2**dyads)
     said = (
         f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "

@@ -1,6 +1,7 @@
-"""All attempts of a study, block by block, each with the ball's path and the commands that show and explain it.
+"""List of all attempts of a study, by block, with ball path and the commands that replay and explain each.
 
-The page has some thousands of them, so a path is a few dozen points with whole coordinates, and a row is little else.
+The page has some thousands of attempts, so a path has a few dozen points with integer coordinates, and a row has little
+else.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,19 +17,19 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.wording import amount, command, counted
 
 LEAD = 0.5
-"""How long before the release a replay begins [s]."""
+"""Time before the release at which a replay begins [s]."""
 
 STEP = 0.1
-"""From one point of a path to the next [s]."""
+"""Interval between points of a path [s]."""
 
 HEIGHT = 70
-"""Of a path, in its own units [1]."""
+"""Height of a path, in drawing units [1]."""
 
 PER_SECOND = 20
-"""Width of a path, in its own units [1/s]."""
+"""Width of a path, in drawing units per second [1/s]."""
 
 LONGEST = 20.0
-"""Paths that last longer are drawn as wide as one of this length [s]."""
+"""Duration at which the width of a path is capped [s]."""
 
 _PIXELS = 0.55
 _SIDES = {-1: "left", 1: "right"}
@@ -38,14 +39,14 @@ Key = tuple[str, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Sparkline:
-    """The path of the ball in an attempt.
+    """Path of the ball in an attempt, as a small drawing.
 
     Attributes
     ----------
     width : int
-        Its width on the page [px].
+        Width on the page [px].
     squeezed : bool
-        Whether it was too long, and is drawn narrower than its time.
+        Whether the path exceeded the cap and its time axis is compressed.
     """
 
     d: str
@@ -61,9 +62,9 @@ class Row:
     Attributes
     ----------
     target, outcome, completion, peaks : str
-        Side of the target, how it ended, completion time [s], number of velocity peaks [1].
+        Side of the target, outcome, completion time [s], number of velocity peaks [1].
     replay, explain : str
-        The commands that show it again, and that draw how each of its numbers is computed.
+        Commands that replay the attempt, and that draw the explanation of its measures.
     """
 
     anchor: str
@@ -93,13 +94,13 @@ class Listing:
 
 
 def anchors(study: Study) -> dict[Key, str]:
-    """Give every attempt its place in the page."""
+    """Return the anchor of every attempt in the page."""
     place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
     return {key: f"r{place[key[0]]}t{key[1]}a{key[2]}" for key in _keys(study.trials)}
 
 
 def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
-    """List all attempts of all recordings."""
+    """Return all attempts of all recordings."""
     known, paths, why = anchors(study), sparklines(study), reasons(study)
     last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
     rows: dict[str, list[Row]] = {}
@@ -128,18 +129,18 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
 
 
 def _explain(file: str, key: Key, last: int) -> str:
-    """Write the command that draws how an attempt's numbers are computed; it takes the last attempt if none is said."""
+    """Return the command that explains an attempt's measures; by default it takes the last attempt of a trial."""
     attempt = [] if key[2] == last else ["--attempt", f"{key[2]}"]
     return command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
 
 
 def flag_words(words: str) -> str:
-    """Write marks of quality."""
+    """Return quality flags as text."""
     return ", ".join(word.replace("_", " ") for word in str(words).split())
 
 
 def reasons(study: Study) -> dict[Key, list[str]]:
-    """Find out why attempts do not count."""
+    """Return the reasons for the exclusion of attempts."""
     found: dict[Key, list[str]] = {}
     for key, why in zip(_keys(study.exclusions), study.exclusions["why"], strict=True):
         found.setdefault(key, []).append(why)
@@ -147,7 +148,7 @@ def reasons(study: Study) -> dict[Key, list[str]]:
 
 
 def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
-    """Head the attempts of a recording."""
+    """Return the attempts of a recording with a heading."""
     done = sum(row.outcome == "success" for row in rows)
     excluded = sum(bool(row.why) for row in rows)
     parts = [
@@ -160,7 +161,7 @@ def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
 
 
 def _keys(table: pd.DataFrame) -> list[Key]:
-    """Name the attempt of each row."""
+    """Return the attempt key of each row."""
     columns = (table[name].tolist() for name in ("recording", "trial", "attempt"))
     return [(recording, int(trial), int(attempt)) for recording, trial, attempt in zip(*columns, strict=True)]
 
@@ -171,7 +172,7 @@ _NOTHING = Sparkline("", 1, 1, False)
 
 
 def reach(study: Study) -> float:
-    """Say how far from the board's middle paths are drawn.
+    """Return the range of the drawn paths, from the board's middle.
 
     Returns
     -------
@@ -183,7 +184,7 @@ def reach(study: Study) -> float:
 
 
 def sparklines(study: Study) -> dict[Key, Sparkline]:
-    """Draw the path of the ball in every attempt: up is right, and time goes to the right."""
+    """Draw the ball's path in every attempt: up is right, and time runs to the right."""
     far = reach(study)
     return {key: line for own in study.paths.values() for key, line in _sparklines(own, far)}
 
@@ -216,7 +217,7 @@ def _sparkline(time: NDArray[np.float64], p: NDArray[np.float64], far: float) ->
 
 
 def _path(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
-    """Write points as a path: the first one, and steps; equal steps that follow each other are one."""
+    """Return points as an SVG path: the first point and steps, with equal consecutive steps merged."""
     if x.size < 2:
         return ""
     dx, dy = np.diff(x), np.diff(y)

@@ -1,7 +1,7 @@
-"""Numbers and names as a reader meets them: sensible digits, and no character that hides what is there.
+"""Formatting of numbers and names: sensible digits and no invisible characters.
 
-Numbers are written as in American English, with a true minus sign. Names come from participants, experimenters and file
-systems: a character that is not seen, or that turns the direction of what follows, is shown as its number.
+Numbers follow American English, with a true minus sign. Names come from participants, experimenters and file systems:
+invisible characters and those that change the text direction are shown by code point.
 """
 
 import re
@@ -10,7 +10,7 @@ import unicodedata
 from math import floor, isfinite, log10
 
 NONE = "–"
-"""Where there is no number."""
+"""Text for a missing number."""
 
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 _FINEST = 6
@@ -18,12 +18,12 @@ _PLURALS = {"person": "people", "": ""}
 
 
 def visible(text: str) -> str:
-    """Show what would not be seen, or would change what is.
+    """Make characters visible that are invisible or change the display.
 
     Returns
     -------
     str
-        The text with control characters, marks of direction and lone surrogates as ``[U+202E]``.
+        The text with control characters, direction marks and lone surrogates as ``[U+202E]``.
     """
     if text.isprintable():
         return text
@@ -31,12 +31,12 @@ def visible(text: str) -> str:
 
 
 def decimals(*values: float, digits: int = 3) -> int:
-    """Say how many decimals numbers need that are read together.
+    """Return the common number of decimals for numbers shown together.
 
     Parameters
     ----------
     digits : int
-        How many digits that one is to have at least [1].
+        Minimum number of digits of the largest number [1].
     """
     largest = max((abs(value) for value in values if isfinite(value)), default=0.0)
     if largest == 0.0:
@@ -45,12 +45,12 @@ def decimals(*values: float, digits: int = 3) -> int:
 
 
 def amount(value: float, places: int | None = None) -> str:
-    """Write a number.
+    """Return a number as text.
 
     Parameters
     ----------
     places : int, optional
-        Decimals; of a whole number none, of another as many as make three digits [1].
+        Decimals; by default none for a whole number, otherwise enough for three digits [1].
     """
     if not isfinite(value):
         return NONE if value != value else "∞" if value > 0 else "−∞"  # noqa: PLR0124  # NaN differs from itself
@@ -66,28 +66,28 @@ def amount(value: float, places: int | None = None) -> str:
 
 
 def counted(n: int, of: str) -> str:
-    """Write how many of something."""
+    """Return a count with its noun."""
     word = of if n == 1 else _PLURALS.get(of, f"{of}s")
     return f"{amount(n)} {word}".strip()
 
 
 def command(*words: str) -> str:
-    """Write a command that a shell takes as it is meant.
+    """Return a command line with correct shell quoting.
 
     Returns
     -------
     str
-        One line; a word with characters that are not seen has them as escapes, as bash and zsh read them.
+        One line; words with invisible characters use escapes, as bash and zsh read them.
     """
     return " ".join(shlex.quote(word) if word.isprintable() else _escaped(word) for word in words)
 
 
 def _escaped(word: str) -> str:
-    """Quote a word with escapes for all that is not plain."""
+    """Quote a word with escapes for all unsafe characters."""
     data = word.encode("utf-8", "surrogateescape")
     return "$'" + "".join(chr(b) if 32 <= b < 127 and chr(b) not in "'\\" else f"\\x{b:02x}" for b in data) + "'"
 
 
 def css_text(text: str) -> str:
-    """Write a text as a string of a style sheet, which nothing in it can end."""
+    """Return a text as a CSS string that no content can terminate."""
     return '"' + re.sub(r"[^A-Za-z0-9 ]", lambda found: f"\\{ord(found[0]):x} ", visible(text)) + '"'

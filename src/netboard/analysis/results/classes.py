@@ -1,7 +1,7 @@
-"""Classes of movement (the paper's figure 4): for what share of the time the sides move together, or alone.
+"""Movement classes (the paper's figure 4): shares of time with cooperative, competitive, single or no movement.
 
-Shares are those of each trial, averaged for each performer and then for each dyad; the readings say whether every trial
-or every second counts the same within a performer.
+Shares are computed for each trial, averaged for each performer and then for each dyad. A setting decides whether every
+trial or every second has equal weight within a performer.
 """
 
 from collections.abc import Iterator
@@ -36,9 +36,9 @@ class Shares:
     Attributes
     ----------
     performers : DataFrame
-        A row for each dyad and performer, a column for each class [1].
+        Shares of each dyad and performer (rows) and class (columns) [1].
     dyads : DataFrame
-        A row for each dyad, a column for each class [1].
+        Shares of each dyad (rows) and class (columns) [1].
     """
 
     condition: Condition
@@ -56,7 +56,7 @@ class Classes:
 
 
 def classes(study: Study) -> Classes:
-    """Find the shares of the classes of movement."""
+    """Return the shares of the movement classes in all conditions."""
     trials = counted(study)
     found = tuple(
         _shares(one, trials[trials["condition"] == one.name], study.readings.summaries.shares)
@@ -76,7 +76,7 @@ def _shares(condition: Condition, rows: pd.DataFrame, of: Average) -> Shares:
 
 
 def _table(each: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame:
-    """Put shares in rows; a performer without any is left out."""
+    """Return shares as a table; performers without shares are left out."""
     known = {key: values for key, values in each.items() if np.isfinite(values).all()}
     index = pd.MultiIndex.from_tuples(list(known), names=["dyad", "performer"]) if known else _NOBODY
     return pd.DataFrame(np.array(list(known.values())).reshape(-1, len(CLASSES)), index, columns=list(CLASSES))
@@ -97,5 +97,5 @@ def _results(found: tuple[Shares, ...]) -> Iterator[Result]:
 
 
 def _words(name: str) -> str:
-    """Call a class of movement."""
+    """Return the name of a movement class."""
     return "stillness" if name == "still" else f"{name} movement"

@@ -1,9 +1,9 @@
-"""What forces and a partner change: differences between conditions within dyads, with intervals and exact tests.
+"""Effects of haptic feedback and of a partner: within-dyad contrasts with confidence intervals and exact tests.
 
-Every measure of `netboard.analysis.results.measures` that is compared has the same contrasts: each force that is felt
-less none, within each configuration; two people less one, within each force; the interaction of the two; and each level
-of another factor of the study less its first one, within all the others. Those of all measures of a family are one
-family of tests (Holm). They are declared here, before anybody looks at results.
+Every compared measure of `netboard.analysis.results.measures` has the same contrasts: each haptic condition minus
+haptics off, within each configuration; two people minus one, within each haptic condition; the interaction of both; and
+each level of a further factor minus its first level, within all other factors. The contrasts of all measures of a
+family are one family of tests (Holm). They are declared here, before any results are seen.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,20 +28,20 @@ Kind = Literal["forces", "configuration", "interaction", "factor"]
 T = TypeVar("T")
 
 LEAST_FOR_SKEWNESS = 4
-"""The skewness of fewer differences says nothing [1]."""
+"""Minimum number of differences for a skewness [1]."""
 
 SEED = 20_220_302
-"""Of bootstraps, and of permutations of many dyads."""
+"""Seed of bootstraps, and of permutation tests with many dyads."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Which conditions are compared.
+    """A contrast between conditions.
 
     Attributes
     ----------
     first, second : tuple of str
-        Conditions: of one, its level; of two, the first one's less the second one's.
+        Conditions: the level of one, or the difference of two, first minus second.
     """
 
     kind: Kind
@@ -51,12 +51,12 @@ class Question:
 
 
 def questions_of(study: Study) -> tuple[Question, ...]:
-    """Declare the contrasts that a study can have.
+    """Return the declared contrasts for a study.
 
     Parameters
     ----------
     study : Study
-        The study. Only conditions of people are compared: no robot's, none with a hand that is still.
+        The study. Only conditions with human performers are compared: no robot and no still hand.
     """
     people = tuple(one for one in conditions(study) if not one.partner)
     forces = {(one.configuration, one.force, one.among): one for one in people}
@@ -86,7 +86,7 @@ def questions_of(study: Study) -> tuple[Question, ...]:
 
 
 def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T, T]]:
-    """Yield what there is of a force and other levels both of two people and of one."""
+    """Yield the entries that exist for both two people and one, with equal force and other levels."""
     for (configuration, force, among), found in of.items():
         alone = ("bimanual", force, among)
         if configuration == "dyadic" and alone in of:
@@ -95,17 +95,17 @@ def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T,
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A measure in the conditions of a question.
+    """A measure in the conditions of a contrast.
 
     Attributes
     ----------
     contrast : Contrast
-        In each dyad, intervals, tests and d_z; of a ratio measure, of natural logarithms.
+        Paired differences, confidence intervals, tests and d_z; natural logarithms for a ratio measure.
     difference, bootstrap : Estimate
-        Its mean difference with the t interval and that of the bootstrap; of a ratio measure, the ratio
-        [the measure's, or 1].
+        Mean difference with its t interval and with its bootstrap interval; for a ratio measure, the ratio [unit of the
+        measure, or 1].
     corrected : float
-        p of the permutation test, corrected for all tests of the family [1].
+        p value of the permutation test, Holm-corrected over the family [1].
     """
 
     measure: Measure
@@ -118,24 +118,24 @@ class Comparison:
 
     @property
     def unit(self) -> str:
-        """SI unit of the difference; 1 of a ratio."""
+        """SI unit of the difference; 1 for a ratio."""
         return "1" if self.measure.ratio else self.measure.unit
 
     @property
     def what(self) -> str:
-        """What the difference is."""
+        """Kind of the difference."""
         return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
 
 
 @dataclass(frozen=True, slots=True)
 class Comparisons:
-    """All measures in all contrasts."""
+    """All contrasts of all measures."""
 
     comparisons: tuple[Comparison, ...]
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Differences with both intervals, sizes of effects, and tests."""
+        """Return differences with both confidence intervals, effect sizes and tests."""
         return tuple(row for one in self.comparisons for row in _rows(one))
 
 
@@ -156,7 +156,7 @@ def _rows(one: Comparison) -> Iterator[Result]:
 
 
 def _symmetry(contrast: Contrast) -> str:
-    """Say what the permutation test assumes, and how skewed these differences are."""
+    """Return a note on the permutation test's symmetry assumption and the skewness of the differences."""
     if contrast.n < LEAST_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
         return SYMMETRIC
     return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
@@ -168,12 +168,12 @@ def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> 
 
 @kept
 def comparisons(study: Study) -> Comparisons:
-    """Compare conditions in all measures.
+    """Compute all contrasts of all measures.
 
     Returns
     -------
     Comparisons
-        Of every measure that is compared, all contrasts that some dyad has.
+        For every compared measure, all contrasts that some dyad has.
     """
     rng = np.random.default_rng(SEED)
     questions = questions_of(study)
@@ -186,7 +186,7 @@ def comparisons(study: Study) -> Comparisons:
 
 
 def _asked(question: Question, table: pd.DataFrame) -> bool:
-    """Whether a dyad has all conditions of a question."""
+    """Return whether a dyad has all conditions of a contrast."""
     conditions = [*question.first, *question.second]
     return set(conditions) <= set(table.columns) and bool(table[conditions].notna().all(axis=1).any())
 
@@ -210,7 +210,7 @@ def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
 
 
 def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
-    """Correct p values within families."""
+    """Apply Holm's correction within families of tests."""
     values = np.full(len(found), np.nan)
     for family in {one.measure.family for one in found}:
         own = [k for k, one in enumerate(found) if one.measure.family == family]

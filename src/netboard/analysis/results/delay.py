@@ -1,11 +1,12 @@
-"""Delay between the sides in cooperative movements (the paper's figure 6), at portions of a peak velocity.
+"""Delay between the sides in cooperative movements (the paper's figure 6), at fractions of a peak velocity.
 
-The paper averages absolute delays, whose mean is positive even where nobody leads; the signed delay and its standard
-deviation are given beside it. Its threshold is a portion of the slower side's peak for both sides, which makes the side
-that moves farther look earlier; delays at portions of each side's own peak have no such bias, and are given as well.
+The paper averages absolute delays, whose mean is positive even without a leader; the signed delay and its standard
+deviation are reported as well. The paper's threshold is a fraction of the slower side's peak for both sides, which
+makes the side that moves farther appear earlier. Delays at fractions of each side's own peak have no such bias and are
+also reported.
 
-An interval is of dyads, as set, or of performers, or of single movements. The last pretends that movements of one
-person are independent of each other. Differences between conditions are of dyads always.
+The unit of a confidence interval is set: dyads, performers or single movements. The last treats movements of one
+performer as independent. Contrasts between conditions always use dyads.
 """
 
 from collections.abc import Iterator
@@ -32,16 +33,16 @@ from netboard.analysis.statistics.estimates import Estimate
 TOPIC = "delay"
 
 PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
-"""The portions of a peak [%]."""
+"""Fractions of a peak [%]."""
 
 OVER_ALL = f"mean of {PERCENT[0]} to {PERCENT[-1]} %"
-"""What the mean over the portions is called."""
+"""Name of the mean over the fractions."""
 
 RISE = f"delay at {PERCENT[-1]} % less that at {PERCENT[0]} %"
-"""What tells whether delays grow with the threshold."""
+"""Name of the increase of delays with the threshold."""
 
 APART = "thresholds at which the intervals do not overlap"
-"""What the paper concludes a difference from."""
+"""Name of the paper's criterion for a difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +52,9 @@ class Delays:
     Attributes
     ----------
     units : DataFrame
-        A row for each unit of replication, a column for each of `PERCENT` [s].
+        Delay of each unit of replication (rows) at each of `PERCENT` (columns) [s].
     dyads : DataFrame
-        A row for each dyad, a column for each of `PERCENT` [s].
+        Delay of each dyad (rows) at each of `PERCENT` (columns) [s].
     """
 
     units: pd.DataFrame
@@ -68,13 +69,13 @@ class ConditionDelay:
     Attributes
     ----------
     as_set : Delays
-        At portions of the peak that is set, absolute or signed as set.
+        At fractions of the set peak, absolute or signed as set.
     own_peak : Delays
-        At portions of each side's own peak, absolute or signed as set.
+        At fractions of each side's own peak, absolute or signed as set.
     signed : Delays
-        At portions of the peak that is set, left less right.
+        At fractions of the set peak, left minus right.
     truncated : tuple of float
-        Share of them whose search for a crossing was cut off, for each of `PERCENT`; NaN without any [1].
+        Share of delays with a truncated search for a crossing, for each of `PERCENT`; NaN without delays [1].
     """
 
     condition: Condition
@@ -97,7 +98,7 @@ class Delay:
 
 
 def delay(study: Study) -> Delay:
-    """Find the delays."""
+    """Return the delays of all conditions."""
     how = study.readings.summaries
     rows = study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
     found = tuple(
@@ -126,7 +127,7 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
 
 
 def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
-    """Return the columns of a delay, named by their portions."""
+    """Return the columns of a delay, named by their fractions."""
     return rows[[f"{prefix}_{q}" for q in PERCENT]].set_axis(list(PERCENT), axis=1)
 
 
@@ -136,7 +137,7 @@ def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, uni
 
 
 def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str) -> Delays:
-    """Average over the units that are set."""
+    """Average over the set units."""
     dyads = of_dyads(performers)
     person = "participant" if condition.configuration == "bimanual" else "dyad"
     units, of = {
@@ -185,7 +186,7 @@ def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
 
 
 def _apart(group: str, one: ConditionDelay, other: ConditionDelay) -> Result:
-    """Count the portions at which the intervals of two conditions do not overlap."""
+    """Count the fractions at which the confidence intervals of two conditions do not overlap."""
     pairs = [
         (first, second)
         for first, second in zip(one.as_set.means, other.as_set.means, strict=True)

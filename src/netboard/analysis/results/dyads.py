@@ -1,8 +1,8 @@
-"""Dyads against their partners alone (the paper's figure 3), for completion time and number of velocity peaks.
+"""Dyads compared with their partners alone (the paper's figure 3): completion time and number of velocity peaks.
 
-A participant's level is that of the bimanual trials with the same force as the dyadic ones that it is compared with. A
-gain is what the dyad needs less than the mean of its two participants. In a study in which all dyadic blocks come after
-bimanual ones a gain has practice in it; the difference between two forces has not.
+A participant's level is that of the bimanual trials with the same haptic condition as the dyadic trials. The gain is
+the mean of the two participants minus the dyad. If all dyadic blocks follow bimanual ones, the gain includes practice;
+the contrast between two haptic conditions does not.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,7 +37,7 @@ TOPIC = "dyads"
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A participant beside the partner and the dyad."""
+    """A participant relative to the partner and the dyad."""
 
     dyad: str
     participant: str
@@ -46,14 +46,14 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All dyads with one force, in one quantity.
+    """All dyads in one haptic condition and one quantity.
 
     Attributes
     ----------
     points : tuple of Point
-        Two for each dyad that performed dyadically and both of whose participants performed alone.
+        Two points for each dyad with dyadic trials and bimanual trials of both participants.
     gain : Estimate
-        What dyads need less than the mean of their participants: mean over dyads.
+        Mean gain over dyads: mean of the participants minus the dyad.
     """
 
     quantity: Quantity
@@ -72,12 +72,12 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Dyads:
-    """Dyads against their partners.
+    """Dyads compared with their partners.
 
     Attributes
     ----------
     comparisons : tuple of Comparison
-        One for each quantity and each force with which dyads performed.
+        One for each quantity and each haptic condition of the dyads.
     """
 
     comparisons: tuple[Comparison, ...]
@@ -104,7 +104,7 @@ def dyads(study: Study) -> Dyads:
 
 
 def _points(levels: Mapping[str, pd.Series], together: str, alone: str) -> Iterator[Point]:
-    """Yield the points of the dyads of which all three levels are known."""
+    """Yield the points of dyads with all three levels."""
     if together not in levels or alone not in levels:
         return
     for (dyad, _), both in levels[together].items():

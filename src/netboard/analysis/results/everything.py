@@ -1,4 +1,8 @@
-"""All results of a study in one tidy table."""
+"""All results of a study in one tidy table.
+
+Each topic is a function of the study whose result object lists its rows. An error in one topic becomes a row of its own
+and does not stop the others.
+"""
 
 from collections.abc import Callable, Sequence
 from math import nan
@@ -23,19 +27,19 @@ from netboard.analysis.results.result import UNCOMPUTABLE, Result, table_of
 from netboard.analysis.results.strategy import strategy
 
 NOT_COMPUTED = "not computed"
-"""Quantity of a result that stands for all of its topic, because of an error that its note tells."""
+"""Quantity of the result that replaces a topic after an error, which its note gives."""
 
 
 class Finding(Protocol):
-    """What is found in a study."""
+    """Result object of one topic."""
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """What of it is reported."""
+        """Return the rows to report."""
 
 
 PAPER: tuple[Callable[[Study], Finding], ...] = (learning, dyads, classes, strategy, delay)
-"""What the paper reports, in the order of its figures 2 to 6."""
+"""Topics of the paper, in the order of its figures 2 to 6."""
 
 MODERN: tuple[Callable[[Study], Finding], ...] = (
     quality,
@@ -47,19 +51,19 @@ MODERN: tuple[Callable[[Study], Finding], ...] = (
     controls,
     courses,
 )
-"""What a reader of today asks besides."""
+"""Topics beyond the paper."""
 
 FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
-"""All that is found."""
+"""All topics."""
 
 
 def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FINDINGS) -> pd.DataFrame:
-    """Find everything."""
+    """Compute the results of all topics."""
     return table_of(result for find in findings for result in results_in(study, find))
 
 
 def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, ...]:
-    """Find one thing; if it cannot be computed, say so in its place: all else of an analysis does not depend on it."""
+    """Compute one topic; an error becomes a result in its place, so that other topics are unaffected."""
     try:
         return find(study).results
     except UNCOMPUTABLE as error:

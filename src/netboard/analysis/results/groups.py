@@ -1,8 +1,8 @@
-"""Who and what is compared in a study: its conditions in a fixed order, and values of trials made into those of dyads.
+"""Conditions of a study in a fixed order, and aggregation of trials to dyads.
 
-The unit of replication is the dyad. Values of trials are averaged for each performer (a participant, or a dyad in
-whose trials both have a hand), and the performers' means for each dyad: however many trials somebody has, and however
-many blocks, a dyad is one value.
+The unit of replication is the dyad. Values of trials are averaged for each performer (a participant, or a dyad whose
+trials both perform), and performers' means for each dyad. So each dyad is one value, whatever its number of trials and
+blocks.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,23 +27,23 @@ FORCES = {
     "environment_only": "environment's force",
     "unrelated": "unrelated force",
 }
-"""What each force condition is called, in the order in which they are shown."""
+"""Name of each haptic condition, in display order."""
 
 require("the names of force conditions in netboard/analysis/results/groups.py", FORCES, declared.FORCES)
 
 MOST_CONDITIONS = 6
-"""A picture shows no more conditions than this, if there are factors that it can pool over [1]."""
+"""Largest number of conditions in a figure, if there are factors to pool over [1]."""
 
 CONFIGURATIONS = ("bimanual", "dyadic")
-"""In the order in which they are shown."""
+"""Configurations, in display order."""
 
 CLASSES = ("cooperative", "competitive", "single", "still")
-"""Classes of movement, in the order of `netboard.analysis.measures.movements`."""
+"""Movement classes, in the order of `netboard.analysis.measures.movements`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What tells how well a trial went; less is better."""
+    """Performance measure of a trial; less is better."""
 
     column: str
     name: str
@@ -51,7 +51,7 @@ class Quantity:
 
 
 QUANTITIES = (Quantity("completion", "completion time", "s"), Quantity("peaks", "number of velocity peaks", "1"))
-"""The paper's two."""
+"""The paper's two performance measures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +61,9 @@ class Condition:
     Attributes
     ----------
     partner : str
-        Who the partner was if none of the two people, such as ``robot partner``; else empty.
+        Partner, if it is neither participant, such as ``robot partner``; otherwise empty.
     role : str
-        What its trials were for if they are no test; else empty.
+        Role of its trials if it is not test; otherwise empty.
     """
 
     name: str
@@ -75,34 +75,34 @@ class Condition:
 
     @property
     def among(self) -> tuple[str, ...]:
-        """What it has in common with the conditions that it is compared with: levels of all other factors, and role."""
+        """Key that comparable conditions share: levels of all other factors, and role."""
         texts = [factor.text(level) for factor, level in self.levels]
         return (*texts, self.role) if self.role else tuple(texts)
 
     @property
     def team(self) -> str:
-        """Who performs with what: configuration, partner, levels of other factors, and a role that is no test."""
+        """Team: configuration, partner, levels of other factors, and a role other than test."""
         return ", ".join(filter(None, (self.configuration, self.partner, *self.among)))
 
     @property
     def feeling(self) -> str:
-        """What the hands felt, in words."""
+        """Name of the haptic condition."""
         return FORCES.get(self.force, self.force)
 
     @property
     def felt(self) -> str:
-        """What the hands felt, with the levels of other factors."""
+        """Name of the haptic condition, with the levels of other factors."""
         return ", ".join((self.feeling, *self.among))
 
     @property
     def label(self) -> str:
-        """Team and what it felt."""
+        """Team and haptic condition."""
         return f"{self.team}, {self.feeling}"
 
 
 @kept
 def conditions(study: Study) -> tuple[Condition, ...]:
-    """List the conditions of a study, bimanual ones first, and without haptics first."""
+    """Return the conditions of a study, bimanual first, and haptics off first."""
     analysed = study.analysed
     told = [factor for factor in study.factors if factor.told]
     caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
@@ -122,12 +122,12 @@ def conditions(study: Study) -> tuple[Condition, ...]:
 
 @kept
 def bounded(study: Study) -> tuple[Study, str]:
-    """Pool over as few factors as leave no more conditions than a picture has room for.
+    """Pool over as few factors as needed to fit the conditions in a figure.
 
     Returns
     -------
     str
-        Which factors were pooled over, in a sentence; empty for none.
+        Sentence that names the pooled factors; empty for none.
     """
     cells = len(conditions(study))
     within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
@@ -143,14 +143,14 @@ def bounded(study: Study) -> tuple[Study, str]:
 
 
 def block_labels(study: Study) -> dict[str, str]:
-    """Label the conditions of blocks, also of those that are not analysed or in which a factor varies."""
+    """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
     of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
     known = {one.name: one.label for one in conditions(of_blocks)}
     return {name: known.get(name, name) for name in study.blocks["condition"]}
 
 
 def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, str]:
-    """Where a condition stands among the others."""
+    """Return the sort key of a condition."""
     known = list(FORCES)
     return (
         CONFIGURATIONS.index(condition.configuration),
@@ -163,14 +163,14 @@ def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, s
 
 
 def teams(study: Study) -> tuple[str, ...]:
-    """List the teams of a study, in the order of its conditions."""
+    """Return the teams of a study, in the order of its conditions."""
     return tuple(dict.fromkeys(condition.team for condition in conditions(study)))
 
 
 def counted(study: Study) -> pd.DataFrame:
-    """Return the trials that count, with their team, and with the completion time that is set.
+    """Return the trials that count, with team and completion time as set.
 
-    Where failed attempts' time counts too, these are the ones in the same recording.
+    Where the time of failed attempts counts too, those in the same recording are added.
     """
     rows = study.counted.assign(team=with_team(study, study.counted))
     if study.readings.summaries.time == "all_attempts":
@@ -179,12 +179,12 @@ def counted(study: Study) -> pd.DataFrame:
 
 
 def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Say whose each row of trials or movements is: the team of its condition."""
+    """Return the team of each row of trials or movements."""
     return rows["condition"].map({condition.name: condition.team for condition in conditions(study)})
 
 
 def _times_of_all_attempts(study: Study) -> pd.Series:
-    """Return the time of each trial that counts, that of its failed attempts added."""
+    """Return the time of each trial that counts, including its failed attempts."""
     trials = study.trials[(study.trials["counts"] == 1) | (study.trials["outcome"] != "success")]
     found = [pd.Series(dtype=np.float64)]
     for _, own in trials.groupby("recording", sort=False):
@@ -209,7 +209,7 @@ def of_dyads(means: pd.Series) -> pd.Series:
 
 
 def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
-    """Yield each condition in which something is felt, and the same team's condition without haptics."""
+    """Yield each condition with haptic feedback, and the same team's condition without it."""
     bases = {one.team: one for one in every if one.force == "none"}
     for one in every:
         if one.force != "none" and one.team in bases:
@@ -217,13 +217,13 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 
 
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
-    """Yield the differences that are of interest, each dyad with itself.
+    """Yield the contrasts of interest, as within-dyad differences.
 
     Yields
     ------
     str
-        What is compared, such as ``dyadic, haptics on less off``, for each force with none; or ``bimanual less
-        dyadic``, over the forces that both have; or as `by_factor` says.
+        Name of the contrast, such as ``dyadic, haptics on less off`` for each haptic condition minus haptics off; or
+        ``bimanual less dyadic``, over the haptic conditions that both have; or as in `by_factor`.
     """
     for one, base in with_base(every):
         yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
@@ -241,13 +241,14 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 
 
 def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
-    """Yield pairs of conditions that differ in the level of one factor of the study's own, or in the force.
+    """Yield pairs of conditions that differ in the level of one further factor, or in the haptic condition.
 
     Yields
     ------
     str
-        What is compared, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level with the
-        first one that there is under otherwise equal conditions. Forces, where there is none without any.
+        Name of the contrast, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level
+        minus the first level that exists under otherwise equal conditions. Haptic conditions are compared in this way
+        if there is none without haptics.
     """
     for place in range(max((len(one.levels) for one in every), default=0)):
         first: dict[object, Condition] = {}
@@ -269,17 +270,17 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
-    """Estimate the mean of the units, with Student's interval."""
+    """Estimate the mean of the units, with Student's t interval."""
     return t_interval(values.to_numpy(dtype=np.float64), unit=of)
 
 
 def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
-    """Make a result of an estimate.
+    """Return an estimate as a result.
 
     Parameters
     ----------
     found : Estimate
-        The value, its interval and of how many units it is.
+        The value, its confidence interval and its number of units.
     """
     few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
@@ -288,7 +289,7 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
 
 
 def simulated(study: Study) -> str:
-    """Say in a sentence whether the people of a study are simulated; nothing if none is."""
+    """Return a sentence if participants of a study are simulated; otherwise an empty text."""
     marks = study.blocks["simulated"]
     if not len(marks) or not marks.any():
         return ""

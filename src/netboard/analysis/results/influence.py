@@ -1,14 +1,13 @@
-"""Whether partners answer each other: how much the past of one says of the other, beside dyads who never met.
+"""Directed influence between partners: Granger causality, compared with surrogate dyads who never met.
 
-The signals are velocities of the two styluses at 50 Hz, from the release to the completion. Those of trials with the
-target at the left change their sign, and the ball's place with them: then all trials ask for the same, and a side
-remains the same person. What the target's own past and the ball's say is taken off. True dyads are compared with
-surrogate ones, partners of two dyads who had the same task (`netboard.analysis.measures.information`). The filter of
-all data has no delay, so what is to come is in the past too, a little: another reason to look at what true dyads have
-more.
+The signals are the velocities of the two styluses at 50 Hz, from release to completion. Trials with the target on the
+left are mirrored, including the ball position, so that all trials have the same demands and a side remains the same
+participant. The model conditions on the target's own past and the ball's. True dyads are compared with surrogate dyads:
+partners from two dyads with the same task (`netboard.analysis.measures.information`). The zero-phase filter leaks a
+little of the future into the past, which is another reason for this comparison.
 
-The time this takes grows with the pairs of dyads, the square of their number, times the trials of each. No more than
-`MOST` trials of pairs are looked at, but at least `LEAST` of each dyad; trials are then drawn, by a fixed seed.
+Computing time grows with the square of the number of dyads, times the trials of each. At most `MOST` trials of pairs
+are evaluated, but at least `LEAST` of each dyad; trials are then sampled with a fixed seed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,32 +28,32 @@ from netboard.analysis.statistics.estimates import mean
 Direction = Literal["left to right", "right to left"]
 
 PAST = Past(step=1, own=3, other=3, delay=1)
-"""In samples of a path: 20, 40 and 60 ms ago."""
+"""Past of 20, 40 and 60 ms, in samples of a path."""
 
 MOST, LEAST = 1000, 10
-"""Trials of pairs of dyads in a condition and direction; trials of each dyad [1]."""
+"""Largest number of trials over pairs of dyads, per condition and direction; minimum per dyad [1]."""
 
 SHORTEST = 8
-"""Trials of fewer samples tell nothing [1]."""
+"""Minimum number of samples of a trial [1]."""
 
 SEED = 20_000_731
-"""Of the choice of trials, and of pairings of many dyads."""
+"""Seed of the choice of trials, and of pairings of many dyads."""
 
 Trials = list[NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Influence:
-    """How much one side says of the other in a condition.
+    """Influence of one side on the other in a condition.
 
     Attributes
     ----------
     values : ndarray of float64, shape (n,)
-        Granger's strength in each true dyad [nat].
+        Granger strength in each true dyad [nat].
     chance : Chance or None
-        Their mean beside that of surrogate dyads; None with a single dyad.
+        Comparison of their mean with that of surrogate dyads; None for a single dyad.
     of : int
-        Trials that each dyad has at least, of which these were drawn [1].
+        Smallest number of trials of any dyad, from which these were sampled [1].
     """
 
     condition: Condition
@@ -68,13 +67,13 @@ class Influence:
 
 @dataclass(frozen=True, slots=True)
 class Influences:
-    """In both directions, in all conditions with two people."""
+    """Influence in both directions, in all conditions with two people."""
 
     influences: tuple[Influence, ...]
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Strength in true dyads, level of chance, excess, and p."""
+        """Return strength in true dyads, chance level, excess, and p value."""
         return tuple(row for one in self.influences for row in _rows(one))
 
 
@@ -99,7 +98,7 @@ def _rows(one: Influence) -> list[Result]:
 
 @kept
 def influences(study: Study) -> Influences:
-    """Ask of both partners whether they answer the other."""
+    """Return the influence of each partner on the other."""
     found: list[Influence] = []
     for condition in conditions(study):
         trials = study.counted[study.counted["condition"] == condition.name]
@@ -110,7 +109,7 @@ def influences(study: Study) -> Influences:
 
 
 def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
-    """Look at both directions."""
+    """Return the influence in both directions in a condition."""
     there = _signals(trials, paths)
     if not there:
         return []
@@ -130,7 +129,7 @@ def _directions(left: list[Trials], right: list[Trials]) -> list[tuple[Direction
 
 
 def _signals(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> dict[str, Trials]:
-    """Return each dyad's trials in their order, each as rows of both velocities and the ball [m/s, m]."""
+    """Return each dyad's trials in order, each with rows of both velocities and the ball position [m/s, m]."""
     found: dict[str, Trials] = {dyad: [] for dyad in sorted(trials["dyad"].unique())}
     for whole in joined(trials, paths):
         table = whole[whole["time"] <= whole["completion"]]
@@ -161,6 +160,6 @@ def _influence(
 
 
 def _strength(sources: Sequence[NDArray[np.float64]], targets: Sequence[NDArray[np.float64]]) -> float:
-    """Granger's strength, the ball of the target's trial being given."""
+    """Return the Granger strength, conditional on the ball of the target's trial."""
     others, own, ball = ([trial[:, k] for trial in trials] for trials, k in ((sources, 0), (targets, 0), (targets, 1)))
     return granger(others, own, past=PAST, given=[ball]).strength

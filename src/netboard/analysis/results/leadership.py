@@ -1,7 +1,8 @@
-"""Who moved first: signed delays of the sides, and how evenly they took the lead.
+"""Leadership: signed delays of the sides, and the balance between them.
 
-A delay is the left side's time less the right one's, + = right first. In bimanual conditions the sides are hands of one
-person, in dyadic ones two people. A level is that of a dyad, as in `netboard.analysis.results.measures`.
+A delay is the left side's time minus the right side's, + = right first. In bimanual conditions the sides are the hands
+of one participant, in dyadic ones two participants. Levels are those of dyads, as in
+`netboard.analysis.results.measures`.
 """
 
 from collections.abc import Iterator
@@ -29,19 +30,19 @@ QUESTIONS = (
     Measure("signed lag", "s", "coordination", "trial", column("lag"), compared=False),
     Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
 )
-"""All of them. The index is that of the own peaks, in which moving further does not look like moving earlier."""
+"""Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leaders:
-    """All answers.
+    """Leadership in all conditions.
 
     Attributes
     ----------
     leads : tuple of Levels
-        By question, then by condition. A mean that is not 0 is that of a side that leads in all dyads.
+        By measure, then by condition. A mean other than 0 indicates a side that leads across dyads.
     changed : tuple of str
-        Dyads whose partners changed seats between dyadic blocks: there a side is no person.
+        Dyads whose partners changed seats between dyadic blocks, so that a side is not one participant.
     """
 
     leads: tuple[Levels, ...]
@@ -49,7 +50,7 @@ class Leaders:
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """The mean over dyads, and each dyad's own."""
+        """Return the mean over dyads, and each dyad's level."""
         return tuple(row for lead in self.leads for row in self._rows(lead))
 
     def _rows(self, lead: Levels) -> Iterator[Result]:
@@ -62,18 +63,18 @@ class Leaders:
 
 
 def leaders(study: Study) -> Leaders:
-    """Find who moved first.
+    """Return the leadership in all conditions.
 
     Returns
     -------
     Leaders
-        The answers to all questions, for conditions in which there are any.
+        All measures, for conditions with values.
     """
     return Leaders(levels_of(study, QUESTIONS), _changed_seats(study))
 
 
 def _changed_seats(study: Study) -> tuple[str, ...]:
-    """Name the dyads in which not always the same one sat at the left."""
+    """Return the dyads whose left seat was taken by more than one participant."""
     together = study.blocks[study.blocks["configuration"] == "dyadic"]
     people = together[~together[["left_by", "right_by"]].isin(["still", "robot"]).any(axis=1)]
     seats = people.groupby("dyad")["left_by"].nunique()

@@ -1,8 +1,8 @@
-"""Learning (the paper's figure 2): completion time, classes of movement and velocity peaks over the trials.
+"""Learning (the paper's figure 2): completion time, movement classes and velocity peaks over the trials.
 
-Trials with the same number in their condition are averaged over everybody and over the haptic conditions. The first and
-the last trials are given as in the paper, as mean and standard deviation of single trials (or of people, if that is
-set), and also as means of dyads with an interval, which say how sure a difference is.
+Trials with the same number in their condition are averaged over performers and haptic conditions. First and last trials
+are reported as in the paper, with mean and standard deviation of single trials (or of participants, if set), and also
+as means of dyads with a confidence interval.
 """
 
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ class Stages:
     first, last : ndarray of int64, shape (g,)
         Numbers of the first and the last trial of each group [1].
     dyads : DataFrame
-        A row for each dyad, a column for each group [as the quantity].
+        Mean of each dyad (rows) in each group (columns) [as the quantity].
     """
 
     first: NDArray[np.int64]
@@ -64,11 +64,11 @@ class Course:
     Attributes
     ----------
     of : str
-        What the deviations of `ends` are of: trials, or participants or dyads.
+        Unit of the standard deviations of `ends`: trials, participants or dyads.
     first, last, change : Estimate
-        Means over dyads of first and last trials, and of last less first.
+        Means over dyads of first trials, last trials, and last minus first.
     short : int
-        People's conditions that have too few trials for both ends, and are left out of them [1].
+        Number of series with too few trials for both ends, which are left out [1].
     """
 
     quantity: Quantity
@@ -84,14 +84,14 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class TeamLearning:
-    """How a team learns.
+    """Learning of a team.
 
     Attributes
     ----------
     seconds : ndarray, shape (k, 4)
-        Mean time of each class of movement at each number of trial [s].
+        Mean duration of each movement class at each trial number [s].
     dyads, performers, series, trials : int
-        How many there are; a series is a performer's trials in a condition [1].
+        Numbers of dyads, performers, series and trials; a series is a performer's trials in a condition [1].
     """
 
     team: str
@@ -105,14 +105,14 @@ class TeamLearning:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """How all teams learn."""
+    """Learning of all teams."""
 
     teams: tuple[TeamLearning, ...]
     results: tuple[Result, ...]
 
 
 def learning(study: Study) -> Learning:
-    """Find how people and dyads learn."""
+    """Return the learning of all teams."""
     trials = counted(study)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
     found = tuple(_learning(study, team, rows) for team, rows in own.items() if len(rows))
@@ -120,7 +120,7 @@ def learning(study: Study) -> Learning:
 
 
 def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Number the series: a performer's trials that are numbered together, as the readings say."""
+    """Number the series: trials of a performer that the settings number together."""
     labels = ["dyad", "performer", "configuration"]
     if study.readings.summaries.numbering == "condition":
         labels.append("condition")
@@ -148,7 +148,7 @@ def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
     length = rows["order"].groupby(series).transform("max").to_numpy()
     enough = length >= 2 * windows.ends
     kept, own, longest = rows[enough], length[enough], int(length[enough].max(initial=0))
-    # The last trials of a shorter series stand beside those of the longest one.
+    # The last trials of a shorter series are aligned with those of the longest one.
     late = kept["order"].to_numpy() > own - windows.ends
     aligned = kept["order"].to_numpy() + late * (longest - own)
     people = kept["performer"].to_numpy() if how.spread == "people" else None
@@ -168,7 +168,7 @@ def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
 
 
 def _unit(rows: pd.DataFrame) -> str:
-    """Say what a performer is."""
+    """Return what a performer is: a participant or a dyad."""
     return "participant" if (rows["configuration"] == "bimanual").all() else "dyad"
 
 
@@ -202,7 +202,7 @@ def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
 
 
 def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
-    """Make a result of a mean with its standard deviation."""
+    """Return a mean with its standard deviation as a result."""
     low, high = found.mean - found.deviation, found.mean + found.deviation
     interval = "SD" if found.count > 1 else ""
     unit = course.quantity.unit

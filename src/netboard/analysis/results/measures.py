@@ -1,8 +1,8 @@
-"""What is measured of attempts, as one list, and the level of each dyad in each condition.
+"""List of all measures of attempts, and the level of each dyad in each condition.
 
-A dyad's level is the mean of its performers' levels, and a performer's that of the own trials, movements or attempts:
-in bimanual conditions a dyad has two performers, in dyadic ones one. So every dyad counts the same, however many trials
-it has, and the dyad is the unit of all intervals.
+A dyad's level is the mean of its performers' levels, and a performer's level the mean of its own trials, movements or
+attempts. A dyad has two performers in bimanual conditions and one in dyadic ones. Every dyad therefore has equal
+weight, whatever its number of trials, and is the unit of all confidence intervals.
 """
 
 from collections.abc import Callable, Iterable
@@ -26,20 +26,20 @@ PLACE = ["condition", "dyad", "performer"]
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """What is measured.
+    """A measure.
 
     Attributes
     ----------
     of : {"trial", "movement", "attempt"}
-        What has a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
+        Unit of a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
     values : callable
-        Takes the rows of those; returns the value of each, NaN for none [its unit].
+        Function of these rows; returns the value of each, NaN for none [its unit].
     weights : callable or None
-        Takes the rows; returns how much each weighs in a performer's mean. None: all the same.
+        Function of the rows; returns the weight of each in a performer's mean. None: equal weights.
     level : callable or None
-        Takes a performer's values in a condition; returns one number [its unit]. None: their mean.
+        Function of a performer's values in a condition; returns one number [its unit]. None: their mean.
     compared : bool
-        Conditions are compared in it. Otherwise a difference would say nothing of how well people do.
+        Whether conditions are compared in this measure. If not, a difference says nothing about performance.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Measure:
 
 
 def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    """Return how a class's share of a trial's time is found."""
+    """Return the function for a class's share of a trial's time."""
 
     def values(rows: pd.DataFrame) -> ArrayLike:
         whole = _known_time(rows)
@@ -68,7 +68,7 @@ def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
 
 
 def _reaction(rows: pd.DataFrame) -> ArrayLike:
-    """The first hand's; none where a hand moved already or sooner than anybody reacts, or a hole may hide it."""
+    """Return the first hand's reaction time; NaN if a hand moved already, anticipated, or a gap may hide it."""
     none = np.zeros(len(rows), bool)
     for side in ("left", "right"):
         time, anticipated = rows[f"{side}_reaction"], rows[f"{side}_anticipated"]
@@ -81,7 +81,7 @@ def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    """Take the values that a column has."""
+    """Return a function that takes the values of a column."""
     return lambda rows: rows[name]
 
 
@@ -111,7 +111,7 @@ MEASURES = (
     Measure("power, right", "W", "forces", "trial", column("right_power"), compared=False),
     Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
 )
-"""All of them."""
+"""All measures."""
 
 EXPLAINED = {
     "completion time": "geometric mean",
@@ -127,11 +127,11 @@ EXPLAINED = {
     "power, left": "mean, of the left hand on the coupling",
     "power, right": "mean, of the right hand on the coupling",
 }
-"""What must be known to read a measure."""
+"""Notes on the interpretation of measures."""
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:
-    """Choose what has a value.
+    """Return the rows that have a value.
 
     Parameters
     ----------
@@ -149,18 +149,18 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
 
 
 def levels(study: Study, measure: Measure) -> pd.DataFrame:
-    """Find the level of each dyad in each condition.
+    """Return the level of each dyad in each condition.
 
     Parameters
     ----------
     measure : Measure
-        What is measured. The reading of shares decides whether trials or seconds count the same in them.
+        The measure. A setting decides whether trials or seconds have equal weight in shares.
 
     Returns
     -------
     DataFrame
-        Columns ``condition``, ``dyad``, ``level`` (of a ratio measure its natural logarithm) and ``rows``, of how many
-        values it is.
+        Columns ``condition``, ``dyad``, ``level`` (for a ratio measure its natural logarithm) and ``rows``, the number
+        of values.
     """
     rows = rows_of(study, measure.of)
     values = np.asarray(measure.values(rows), dtype=float)
@@ -173,7 +173,7 @@ def levels(study: Study, measure: Measure) -> pd.DataFrame:
 
 
 def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
-    """Find the level of each performer in each condition."""
+    """Return the level of each performer in each condition."""
     people = table.groupby(PLACE, as_index=False)
     if measure.level is not None:
         return people.agg(level=("value", measure.level), rows=("rows", "sum"))
@@ -182,7 +182,7 @@ def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def as_read(study: Study) -> tuple[Measure, ...]:
-    """Return the measures with what the study's readings make of them.
+    """Return the measures, adjusted to the study's settings.
 
     Returns
     -------
@@ -202,9 +202,9 @@ class Levels:
     Attributes
     ----------
     values : ndarray of float64, shape (n,)
-        Their levels; of a ratio measure, geometric means [the measure's].
+        Levels of the dyads; geometric means for a ratio measure [unit of the measure].
     mean : Estimate
-        Mean of the dyads, with its t interval; of a ratio measure all three through the logarithm.
+        Mean of the dyads, with its t interval; for a ratio measure computed on the logarithm.
     """
 
     measure: Measure
@@ -223,7 +223,7 @@ class Overview:
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """The mean of each measure in each condition, and how much of it there was."""
+        """Return the mean of each measure in each condition, and the number of its values."""
         return tuple(
             estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, _note(one))
             for one in self.levels
@@ -235,12 +235,12 @@ def _note(one: Levels) -> str:
 
 
 def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
-    """Find the levels of measures in every condition, and their means.
+    """Return the levels of measures in every condition, with their means.
 
     Returns
     -------
     tuple of Levels
-        By measure, then by condition; conditions in which a measure has no value have none.
+        By measure, then by condition; conditions without values are left out.
     """
     found = []
     for measure in measures:
@@ -258,11 +258,11 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
 
 @kept
 def overview(study: Study) -> Overview:
-    """Find the level of every measure in every condition."""
+    """Return the level of every measure in every condition."""
     return Overview(levels_of(study, as_read(study)))
 
 
 def exponential(estimate: Estimate) -> Estimate:
-    """Take an estimate back from its logarithm."""
+    """Transform an estimate back from its logarithm."""
     value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
     return replace(estimate, value=value, low=low, high=high)

@@ -1,9 +1,8 @@
-"""Models of all trials at once: completion times, velocity peaks and falls over forces, configuration and practice.
+"""Models of all trials: completion times, velocity peaks and falls over haptics, configuration and practice.
 
-The models are those of `netboard.analysis.statistics.models`; here they are given a study, and their terms, notes and
-assumptions become results. Fixed factors are haptics (or each force, where several are felt), configuration, and every
-other factor that the study declares or that differs between its blocks; a numeric one is a straight line over its
-values.
+The models are those of `netboard.analysis.statistics.models`; this module passes a study to them and turns their terms,
+notes and assumptions into results. Fixed factors are haptics (or each force, if there are several), configuration, and
+every other factor that the study declares or that differs between its blocks. A numeric factor has a linear effect.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,7 +29,7 @@ class Fit:
     Attributes
     ----------
     ratio, first : str
-        What the exponentials of a coefficient, and of the intercept, are.
+        Meaning of the exponential of a coefficient, and of the intercept.
     """
 
     measure: str
@@ -49,7 +48,7 @@ class Fits:
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Each term with its p, the sources of chance, and what speaks against the assumptions."""
+        """Return each term with its p value, the random effects, and the checks of the assumptions."""
         return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
 
     def _terms(self, fit: Fit) -> Iterator[Result]:
@@ -61,7 +60,7 @@ class Fits:
 
 
 def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note: str) -> Iterator[Result]:
-    """A term with its interval, and its p, by one method."""
+    """Yield a term with its confidence interval, and its p value, by one method."""
     (value, low, high), unit = _shown(effect.name, sure), "1"
     interval = f"95 % {sure.estimate.method}" if np.isfinite(low) else ""
     rest = (sure.estimate.n, "dyad", note)
@@ -75,7 +74,7 @@ def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note:
 
 
 def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
-    """Return a term as what it multiplies; practice as its exponent."""
+    """Return a term as a factor of the response; practice as its exponent."""
     of = sure.estimate if name == PRACTICE else sure.ratio
     return of.value, of.low, of.high
 
@@ -88,7 +87,7 @@ def _chance(fit: Fit) -> Iterator[Result]:
 
 
 def _checks(fit: Fit) -> Iterator[Result]:
-    """Numbers beside the assumptions that they speak of; the rest of these is a note."""
+    """Yield the diagnostic numbers with the assumptions that they check; the others are a note."""
     model = fit.model
     checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
     if model.diagnostics is not None:
@@ -111,12 +110,12 @@ def fits(study: Study) -> Fits:
     Parameters
     ----------
     study : Study
-        The study; trials with a robot or a hand that is still are left out.
+        The study; trials with a robot or a still hand are left out.
 
     Returns
     -------
     Fits
-        The models. One that cannot be fitted says why in its notes.
+        The models. A model that cannot be fitted gives the reason in its notes.
     """
     trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
     attempts = attempts.assign(order=_number_of(attempts))
@@ -147,26 +146,26 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     Parameters
     ----------
     others : sequence of StudyFactor
-        Factors of the study. Those that force, configuration and partner tell already are left out.
+        Further factors of the study. Those that force, configuration and partner determine are left out.
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCES if force in set(rows["force"])]
     if len([force for force in felt if force != "none"]) > 1:
         found[0] = _named("force", rows["force"], felt)
     own = [_own(rows, one) for one in others if one.told]
-    if own:  # without others, a study is told what it lacks beside that of the paper
+    if own:  # with only the paper's factors, notes tell what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
     return (*found, *own)
 
 
 def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
-    """Return a factor of names; one of two levels says which is compared with which."""
+    """Return a categorical factor; with two levels its name gives the direction of the comparison."""
     full = f"{name}: {levels[1]} less {levels[0]}" if len(levels) == 2 else name
     return Factor(full, values.to_numpy(str), tuple(levels))
 
 
 def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
-    """Return a factor of the study: a numeric one in decimal steps of its unit that suit its range."""
+    """Return a factor of the study; a numeric one in decimal steps of its unit that suit its range."""
     if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
         levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
         return _named(factor.name, rows[factor.column], levels)
@@ -177,14 +176,14 @@ def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
 
 
 def _number_of(attempts: pd.DataFrame) -> pd.Series:
-    """Number attempts by the successful trial of the performer in the condition that they are at, from 1."""
+    """Number attempts, from 1, by the performer's trial in the condition that they belong to."""
     succeeded = (attempts["outcome"] == "success").astype("int64")
     done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()
     return done - succeeded + 1
 
 
 def _left_out(study: Study, kept: int) -> tuple[str, ...]:
-    """Say what the models leave out."""
+    """Return notes on what the models leave out."""
     notes = []
     if kept < len(study.counted):
         notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")

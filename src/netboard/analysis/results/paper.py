@@ -1,9 +1,10 @@
-"""What the paper reported (arXiv:2203.01287), and the same numbers of a study beside it.
+"""Numbers reported by the paper (arXiv:2203.01287), and the same numbers of a study beside them.
 
-The paper gives means and standard deviations, counts of dyads, and directions in words; no p, no sizes of effects, no
-numbers of the shares, ellipses and delays but "around 100 ms" and "about 40 ms". A line is that of the paper's source.
+The paper gives means and standard deviations, counts of dyads, and directions in words. It gives no p values, no effect
+sizes, and no numbers for shares, ellipses and delays except "around 100 ms" and "about 40 ms". Line numbers refer to
+the paper's source.
 
-A standard deviation of the paper is that of single trials, so that a difference of one of them is a large one.
+The paper's standard deviations are over single trials, so a difference of one standard deviation is large.
 """
 
 from dataclasses import dataclass, replace
@@ -27,25 +28,25 @@ REMINDER = (
     "give, and 4 of 4 beside 2 of 4 gives p = 0.43 by Fisher's exact test. What there is between conditions is seen "
     "better in the size of the differences and their intervals."
 )
-"""What is to be said under a comparison of counts."""
+"""Note under a comparison of counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """A number or a direction in the paper, and which result of a study stands beside it.
+    """A number or direction in the paper, and the corresponding result of a study.
 
     Attributes
     ----------
     kind : {"number", "count", "rises", "falls", "unchanged", "words"}
-        What can be compared: a number, a count of so many, a direction of a difference, or only words.
+        Kind of comparison: a number, a count, the direction of a difference, or words only.
     topic, quantity, group : str
-        The result, as in `Result`; ``{ends}`` is how many trials are the first and the last ones.
+        Key of the result, as in `Result`; ``{ends}`` stands for the number of first and last trials.
     value : float
         The number; NaN without one [unit of the result].
     deviation : float
-        Its standard deviation over single trials; NaN without one [unit of the result].
+        Standard deviation over single trials; NaN without one [unit of the result].
     of : int
-        Of how many a count is; 0 if it is none [1].
+        Total of a count; 0 if it is not a count [1].
     """
 
     figure: str
@@ -61,7 +62,7 @@ class Reported:
 
 
 def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> tuple[Reported, ...]:
-    """List first and last means and standard deviations of one quantity, bimanual and dyadic."""
+    """Return first and last means and standard deviations of one quantity, bimanual and dyadic."""
     places = [(panel, team, end) for panel, team in zip(panels, _TEAMS, strict=True) for end in ("first", "last")]
     return tuple(
         Reported(
@@ -72,7 +73,7 @@ def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> t
 
 
 def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
-    """List the directions of learning."""
+    """Return the directions of learning."""
     return tuple(
         Reported(
             f"2{panel}",
@@ -88,7 +89,7 @@ def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
 
 
 def _better(quantity: str, panel: str, felt: int, unfelt: int) -> tuple[Reported, ...]:
-    """List the counts of dyads that are better than the mean of their participants."""
+    """Return the counts of dyads that are better than the mean of their participants."""
     name = f"{quantity}: dyads better than the mean of the two"
     return tuple(
         Reported(f"3{panel}", 180, "count", f"{better} of 4 dyads", "dyads", name, group, float(better), nan, 4)
@@ -138,7 +139,7 @@ REPORTED: tuple[Reported, ...] = (
     Reported("6", 202, "count", "intervals apart", "delay", APART, _FELT[1], 4.0, nan, 4),
     Reported("6", 202, "unchanged", "little effect", "delay", f"delay, {OVER_ALL}", _FELT[0]),
 )
-"""All that the paper reports, in its order."""
+"""All reported numbers and directions, in the paper's order."""
 
 COMPARISON = (
     words("figure", "figure of the paper"),
@@ -166,7 +167,7 @@ COMPARISON = (
 
 
 def compare(study: Study) -> pd.DataFrame:
-    """Put a study's numbers beside those of the paper."""
+    """Compare a study's numbers with those of the paper."""
     found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
     ends = windows_of(study).ends
     rows = []
@@ -177,12 +178,12 @@ def compare(study: Study) -> pd.DataFrame:
 
 
 def _nothing(said: Reported) -> Result:
-    """Stand for a result that the study does not have."""
+    """Return a placeholder for a result that the study does not have."""
     return Result(said.topic, said.quantity, said.group, nan, nan, nan, "", "", 0, "", "the study has no such result")
 
 
 def _row(said: Reported, found: Result) -> dict[str, Any]:
-    """Put one number beside another."""
+    """Return a row with both numbers."""
     difference = found.value - said.value
     return {
         "figure": said.figure,
@@ -209,7 +210,7 @@ def _row(said: Reported, found: Result) -> dict[str, Any]:
 
 
 def _verdict(said: Reported, found: Result) -> str:
-    """Say in words whether a study's number agrees with what is reported."""
+    """Return a phrase on the agreement of a study's number with the paper's."""
     if not isfinite(found.value):
         return "not in this study"
     if said.kind == "words":
@@ -227,7 +228,7 @@ def _verdict(said: Reported, found: Result) -> str:
 
 
 def _direction(kind: Kind, found: Result) -> str:
-    """Say whether a difference has the direction that is reported, and whether its interval has 0 in it."""
+    """Return a phrase on whether a difference has the reported direction, and its confidence interval includes 0."""
     sure = "no interval"
     if isfinite(found.low) and isfinite(found.high):
         sure = f"interval {'includes' if found.low <= 0.0 <= found.high else 'excludes'} 0"

@@ -1,9 +1,10 @@
-"""How much of the effect of forces is mechanics: cooperative movement with a partner who never acts.
+"""Passive-partner control: the mechanical part of the haptic effect on cooperative movement.
 
-The effect is the dyad's share of cooperative movement with forces less that without. The passive effect is the share
-that either side's recorded movement would have with a passive partner instead of the other person; with a partner who
-is still there is none (`netboard.analysis.measures.passive`). Friction of a device holds most of this movement, so each
-passive effect is given twice: of a hand without friction, an upper bound, and of one that holds the recorded device.
+The effect is the dyad's share of cooperative movement with haptic feedback minus the share without. The passive effect
+is the share that each side's recorded movement would have with a passive partner instead of the other participant; a
+still partner has none (`netboard.analysis.measures.passive`). Device friction suppresses most of this movement, so each
+passive effect is reported twice: for a hand without friction, an upper bound, and for a hand that holds the recorded
+device.
 """
 
 from dataclasses import dataclass, replace
@@ -20,21 +21,22 @@ from netboard.analysis.results.result import Result
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
 
 SEED = 20_170_605
-"""Of the bootstrap."""
+"""Seed of the bootstrap."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Control:
-    """The effect of a force beside the passive one.
+    """Effect of a haptic condition, and its passive effect.
 
     Attributes
     ----------
     stiffness : int
-        Of the passive partner's arm [N/m].
+        Stiffness of the passive partner's arm [N/m].
     friction : float
         Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
     share : Estimate
-        Sum of the passive effects over that of the effects, by drawing whole dyads: 1 = all is mechanics [1].
+        Sum of the passive effects divided by that of the effects, with a bootstrap over dyads: 1 = all is mechanics
+        [1].
     """
 
     condition: Condition
@@ -49,30 +51,30 @@ class Control:
 
     @property
     def arm(self) -> str:
-        """The passive hand in words."""
+        """Description of the passive hand."""
         return f"{self.stiffness} N/m, {'with the device' if self.friction else 'no friction'}"
 
     @property
     def has_effect(self) -> bool:
-        """There is something to have a share of: an interval of the effect without 0."""
+        """Whether the share is meaningful: the effect's confidence interval excludes 0."""
         return self.mean_effect.low > 0.0 or self.mean_effect.high < 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Controls:
-    """For every force and every stiffness.
+    """Controls for every haptic condition and stiffness.
 
     Attributes
     ----------
     controls : tuple of Control
-        By force, then by stiffness, without friction and then with the device, if that is known.
+        By haptic condition, then by stiffness; without friction and then with the device, if known.
     """
 
     controls: tuple[Control, ...]
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """The effect of each force, and for each stiffness the passive effect and its share."""
+        """Return the effect of each haptic condition, and for each stiffness the passive effect and its share."""
         rows = []
         felt = []
         for one in self.controls:
@@ -90,7 +92,7 @@ class Controls:
 
 
 def _held(one: Control) -> str:
-    """Say what the passive partner is."""
+    """Return a description of the passive partner."""
     if one.friction:
         return f"a passive partner who holds the recorded device, friction {one.friction:.2f} N"
     return "a passive partner without the device's friction: an upper bound"
@@ -101,12 +103,12 @@ def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
 
 
 def controls(study: Study) -> Controls:
-    """Put the effect of forces beside what a passive partner would show.
+    """Compare the effect of haptic feedback with that of a passive partner.
 
     Returns
     -------
     Controls
-        Empty where no dyad has trials of two people with and without forces.
+        The controls; empty if no dyad has dyadic trials both with and without haptic feedback.
     """
     cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
     live = levels(study, cooperative)

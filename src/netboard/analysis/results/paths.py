@@ -1,8 +1,8 @@
-"""How trials go: the mean paths of ball and hands from the release on, and how far trials spread around them.
+"""Mean paths of ball and hands from the release, and their spread over trials.
 
-Trials with the target at the left are mirrored, so that the target is at the right and the hands are that at the
-target's side and the other one. A path goes on through the hold to the end of its trial; all are shown as far as nine
-of ten trials go, so that hardly any trial drops out on the way.
+Trials with the target on the left are mirrored, so that the target is on the right and the hands are the near and the
+far one. A path continues through the hold to the end of its trial. Paths are shown for as long as nine of ten trials
+last, so that hardly any trial drops out.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,37 +20,37 @@ from netboard.analysis.results.result import Result, kept
 from netboard.analysis.statistics.estimates import t_interval
 
 PERIOD = STEP / RATE
-"""From one sample of a path to the next [s]."""
+"""Sampling period of a path [s]."""
 
 GOING_ON = 0.1
-"""Paths are shown as long as no more than this share of all trials has ended [1]."""
+"""Largest share of trials that may have ended within the time shown [1]."""
 
 BAND = (0.1, 0.9)
 """Quantiles of the trials at each time [1]."""
 
 REPORTED = 0.5
-"""From one time whose place is reported to the next [s]."""
+"""Interval between reported times [s]."""
 
 QUANTITIES = {"ball": "ball along the board", "near": "hand at the target's side", "far": "the other hand"}
-"""What has a path, by its short name."""
+"""Quantities with a path, by short name."""
 
 KEYS = ["recording", "trial", "attempt"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """The course of a quantity in a condition.
+    """Mean path of a quantity in a condition.
 
     Attributes
     ----------
     quantity : {"ball", "near", "far"}
-        Place of the ball, + = towards the target; height of the hand at the target's side; height of the other one.
+        Ball position, + = towards the target; height of the hand on the target's side; height of the other hand.
     time : ndarray of float64, shape (m,)
-        From the release on [s].
+        Time after the release [s].
     each : ndarray of float64, shape (n, m)
-        The mean of each dyad's trials [m].
+        Mean of each dyad's trials [m].
     mean : ndarray of float64, shape (m,)
-        The mean of those [m].
+        Mean over the dyads [m].
     low, high : ndarray of float64, shape (m,)
         Quantiles of all trials [m].
     """
@@ -68,13 +68,13 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Courses:
-    """All of them."""
+    """All mean paths."""
 
     courses: tuple[Course, ...]
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Where ball and hands were at some times."""
+        """Return the positions of ball and hands at the reported times."""
         return tuple(row for one in self.courses for row in _rows(one))
 
 
@@ -87,7 +87,7 @@ def _rows(one: Course) -> Iterator[Result]:
 
 @kept
 def courses(study: Study) -> Courses:
-    """Average the paths of all conditions."""
+    """Return the mean paths of all conditions."""
     if not len(study.counted):
         return Courses(())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
@@ -95,13 +95,14 @@ def courses(study: Study) -> Courses:
 
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """Bring paths and their trials together, one recording after the other.
+    """Join paths and their trials, one recording after the other.
 
     Yields
     ------
     DataFrame
-        The paths of those trials in a recording, with their ``condition``, ``dyad``, ``target`` and ``completion``;
-        ``number`` counts the recording's trials from 0, and ``sample`` their samples. None where there are no paths.
+        Paths of the trials of a recording, with their ``condition``, ``dyad``, ``target`` and ``completion``;
+        ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are
+        skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
         told = own[[*KEYS, "condition", "dyad", "target", "completion"]]
@@ -112,7 +113,7 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
 
 
 def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
-    """Average the paths of a condition."""
+    """Return the mean paths of a condition."""
     trials = study.counted[study.counted["condition"] == condition.name]
     places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
     dyads: list[str] = []
@@ -134,7 +135,7 @@ def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
 
 
 def _places(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return where ball and hands were in the trials of a recording, by quantity: a row each, a column a sample [m]."""
+    """Return the positions of ball and hands by quantity: one row for each trial, one column for each sample [m]."""
     right = table["target"] > 0
     places = {
         "ball": table["p"] * table["target"],

@@ -1,7 +1,7 @@
-"""A row for each performer in each condition: what programs for dyadic data (APIM, multilevel models) want to read.
+"""Table of performers in each condition, for programs for dyadic data (APIM, multilevel models).
 
-A participant who performed alone has the partner beside it, so actor and partner effects can be fitted from this table;
-a dyad that performed together has no partner. All are means of the trials that count; failures are of all attempts.
+Rows of participants who performed alone name their partner, so that actor and partner effects can be fitted; dyads have
+no partner. Values are means of the trials that count; failures are counted over all attempts.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ PEOPLE = (
     number("delay_20", "mean absolute delay at 20 % of the peak that is set, over cooperative movements", "s"),
     number("signed_delay_20", "mean delay there, left less right: + = right first", "s"),
 )
-"""Columns of the table of people."""
+"""Columns of the table of performers."""
 
 
 def people_of(study: Study) -> pd.DataFrame:
@@ -72,7 +72,7 @@ def people_of(study: Study) -> pd.DataFrame:
 
 
 def _common(levels: pd.Series) -> object:
-    """The one level of some trials; all of them where there are several, and no value then."""
+    """Return the common level of some trials; if there are several, all of them, and no value."""
     found = levels.dropna().unique()
     if len(found) == 1:
         return found[0]
@@ -80,7 +80,7 @@ def _common(levels: pd.Series) -> object:
 
 
 def _partners(study: Study) -> dict[str, str]:
-    """Name the partner of each participant: the other one who performed alone, or sat at the same board."""
+    """Return the partner of each participant: the other who performed alone, or sat at the same board."""
     found: dict[str, str] = {}
     for dyad, blocks in study.blocks.groupby("dyad"):
         people = sorted({*blocks["left_by"], *blocks["right_by"]} - {"still", "robot", dyad})
@@ -98,7 +98,7 @@ def _of_attempts(attempts: pd.DataFrame) -> dict[str, int]:
 
 
 def _of_trials(trials: pd.DataFrame, study: Study) -> dict[str, float]:
-    """Average what counts."""
+    """Average the trials that count."""
     times = trials["completion"]
     shares = mean_shares(trials[list(_CLASSES)].to_numpy(np.float64), of=study.readings.summaries.shares)
     return {

@@ -1,8 +1,7 @@
-"""What was recorded: attempts and how they ended, what does not count and why, and whether a session drifts.
+"""Quality of the recordings: attempts and their outcomes, exclusions with reasons, and drift over a session.
 
-A drift is a change of the completion time from block to block that is none between performers or conditions: each
-performer's mean in each condition is taken off times and block numbers. Practice, tiredness and a device that changes
-all look like it.
+A drift is a change of completion time from block to block after each performer's mean in each condition is removed from
+times and block numbers. Practice, fatigue and a changing device all look like drift.
 """
 
 from dataclasses import dataclass
@@ -17,25 +16,25 @@ from netboard.analysis.results.result import Result
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 
 OUTCOMES = {"success": "succeeded", "fell": "fell", "timed_out": "timed out"}
-"""Ends of attempts."""
+"""Outcomes of attempts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
-    """What was recorded.
+    """Quality of the recordings of a study.
 
     Attributes
     ----------
     blocks : DataFrame
-        A row for each dyad's block: ``dyad``, ``block``, ``condition``, ``attempts``, ``success``, ``fell``,
+        Table with a row for each dyad's block: ``dyad``, ``block``, ``condition``, ``attempts``, ``success``, ``fell``,
         ``timed_out``, ``counts``, ``excluded`` (successes and others), ``missing`` ticks and ``time``, the geometric
-        mean completion time of what counts [1, s].
+        mean completion time of the trials that count [1, s].
     reasons : dict of str to int
-        Why attempts do not count, and how many of them [1].
+        Reasons for exclusion, with numbers of attempts [1].
     drifts : tuple of float
-        Of each, the change of the log completion time by a block [1].
+        Change of the log completion time per block, for each dyad [1].
     drift : Estimate
-        Mean of them, as the ratio of the times of successive blocks [1].
+        Mean drift, as the ratio of the times of successive blocks [1].
     """
 
     blocks: pd.DataFrame
@@ -46,7 +45,7 @@ class Quality:
 
     @property
     def results(self) -> tuple[Result, ...]:
-        """Counts of each condition, reasons of exclusion, missing ticks, and the drift."""
+        """Return the counts of each condition, the reasons for exclusion, missing ticks, and the drift."""
         rows = []
         for condition, own in [("all", self.blocks), *self.blocks.groupby("condition", sort=False)]:
             dyads = own["dyad"].nunique()
@@ -66,7 +65,7 @@ def _count(quantity: str, group: str, value: float, n: int) -> Result:
 
 
 def quality(study: Study) -> Quality:
-    """Say what was recorded."""
+    """Return the quality of a study's recordings."""
     reasons = study.exclusions["why"].value_counts()
     drifts = _drifts(study.counted)
     return Quality(
@@ -79,7 +78,7 @@ def quality(study: Study) -> Quality:
 
 
 def _blocks(study: Study) -> pd.DataFrame:
-    """Count the attempts of each block; a block may have several recordings, or none with an attempt."""
+    """Count the attempts of each block; a block may have several recordings, or no attempt."""
     keys = ["recording", "trial", "attempt"]
     out = pd.MultiIndex.from_frame(study.exclusions[keys])
     trials = study.trials.assign(
@@ -99,7 +98,7 @@ def _blocks(study: Study) -> pd.DataFrame:
 
 
 def _drifts(trials: pd.DataFrame) -> pd.Series:
-    """Return the slope of the log completion time over blocks of each dyad, within performers and conditions."""
+    """Return each dyad's slope of the log completion time over blocks, within performers and conditions."""
     table = trials.loc[trials["completion"] > 0.0, ["dyad", "performer", "condition", "block", "completion"]]
     table = table.assign(completion=np.log(table["completion"]), block=table["block"].astype(float))
     means = table.groupby(["dyad", "performer", "condition"])[["block", "completion"]].transform("mean")

@@ -1,4 +1,7 @@
-"""A number that is reported, and the tidy table of all of them: none without its n and its unit of replication."""
+"""Reported numbers and their tidy table: each has its n and its unit of replication.
+
+Values are in SI units; `netboard.analysis.results.units` converts them for display.
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -20,13 +23,13 @@ class Result:
     Attributes
     ----------
     topic : str
-        What it belongs to, such as ``learning``: one word, that of its picture.
+        Topic, such as ``learning``: one word, also the name of its figure.
     value : float
-        The number; NaN where there is none [its unit].
+        The number; NaN if there is none [its unit].
     low, high : float
-        Ends of its interval; NaN without one [its unit].
+        Limits of its interval; NaN without one [its unit].
     interval : str
-        What the interval is, such as ``95 % t`` or ``SD``; empty without one.
+        Kind of interval, such as ``95 % t`` or ``SD``; empty without one.
     """
 
     topic: str
@@ -59,16 +62,17 @@ RESULTS = (
 
 
 def table_of(results: Iterable[Result]) -> pd.DataFrame:
-    """Make the tidy table."""
+    """Return results as a tidy table."""
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
 
 
 UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-"""What numbers that nobody foresaw raise, in numpy, scipy, pandas and matplotlib."""
+"""Exceptions that unforeseen values raise in numpy, scipy, pandas and matplotlib."""
 
 T = TypeVar("T")
 
 
+<<<<<<< HEAD
 MOST_KEPT = 4
 """Studies whose findings are kept: the one that is reported, and those pooled from it [1]."""
 
@@ -76,6 +80,17 @@ MOST_KEPT = 4
 def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
     """Let a costly finding, which nobody changes, be computed once for the results and figures of a study."""
     newest: deque[tuple[ref[Study], T]] = deque(maxlen=MOST_KEPT)
+=======
+def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
+    """Cache a costly computation for its results and figures, for the most recent study.
+
+    Parameters
+    ----------
+    find : callable
+        Function of a `Study`, which must not be changed.
+    """
+    newest: list[tuple[ref[Study], T]] = []
+>>>>>>> lang5
 
     @wraps(find)
     def once(study: Study) -> T:

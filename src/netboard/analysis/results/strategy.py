@@ -1,8 +1,8 @@
-"""Convergence of the strategy (the paper's figure 5): distance and velocity of the ball when braking begins.
+"""Convergence of the strategy (the paper's figure 5): distance and velocity of the ball at the onset of braking.
 
-A condition's trials come in groups, 30 each as set, in the order in which they were done. An ellipse is of everybody's
-trials of a group together. A variance is of one performer's trials of a group in one condition; these are averaged for
-each dyad, and their interval is of dyads.
+Trials of a condition form groups, by default 30 each, in the order of performance. An ellipse pools all performers'
+trials of a group. A variance is that of one performer's trials of a group in one condition; variances are averaged for
+each dyad, and their confidence interval is over dyads.
 """
 
 from collections.abc import Iterator
@@ -24,26 +24,26 @@ from netboard.analysis.statistics.estimates import Estimate
 TOPIC = "strategy"
 
 EVERYBODY = "all"
-"""Name of all teams together."""
+"""Name of the group of all teams."""
 
 KINDS = {
     "each": (("variance of distance", "m2"), ("variance of velocity", "m2/s2")),
     "generalised": (("generalised variance", "m4/s2"),),
 }
-"""Spreads of each reading of "variance", with their units."""
+"""Measures of spread for each setting of "variance", with their units."""
 
 POINT = ["braking_distance", "braking_velocity"]
-"""Columns of a strategy."""
+"""Columns of the strategy: distance and velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How one spread of the strategies goes from group to group.
+    """One measure of spread over the groups of trials.
 
     Attributes
     ----------
     dyads : DataFrame
-        A row for each dyad, a column for each group [its unit].
+        Spread of each dyad (rows) in each group (columns) [its unit].
     """
 
     quantity: str
@@ -79,7 +79,7 @@ class Strategy:
     Attributes
     ----------
     teams : tuple of TeamStrategy
-        All together if there are several, then each that has trials with a first braking movement.
+        All teams pooled if there are several, then each team that has trials with a first braking movement.
     """
 
     teams: tuple[TeamStrategy, ...]
@@ -87,7 +87,7 @@ class Strategy:
 
 
 def strategy(study: Study) -> Strategy:
-    """Find how the strategy converges."""
+    """Return the convergence of the strategy."""
     trials = counted(study).dropna(subset=POINT)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
     filled = {team: rows for team, rows in own.items() if len(rows)}
@@ -165,5 +165,5 @@ def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
 
 
 def trials(first: int, last: int) -> str:
-    """Call a group of trials."""
+    """Return the name of a group of trials."""
     return f"trials {first} to {last}"

@@ -1,6 +1,6 @@
-"""In which units numbers are read: delays in ms, shares in %, distances in mm. Results themselves are in SI units.
+"""Display units: delays in ms, shares in %, distances in mm. Results themselves are in SI units.
 
-This is the one place that decides it, for the report, the pictures and the terminal.
+The report, the figures and the terminal all take their units from here.
 """
 
 import re
@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit in which numbers are read.
+    """A display unit.
 
     Attributes
     ----------
     scale : float
-        What a number in the SI unit is multiplied by [1].
+        Factor from the SI unit to this unit [1].
     finest : int
-        Decimals that it has at most: more tell nobody anything [1].
+        Largest useful number of decimals [1].
     """
 
     symbol: str
@@ -25,7 +25,7 @@ class Unit:
 
     @property
     def in_brackets(self) -> str:
-        """The unit as an axis or the heading of a column has it."""
+        """The unit as in an axis label or a column heading."""
         return f"[{self.symbol or '1'}]"
 
 
@@ -41,7 +41,7 @@ READ_IN = {
     "J": Unit("mJ", 1e3),
     "W": Unit("mW", 1e3),
 }
-"""What SI units are always read in, where it is another one."""
+"""Display units of SI units that are never shown as such."""
 
 _SHORT = re.compile(r"\b(delay|lag|reaction)\b")
 _SHARE = re.compile(r"\bshare\b|^falls per attempt")
@@ -51,17 +51,17 @@ _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
 
 def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
-    """Choose the unit in which a quantity is read.
+    """Return the display unit of a quantity.
 
     Parameters
     ----------
     unit : str
-        Its SI unit, such as ``m2/s``; ``1`` or nothing for a pure number.
+        SI unit, such as ``m2/s``; ``1`` or empty for a pure number.
     quantity : str
-        What it is, as in `netboard.analysis.results.result.Result`: it tells delays from completion times, and shares
-        from other pure numbers.
+        Quantity, as in `netboard.analysis.results.result.Result`: it distinguishes delays from completion times, and
+        shares from other pure numbers.
     group : str
-        Of whom and when; differences of shares are in percentage points.
+        Group; differences of shares are in percentage points.
     """
     if unit == "s" and _SHORT.search(quantity):
         return MS

@@ -1,4 +1,8 @@
-"""How many trials the first and the last ones are, and those of a group: as set, or chosen from how many there are."""
+"""Window sizes: number of first and last trials and group size, as set or chosen from the data.
+
+The paper compares 30 first with 30 last trials and groups 30 trials. Studies with shorter conditions get smaller
+windows, and a note gives the reason.
+"""
 
 from dataclasses import dataclass
 
@@ -7,17 +11,17 @@ from netboard.analysis.measures.performance import ENDS, window_sizes
 from netboard.analysis.results.groups import counted
 
 SHORTER = 0.25
-"""So many of the series may have fewer trials than the windows are chosen for [1]."""
+"""Largest share of the series with fewer trials than the windows require [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Numbers of trials that are looked at together.
+    """Window sizes of a study.
 
     Attributes
     ----------
     ends_note, group_note : str
-        Why they are not the paper's; empty if they are, or if they are set.
+        Reasons for deviating from the paper's sizes; empty for the paper's or set sizes.
     """
 
     ends: int
@@ -27,12 +31,12 @@ class Windows:
 
     @property
     def note(self) -> str:
-        """Of both."""
+        """The note on first and last trials, or else the note on groups."""
         return self.ends_note or self.group_note
 
 
 def windows_of(study: Study) -> Windows:
-    """Choose the windows of a study: the settings', or the paper's 30, or as many as short conditions have room for."""
+    """Return the windows of a study: as set, or the paper's 30, or as many as short conditions allow."""
     how = study.readings.summaries
     trials = counted(study)
     if not len(trials):

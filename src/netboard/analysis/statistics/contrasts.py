@@ -1,7 +1,7 @@
-"""Two conditions compared, dyad by dyad: everything that can be said of one difference, and of a family of them.
+"""Paired contrasts of two conditions: estimates, confidence intervals, tests, and correction for families of tests.
 
-Each dyad has one value in each condition, the mean of what it did there; what is compared are the differences of a dyad
-with itself. The intervals and tests are those of `netboard.analysis.statistics.estimates` and its neighbours.
+Each dyad has one value in each condition, its mean there. The analysis uses the within-dyad differences. Confidence
+intervals and tests are those of `netboard.analysis.statistics.estimates` and its neighbours.
 """
 
 from dataclasses import dataclass
@@ -16,41 +16,42 @@ from netboard.analysis.statistics.estimates import ROUNDING, Estimate, cluster_m
 from netboard.analysis.statistics.exact_tests import Test, permutation_test, sign_test
 
 TOO_SHORT = 16
-"""Bootstrap intervals of so few units, or fewer, contain the truth clearly less often than they say [1]."""
+"""Number of units up to which bootstrap confidence intervals have clearly less than their nominal coverage [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contrast:
-    """One measure in two conditions.
+    """Contrast of one measure between two conditions.
 
     Attributes
     ----------
     name : str
-        What is compared.
+        Name of the contrast.
     n : int
-        Units that have both conditions [1].
+        Number of units with both conditions [1].
     unit : str
-        What they are.
+        Name of that unit.
     labels : tuple
-        The units, in order.
+        Labels of the units, in order.
     first, second : tuple of float
-        Their values in the two conditions [the measure's own].
+        Values of the units in the two conditions [unit of the measure].
     differences : tuple of float
-        First less second [the measure's own].
+        First minus second [unit of the measure].
     left_out : tuple
-        Units that have one of the conditions only, or neither.
+        Units with only one of the conditions, or neither.
     means : tuple of Estimate
-        Of the first and of the second condition, with t intervals. Whether these overlap says little of the difference.
+        Means of the first and of the second condition, with t intervals. Overlap of these intervals says little about
+        the difference.
     difference : Estimate
-        The mean difference, with its t interval.
+        Mean difference, with its t interval.
     bootstrap : Estimate
-        The same, with the interval of the cluster bootstrap.
+        Mean difference, with its cluster-bootstrap interval.
     t, signs, permutation : Test
-        Student's paired test, the exact sign test and the exact permutation test of no difference.
+        Student's paired t test, exact sign test and exact permutation test of no difference.
     effect : Estimate
-        d_z, with its interval.
+        Effect size d_z, with its confidence interval.
     notes : tuple of str
-        What so few units do to these numbers.
+        Cautions for a small number of units.
     """
 
     name: str
@@ -87,31 +88,31 @@ def condition_contrast(
     Parameters
     ----------
     values : array_like, shape (n,)
-        The measure, of trials, of people or of units; NaN are left out [any].
+        Values of the measure for trials, participants or units; NaN are ignored [any].
     units : array_like, shape (n,)
-        Whose value it is: labels of any kind. A unit's value in a condition is the mean of its values there.
+        Unit label of each value, of any type. A unit's value in a condition is the mean of its values there.
     first : array_like of bool, shape (n,)
-        It is of the first condition; otherwise of the second.
+        Whether the value belongs to the first condition; otherwise to the second.
     rng : numpy.random.Generator
-        Source of chance for the bootstrap, and for permutations of more than 16 units.
+        Random generator for the bootstrap, and for permutations of more than 16 units.
     name : str
-        What is compared.
+        Name of the contrast.
     unit : str
-        What a unit is.
+        Name of the unit.
     level : float
-        Confidence [1].
+        Confidence level [1].
     resamples : int
-        How many sets of units, and how many permutations where not all can be, are drawn [1].
+        Number of bootstrap resamples, and of random permutations where not all can be evaluated [1].
 
     Returns
     -------
     Contrast
-        Without intervals for fewer than two units.
+        The contrast; without confidence intervals for fewer than two units.
 
     Raises
     ------
     ValueError
-        If there is not one label and one condition for each value.
+        If the lengths of values, units and conditions differ.
     """
     labels, pairs = _pairs(values, units, first)
     both = np.isfinite(pairs).all(axis=1)
@@ -138,19 +139,19 @@ def condition_contrast(
 
 
 def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
-    """Test whether paired differences are zero on average, if they are normal: Student's test, two-sided.
+    """Test whether the mean of paired normal differences is zero: Student's paired t test, two-sided.
 
     Parameters
     ----------
     differences : array_like, shape (n,)
-        One for each unit; NaN are left out [any].
+        One difference for each unit; NaN are ignored [any].
     unit : str
-        What the differences are of.
+        Name of the unit.
 
     Returns
     -------
     Test
-        The statistic is t; without p for fewer than two units, or differences that do not vary but for rounding.
+        The statistic is t; no p for fewer than two units, or if the differences vary only by rounding.
     """
     x = np.asarray(differences, dtype=float)
     x = x[np.isfinite(x)]
@@ -161,25 +162,25 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
 
 
 def holm(p: ArrayLike) -> NDArray[np.float64]:
-    """Correct the p values of a family of tests, so that one false finding in the family is as rare as in one test.
+    """Correct the p values of a family of tests for multiple testing (family-wise error rate).
 
-    Holm, Scand. J. Statist. 6:65, 1979: the smallest is multiplied by the number of tests, the next by one less, and
-    none gets smaller than those before it. It holds however the tests depend on each other.
+    Holm, Scand. J. Statist. 6:65, 1979: the smallest p is multiplied by the number of tests m, the next by m - 1, and
+    so on; corrected values never decrease in this order. It holds for any dependence between the tests.
 
     Parameters
     ----------
     p : array_like, shape (n,)
-        One for each test; NaN, a test without a result, is none of the family [1].
+        One p value for each test; NaN, a test without a result, is not part of the family [1].
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        Corrected, in the same order [1].
+        Corrected p values, in the same order [1].
 
     Raises
     ------
     ValueError
-        If a value is no probability.
+        If a value is not a probability.
     """
     given = np.asarray(p, dtype=float)
     if given.ndim != 1 or ((given < 0.0) | (given > 1.0)).any():
@@ -208,12 +209,12 @@ def _pairs(values: ArrayLike, units: ArrayLike, first: ArrayLike) -> tuple[NDArr
 
 
 def _equal(x: NDArray[np.float64]) -> bool:
-    """Say whether values differ by no more than rounding."""
+    """Return whether values differ by no more than rounding."""
     return not np.ptp(x) > ROUNDING * np.abs(x).max()
 
 
 def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
-    """Say what few units do."""
+    """Return cautions for a small number of units."""
     n = len(differences)
     if n < 2:
         return (f"{'one' if n else 'no'} {unit} with both conditions: no interval and no test of a mean",)

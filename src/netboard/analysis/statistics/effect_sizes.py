@@ -1,4 +1,7 @@
-"""Sizes of effects, differences over standard deviations, with the dyad as the unit of replication."""
+"""Standardised effect sizes, with the dyad as the unit of replication.
+
+Confidence intervals use the noncentral t distribution. `correction` selects Hedges' small-sample correction.
+"""
 
 from math import exp, lgamma, log, sqrt
 from typing import Literal
@@ -16,25 +19,25 @@ Correction = Literal["none", "hedges"]
 def paired_effect(
     differences: ArrayLike, *, correction: Correction = "none", level: float = 0.95, unit: str = "dyad"
 ) -> Estimate:
-    """Estimate the size of a paired effect: d_z, the mean difference over the differences' standard deviation.
+    """Estimate the effect size d_z: the mean paired difference over the standard deviation of the differences.
 
-    Its interval is that of the noncentral t distribution (Cumming and Finch, Educ. Psychol. Meas. 61:532, 2001).
+    The confidence interval uses the noncentral t distribution (Cumming and Finch, Educ. Psychol. Meas. 61:532, 2001).
 
     Parameters
     ----------
     differences : array_like, shape (n,)
-        One for each unit; NaN are left out [any].
+        One difference for each unit; NaN are ignored [any].
     correction : {"none", "hedges"}
-        As it is; or times the factor that takes its bias in small samples away (`hedges_factor`), interval and all.
+        No correction, or multiplication of estimate and interval by the small-sample factor (`hedges_factor`).
     level : float
-        Confidence [1].
+        Confidence level [1].
     unit : str
-        What the differences are of.
+        Name of the unit.
 
     Returns
     -------
     Estimate
-        d_z, or g_z; NaN for fewer than two units (g_z: three), or differences that do not vary [1].
+        d_z or g_z; NaN for fewer than two units (g_z: three) or constant differences [1].
     """
     x = known(differences)
     name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
@@ -52,24 +55,24 @@ def hedges_g(
     level: float = 0.95,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate the size of an effect between two groups of different units: the difference of means over the pooled SD.
+    """Estimate the effect size between two groups of different units: the mean difference over the pooled SD.
 
     Parameters
     ----------
     first, second : array_like, shape (n,) and (m,)
-        One value for each unit; NaN are left out [any].
+        One value for each unit; NaN are ignored [any].
     correction : {"none", "hedges"}
-        Cohen's d; or times the factor that takes its bias in small samples away (`hedges_factor`), interval and all.
+        Cohen's d, or Hedges' g: estimate and interval multiplied by the small-sample factor (`hedges_factor`).
     level : float
-        Confidence [1].
+        Confidence level [1].
     unit : str
-        What the values are of.
+        Name of the unit.
 
     Returns
     -------
     Estimate
-        Hedges' g (or d), first less second; NaN for fewer than four units (d: three), an empty group, or values that do
-        not vary [1].
+        Hedges' g (or d), first minus second; NaN for fewer than four units (d: three), an empty group or constant
+        values [1].
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2
@@ -83,7 +86,7 @@ def hedges_g(
 
 
 def hedges_factor(free: int) -> float:
-    """Return the factor that takes the bias of a standardised mean away (Hedges, J. Educ. Stat. 6:107, 1981).
+    """Return the small-sample bias correction of a standardised mean (Hedges, J. Educ. Stat. 6:107, 1981).
 
     It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``.
 
@@ -95,7 +98,7 @@ def hedges_factor(free: int) -> float:
     Returns
     -------
     float
-        The factor, less than 1; NaN for one degree of freedom, for which d has no mean and its bias no size [1].
+        The factor, less than 1; NaN for one degree of freedom, for which d has no mean [1].
     """
     if free < 2:
         return float("nan")
@@ -103,18 +106,18 @@ def hedges_factor(free: int) -> float:
 
 
 def _effect(d: float, scale: float, free: int, factor: float, level: float, n: int, unit: str, name: str) -> Estimate:
-    """Put the interval of the noncentral t distribution round a standardised mean."""
+    """Return a standardised mean with its noncentral t confidence interval."""
     low, high = (_noncentrality(d * scale, free, tail) / scale for tail in (0.5 + level / 2.0, 0.5 - level / 2.0))
     return Estimate(factor * d, factor * low, factor * high, level, n, unit, name)
 
 
 def _noncentrality(t: float, free: int, below: float) -> float:
-    """Find the noncentrality with which t has a given probability below it."""
+    """Find the noncentrality parameter for which t has a given cumulative probability."""
     if t < 0.0:
         return -_noncentrality(-t, free, 1.0 - below)
     longest, least = stats.chi2.ppf((1.0 - 1e-12, 1.0 - below), free) / free
-    if t > 1000.0:  # Only the spread of the standard deviation is left.
+    if t > 1000.0:  # only the sampling variance of the standard deviation matters
         return t * sqrt(least)
-    # At t = 0 the probability is that of the normal distribution, and at a larger one it is larger.
+    # At t = 0 the noncentrality is the normal quantile; at larger t it is larger.
     bracket = (float(stats.norm.ppf(1.0 - below)) - 0.1, t * sqrt(longest) + 8.0)
     return float(brentq(lambda shift: stats.nct.cdf(t, free, shift) - below, *bracket, xtol=1e-9))

@@ -1,6 +1,6 @@
-"""What models of a study say: effects and how sure they are, sources of chance, residuals.
+"""Results of a model: fixed effects with their uncertainty, variance components, residual diagnostics.
 
-Knows no model: `netboard.analysis.statistics.models` fits them, to the columns of
+This module fits nothing: `netboard.analysis.statistics.models` fits the models, to the columns of
 `netboard.analysis.statistics.factors`.
 """
 
@@ -25,25 +25,25 @@ from netboard.analysis.statistics.small_samples import (
 Interval = Literal["t", "z"]
 
 METHODS = ("Satterthwaite", "Kenward-Roger")
-"""Methods for small samples."""
+"""Small-sample inference methods."""
 
 
 @dataclass(frozen=True, slots=True)
 class Inference:
-    """How sure an effect is, by a method for small samples.
+    """Inference on an effect by a small-sample method.
 
     Attributes
     ----------
     method : str
         ``Satterthwaite`` or ``Kenward-Roger``.
     estimate, ratio : Estimate
-        The coefficient [log of the response] and its exponential [1], with the method's confidence interval.
+        Coefficient [log of the response] and its exponential [1], with the method's confidence interval.
     error : float
         Standard error of the coefficient [log of the response].
     free : float
         Degrees of freedom [1].
     p : float
-        p value of no effect [1].
+        p value of the null hypothesis of no effect [1].
     """
 
     method: str
@@ -61,20 +61,20 @@ class Effect:
     Attributes
     ----------
     name : str
-        A column of the design, or an effect of `simple_effects`, such as ``haptics, dyadic``.
+        Column of the design, or an effect of `simple_effects`, such as ``haptics, dyadic``.
     estimate : Estimate
-        Its coefficient; NaN where data cannot tell it [log of the response].
+        Coefficient; NaN if it cannot be estimated [log of the response].
     ratio : Estimate
-        The exponential of it: by how much the response, or the odds, are multiplied. That of the intercept is the
-        response at the first trial [1].
+        Exponential of the coefficient: the factor by which the response, or the odds, are multiplied. For the intercept
+        it is the response at the first trial [1].
     error : float
         Standard error of the coefficient [log of the response].
     free : float
-        Degrees of freedom of the interval; infinite for z [1].
+        Degrees of freedom of the confidence interval; infinite for z [1].
     p : float
-        How probable so large a coefficient is if there is none [1].
+        p value: probability of a coefficient at least as large under the null hypothesis [1].
     others : tuple of Inference
-        The same effect by the methods for small samples; none of a marginal model.
+        The same effect by the small-sample methods; empty for a marginal model.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Effect:
     others: tuple[Inference, ...] = ()
 
     def by(self, method: str) -> Inference:
-        """Return the inference of a method.
+        """Return the inference by a method.
 
         Parameters
         ----------
@@ -96,12 +96,12 @@ class Effect:
         Returns
         -------
         Inference
-            That one.
+            The entry found.
 
         Raises
         ------
         ValueError
-            If the model has none of it.
+            If the model has no inference by that method.
         """
         found = {one.method: one for one in self.others}
         if method not in found:
@@ -111,18 +111,18 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """How much one source of chance contributes.
+    """Variance component of one random effect.
 
     Attributes
     ----------
     name : str
-        The source.
+        Name of the random effect.
     variance : float
-        Its variance [square of the log of the response].
+        Variance [square of the log of the response].
     deviation : float
-        Its square root [log of the response].
+        Standard deviation [log of the response].
     levels : int
-        How many values of it there are [1].
+        Number of levels of the random effect [1].
     """
 
     name: str
@@ -133,22 +133,22 @@ class Component:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnostics:
-    """What residuals say of a model's assumptions.
+    """Residual diagnostics of a model's assumptions.
 
-    There is no test of normality: of thousands of trials it rejects every model, of a few dyads none.
+    A normality test is left out on purpose: with thousands of trials it rejects every model, with a few dyads none.
 
     Attributes
     ----------
     quantiles : ndarray of float64, shape (n,)
-        Of the normal distribution, where the residuals should be [residual SD].
+        Quantiles of the normal distribution for a Q-Q plot [residual SD].
     residuals : ndarray of float64, shape (n,)
-        What neither fixed nor random effects explain, in order of size [residual SD].
+        Residuals after fixed and random effects, sorted [residual SD].
     skewness, kurtosis : float
-        Of the residuals; 0 of normal ones, both [1].
+        Skewness and excess kurtosis of the residuals; both 0 for a normal distribution [1].
     spread : float
-        Rank correlation of the residuals' magnitude with the fitted value; 0 for equal variances [1].
+        Rank correlation of the absolute residual with the fitted value; 0 for equal variances [1].
     successive : float
-        Correlation of residuals of successive trials of a performer in a condition; 0 for independent trials, NaN
+        Correlation of the residuals of successive trials of a performer in a condition; 0 for independent trials, NaN
         without successive ones [1].
     """
 
@@ -162,39 +162,39 @@ class Diagnostics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """A model of a study, fitted or not.
+    """Result of a model of a study, fitted or not.
 
     Attributes
     ----------
     name, equation : str
-        What it is.
+        Name and equation of the model.
     fitted : bool
-        There are estimates; otherwise the notes say why not, and every number of the model is NaN.
+        Whether there are estimates; otherwise the notes say why not, and every number of the model is NaN.
     converged : bool
-        The fit ended where it should.
+        Whether the fit converged.
     effects : tuple of Effect
-        One for each column of the model, then those of `simple_effects`.
+        Effect of each column of the model, then those of `simple_effects`.
     components : tuple of Component
-        Sources of chance, the residual last; none of a marginal model.
+        Variance components of the random effects, the residual last; empty for a marginal model.
     cells : tuple of Cell
-        What was observed, whatever became of the fit.
+        Observed conditions, whether or not the fit succeeded.
     dispersion : float
-        Pearson's chi-square over its degrees of freedom, with the variance of a Poisson distribution; NaN of other
+        Pearson's chi-square over its degrees of freedom, with the variance of a Poisson distribution; NaN for other
         models [1].
     alpha : float
-        Variance beyond the mean over the square of the mean, if the model has it, otherwise NaN [1].
+        Over-dispersion: variance beyond the mean, divided by the squared mean; NaN if the model has none [1].
     correlation : float
-        That of two trials of a dyad, as estimated for the weights of a marginal model; NaN of other models [1].
+        Working correlation of two trials of a dyad in a marginal model; NaN for other models [1].
     trials, performers, dyads : int
-        How many there are; the dyad is the unit [1].
+        Numbers of trials, performers and dyads; the dyad is the unit of replication [1].
     left_out : int
-        Trials without a value [1].
+        Number of trials without a value [1].
     assumptions : tuple of str
-        What must hold, as sentences.
+        Assumptions of the model, as sentences.
     notes : tuple of str
-        What went wrong or was left out, with the warnings of statsmodels.
+        Problems and omissions, including the warnings of statsmodels.
     diagnostics : Diagnostics or None
-        Residuals, if the model has any of one scale.
+        Residual diagnostics, if the model's residuals share one scale.
     """
 
     name: str
@@ -216,22 +216,22 @@ class Model:
     diagnostics: Diagnostics | None
 
     def effect(self, name: str) -> Effect:
-        """Return the effect of a name.
+        """Return the effect with a name.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the effect.
 
         Returns
         -------
         Effect
-            That one.
+            The entry found.
 
         Raises
         ------
         ValueError
-            If there is none of that name.
+            If there is no effect with that name.
         """
         found = {effect.name: effect for effect in self.effects}
         if name not in found:
@@ -248,27 +248,27 @@ def effects_of(
     interval: Interval,
     moments: Moments | None = None,
 ) -> tuple[Effect, ...]:
-    """Turn coefficients into effects, those of a factor at each level of another with them.
+    """Return the effects of coefficients, including those of a factor at each level of another.
 
     Parameters
     ----------
     design : Design
-        Its names are those of the coefficients.
+        Design whose names are those of the coefficients.
     coefficients : ndarray of float64, shape (k,)
-        One for each name [log of the response].
+        Coefficient of each name [log of the response].
     covariance : ndarray of float64, shape (k, k)
-        Their covariance; NaN without one [square of the log of the response].
+        Covariance of the coefficients; NaN if unknown [square of the log of the response].
     level : float
-        Confidence [1].
+        Confidence level [1].
     interval : {"t", "z"}
-        Student's with `careful_freedom`; or the normal one.
+        Student's t with `careful_freedom`, or the normal distribution.
     moments : Moments or None
-        Of a mixed model: Satterthwaite's and Kenward and Roger's inference is added.
+        Moments of a mixed model; they add Satterthwaite's and Kenward and Roger's inference.
 
     Returns
     -------
     tuple of Effect
-        One for each column asked for, then those of `simple_effects`; NaN where data cannot tell.
+        Effect of each requested column, then those of `simple_effects`; NaN if not estimable.
     """
     free = careful_freedom(design) if interval == "t" else inf
     found = []
@@ -292,7 +292,7 @@ def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> 
 
 
 def careful_freedom(design: Design) -> float:
-    """Return the degrees of freedom between dyads: dyads less one, and less the effects that vary between dyads only.
+    """Return the between-dyad degrees of freedom: dyads minus 1, minus the effects that vary only between dyads.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def careful_freedom(design: Design) -> float:
 
 
 def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
-    """Return how much each effect has of each coefficient.
+    """Return the contrast vector of each effect over the coefficients.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
     Returns
     -------
     dict of str to ndarray of float64, shape (k,), or None
-        By name of the effect; None where these trials cannot tell a coefficient that it needs [1].
+        Contrast vector by name of the effect; None if a coefficient that it needs is not estimable [1].
     """
     place = {name: i for i, name in enumerate(design.names)}
     wanted = {name: {name: 1.0} for name in design.asked} | simple_effects(design)
@@ -348,7 +348,7 @@ def _sure(
 
 
 def _estimates(ends: tuple[float, float, float], level: float, n: int, method: str) -> tuple[Estimate, Estimate]:
-    """Return value, low and high as they are, and their exponentials."""
+    """Return value, low and high on the coefficient's scale, and their exponentials."""
     value, low, high = ends
     ratio = Estimate(_exp(value), _exp(low), _exp(high), level, n, "dyad", method)
     return Estimate(value, low, high, level, n, "dyad", method), ratio
@@ -357,54 +357,54 @@ def _estimates(ends: tuple[float, float, float], level: float, n: int, method: s
 def interval_effect(
     name: str, ends: tuple[float, float, float], error: float, free: float, p: float, level: float, n: int, method: str
 ) -> Effect:
-    """Make an effect of an interval that is not symmetric.
+    """Return an effect with an asymmetric confidence interval.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the effect.
     ends : tuple of float
-        The coefficient, and the low and the high end of its interval [log of the response].
+        Coefficient, and lower and upper limit of its confidence interval [log of the response].
     error : float
         Standard error [log of the response].
     free : float
         Degrees of freedom [1].
     p : float
-        p value of no effect [1].
+        p value of the null hypothesis of no effect [1].
     level : float
-        Confidence [1].
+        Confidence level [1].
     n : int
-        Dyads [1].
+        Number of dyads [1].
     method : str
-        What the interval is.
+        Method of the confidence interval.
 
     Returns
     -------
     Effect
-        With its ratio.
+        The effect, with its ratio.
     """
     return Effect(name, *_estimates(ends, level, n, method), error, free, p)
 
 
 def _exp(x: float) -> float:
-    """Return the exponential, infinite where no number is large enough."""
+    """Return the exponential, infinite on overflow."""
     return float(np.exp(x)) if x < 700.0 else (x if np.isnan(x) else inf)
 
 
 def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.float64]) -> Diagnostics:
-    """Look at the residuals of a model.
+    """Return the residual diagnostics of a model.
 
     Parameters
     ----------
     design : Design
         The trials.
     residuals, fitted : ndarray of float64, shape (n,)
-        What is not explained, and what is [log of the response].
+        Residuals and fitted values [log of the response].
 
     Returns
     -------
     Diagnostics
-        Quantiles after Blom: of the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
+        Diagnostics with Blom's quantiles: for the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
     """
     scaled = residuals / residuals.std()
     n = len(scaled)
@@ -420,7 +420,7 @@ def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.
 
 
 def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
-    """Correlate residuals of trials k and k + 1 of one performer in one condition."""
+    """Correlate the residuals of trials k and k + 1 of each performer in each condition."""
     keys = np.column_stack([design.performers, design.conditions, design.order])
     by = np.lexsort(keys.T[::-1])
     keys, residuals = keys[by], residuals[by]
@@ -431,7 +431,7 @@ def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
 
 
 def said(sentences: Sequence[str]) -> tuple[str, ...]:
-    """Say everything once, in the order in which it was said first.
+    """Remove duplicate notes, keeping the order of first occurrence.
 
     Parameters
     ----------
@@ -441,6 +441,6 @@ def said(sentences: Sequence[str]) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Those notes.
+        Notes without duplicates.
     """
     return tuple(dict.fromkeys(sentences))

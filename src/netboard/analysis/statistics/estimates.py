@@ -1,12 +1,11 @@
-"""What few dyads can show: estimates with intervals, with the dyad as the unit of replication.
+"""Estimates with confidence intervals, with the dyad as the unit of replication.
 
-Trials of one dyad are not independent of each other, and neither are its partners; a study has as many values as it has
-dyads. Every result therefore carries how many units it is made of, and of what kind they are. With few units the
-bootstrap's intervals are too short (docs/explanation/analysis-modern.md has the numbers); those of t are the default
-elsewhere. Tests are in `netboard.analysis.statistics.exact_tests`, sizes of effects in
-`netboard.analysis.statistics.effect_sizes`.
+Trials of one dyad are not independent, nor are its partners: a study has as many independent values as dyads. Every
+result therefore carries the number and the kind of its units. With few units bootstrap confidence intervals are too
+short (docs/explanation/analysis-modern.md has the numbers), so t intervals are the default elsewhere. Tests are in
+`netboard.analysis.statistics.exact_tests`, effect sizes in `netboard.analysis.statistics.effect_sizes`.
 
-Nothing here draws a random number but from the generator that it is given.
+All random numbers come from the generator that the caller passes.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,27 +22,27 @@ Bootstrap = Literal["percentile", "basic", "BCa"]
 Weighting = Literal["units", "samples"]
 
 ROUNDING = 1e-12
-"""Relative differences up to this are none, but of rounding [1]."""
+"""Relative difference up to which values are equal but for rounding [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value and how sure it is.
+    """Estimate with its confidence interval.
 
     Attributes
     ----------
     value : float
-        The estimate; NaN where there is none [its own].
+        Point estimate; NaN if there is none [its own].
     low, high : float
-        Ends of the confidence interval; NaN for too few units [its own].
+        Limits of the confidence interval; NaN for too few units [its own].
     level : float
-        Confidence [1].
+        Confidence level [1].
     n : int
-        Units of replication [1].
+        Number of units of replication [1].
     unit : str
-        What they are.
+        Name of that unit.
     method : str
-        How the interval was found.
+        Method of the confidence interval.
     """
 
     value: float
@@ -56,21 +55,21 @@ class Estimate:
 
 
 def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") -> Estimate:
-    """Estimate a mean with Student's interval.
+    """Estimate a mean with Student's t interval.
 
     Parameters
     ----------
     values : array_like, shape (n,)
-        One for each unit; NaN are left out [any].
+        One value for each unit; NaN are ignored [any].
     level : float
-        Confidence [1].
+        Confidence level [1].
     unit : str
-        What the values are of.
+        Name of the unit.
 
     Returns
     -------
     Estimate
-        The mean; without an interval for fewer than two units.
+        The mean; without a confidence interval for fewer than two units.
     """
     x = known(values)
     if len(x) < 2:
@@ -89,29 +88,29 @@ def cluster_mean(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate the mean of samples that come in clusters, such as the trials of dyads: clusters are drawn, not samples.
+    """Estimate the mean of clustered samples, such as trials of dyads, by resampling clusters.
 
     Parameters
     ----------
     clusters : sequence of array_like, shape (n_k,)
-        The samples of each unit; NaN, and units without any sample, are left out [any].
+        Samples of each unit; NaN and empty units are ignored [any].
     rng : numpy.random.Generator
-        Source of chance.
+        Random generator.
     weighting : {"units", "samples"}
-        The mean of the units' means; or that of all samples, in which units with more of them weigh more.
+        Mean of the units' means, or mean of all samples, which gives units with more samples more weight.
     level : float
-        Confidence [1].
+        Confidence level [1].
     method : {"percentile", "basic", "BCa"}
         As in `bootstrap`.
     resamples : int
-        How many sets of units are drawn [1].
+        Number of bootstrap resamples [1].
     unit : str
-        What a cluster is of.
+        Name of the unit.
 
     Returns
     -------
     Estimate
-        The mean; without an interval for fewer than two units.
+        The mean; without a confidence interval for fewer than two units.
     """
     samples = [x for x in map(known, clusters) if len(x)]
     sums, counts = np.array([x.sum() for x in samples]), np.array([float(len(x)) for x in samples])
@@ -121,19 +120,19 @@ def cluster_mean(
 
 
 def ratio_of_sums(above: NDArray[np.float64], below: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-    """Divide sums over units, for `bootstrap`: a weighted mean, or how much of one effect another one makes.
+    """Return the ratio of two sums over units, for `bootstrap`: a weighted mean, or the share of an effect.
 
     Parameters
     ----------
     above, below : ndarray of float64, shape (..., n)
         Values of the units [any].
     axis : int
-        That of the units [1].
+        Axis of the units [1].
 
     Returns
     -------
     ndarray of float64, shape (...)
-        Their ratio; NaN where the divisor is 0 [1].
+        Ratio of the sums; NaN for a divisor of 0 [1].
     """
     divisor = np.sum(below, axis=axis)
     return np.asarray(np.sum(above, axis=axis) / np.where(divisor == 0.0, np.nan, divisor))
@@ -149,35 +148,36 @@ def bootstrap(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate any statistic of units, whole units being drawn with replacement (`scipy.stats.bootstrap`).
+    """Estimate any statistic by resampling whole units with replacement (`scipy.stats.bootstrap`).
 
     Parameters
     ----------
     columns : sequence of array_like, shape (n,)
         One or more values of each unit [any].
     statistic : callable
-        Takes the columns, shape (..., n), and `axis`; returns shape (...) [any].
+        Function of the columns, shape (..., n), and `axis`; returns shape (...) [any].
     rng : numpy.random.Generator
-        Source of chance.
+        Random generator.
     level : float
-        Confidence [1].
+        Confidence level [1].
     method : {"percentile", "basic", "BCa"}
-        Percentiles of the drawn statistics, mirrored, or corrected for bias and skewness (Efron 1987).
+        Percentiles of the bootstrap distribution, reflected percentiles, or bias-corrected and accelerated (Efron
+        1987).
     resamples : int
-        How many sets of units are drawn [1].
+        Number of bootstrap resamples [1].
     unit : str
-        What a row is of.
+        Name of the unit.
 
     Returns
     -------
     Estimate
-        The statistic; without an interval for fewer than two units, or where draws have none. Where any one unit alone
-        gives the same the interval is a point.
+        The statistic; without a confidence interval for fewer than two units, or if the statistic of a resample is
+        undefined. If every single unit gives the same statistic, the interval is a point.
 
     Raises
     ------
     ValueError
-        If the columns have no equal length.
+        If the lengths of the columns differ.
     """
     data = [np.asarray(column, dtype=float) for column in columns]
     if not data or any(column.ndim != 1 or len(column) != len(data[0]) for column in data):
@@ -202,26 +202,26 @@ def bootstrap(
     return Estimate(value, float(found.low), float(found.high), level, n, unit, f"bootstrap, {method}")
 
 
-# --- parts, of the other statistics too --------------------------------------------------------------------------
+# --- helpers, also for the other statistics modules -------------------------------------------------------------
 
 
 def known(values: ArrayLike) -> NDArray[np.float64]:
-    """Leave out what is missing.
+    """Return the finite values.
 
     Parameters
     ----------
     values : array_like, shape (n,)
-        One for each unit [any].
+        One value for each unit [any].
 
     Returns
     -------
     ndarray of float64, shape (m,)
-        The finite ones [any].
+        The finite values [any].
 
     Raises
     ------
     ValueError
-        If there is not one value for each unit.
+        If the values are not one-dimensional.
     """
     x = np.asarray(values, dtype=float)
     if x.ndim != 1:
@@ -230,7 +230,7 @@ def known(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def mean(x: NDArray[np.float64]) -> float:
-    """Return the mean, which nothing has not.
+    """Return the mean, NaN for an empty array.
 
     Parameters
     ----------
@@ -240,6 +240,6 @@ def mean(x: NDArray[np.float64]) -> float:
     Returns
     -------
     float
-        NaN of none [any].
+        The mean [any].
     """
     return float(x.mean()) if len(x) else np.nan

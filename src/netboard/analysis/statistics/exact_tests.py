@@ -1,7 +1,7 @@
-"""Tests of differences with the dyad as the unit of replication: all arrangements, where they are not too many.
+"""Exact sign and permutation tests of differences, with the dyad as the unit of replication.
 
-With few units a test says by `least_p` what it could show at best. Nothing here draws a random number but from the
-generator that it is given.
+All arrangements are evaluated unless they are too many. `least_p` is the smallest p that a test could give with so few
+units. All random numbers come from the generator that the caller passes.
 """
 
 from collections.abc import Callable
@@ -18,34 +18,34 @@ from netboard.analysis.statistics.estimates import known, mean
 Alternative = Literal["two-sided", "greater", "less"]
 
 MOST_EXACT = 100_000
-"""Up to so many arrangements are all looked at [1]."""
+"""Largest number of arrangements that are all evaluated [1]."""
 
 
 SYMMETRIC = (
     "assumes that differences are symmetric about 0 where there is no effect: "
     "of 8 log-normal ones, which are skewed, it rejects 15 % at .05"
 )
-"""What must be known to read a p of changed signs; docs/explanation/analysis-calibration.md has the simulation."""
+"""Caution for the p value of a sign-flip test; docs/explanation/analysis-calibration.md has the simulation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Test:
-    """A test of the hypothesis that there is no difference.
+    """Test of the null hypothesis of no difference.
 
     Attributes
     ----------
     statistic : float
-        What is tested; NaN without data [its own].
+        Test statistic; NaN without data [its own].
     p : float
-        How probable so large a statistic is by chance; NaN without data [1].
+        p value: probability of a statistic at least as extreme under the null hypothesis; NaN without data [1].
     least_p : float
-        The smallest p that so many units could give [1].
+        Smallest p value that this number of units can give [1].
     n : int
-        Units of replication that count [1].
+        Number of units in the test [1].
     unit : str
-        What they are.
+        Name of that unit.
     exact : bool
-        All arrangements were looked at; otherwise a random sample.
+        Whether all arrangements were evaluated; otherwise a random sample.
     method : str
         Name of the test.
     """
@@ -60,21 +60,21 @@ class Test:
 
 
 def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided", unit: str = "dyad") -> Test:
-    """Test whether differences are as often positive as negative: the exact binomial test.
+    """Test whether positive and negative differences are equally frequent: the exact binomial test.
 
     Parameters
     ----------
     differences : array_like, shape (n,)
-        One for each unit; zeros and NaN are left out [any].
+        One difference for each unit; zeros and NaN are ignored [any].
     alternative : {"two-sided", "greater", "less"}
-        Positive ones are more, or fewer.
+        Alternative hypothesis; "greater": more positive differences, "less": fewer.
     unit : str
-        What the differences are of.
+        Name of the unit.
 
     Returns
     -------
     Test
-        The statistic is the number of positive differences; nothing is tested without a difference that is not zero.
+        The statistic is the number of positive differences; NaN if all differences are zero.
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -93,33 +93,33 @@ def permutation_test(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Test:
-    """Test whether paired differences are zero on average: Fisher's test, by all changes of their signs.
+    """Test whether the mean of paired differences is zero: Fisher's test by all sign flips.
 
-    It holds for any distribution that is symmetric about zero if there is no difference, and not for skewed ones
-    (`SYMMETRIC`).
+    The test is valid for any distribution that is symmetric about zero under the null hypothesis, and not for skewed
+    ones (`SYMMETRIC`).
 
     Parameters
     ----------
     differences : array_like, shape (n,)
-        One for each unit; NaN are left out [any].
+        One difference for each unit; NaN are ignored [any].
     alternative : {"two-sided", "greater", "less"}
-        The mean is larger, or smaller.
+        Alternative hypothesis; "greater": the mean is above zero, "less": below.
     rng : numpy.random.Generator or None
-        Source of chance for more than 16 units, whose arrangements are too many.
+        Random generator for more than 16 units, which have too many arrangements to evaluate all.
     resamples : int
-        How many of those are drawn [1].
+        Number of random arrangements then [1].
     unit : str
-        What the differences are of.
+        Name of the unit.
 
     Returns
     -------
     Test
-        The statistic is the mean; without p for fewer than two units.
+        The statistic is the mean; no p for fewer than two units.
 
     Raises
     ------
     ValueError
-        If there are too many units for all arrangements, and no generator.
+        If there are too many units for all arrangements, and no generator is given.
     """
     x = known(differences)
     if len(x) < 2:
@@ -137,30 +137,30 @@ def permutation_test_between(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Test:
-    """Test whether two groups of different units have equal means, by all divisions of the units into two such groups.
+    """Test whether two groups of different units have equal means, by all divisions of the units into such groups.
 
     Parameters
     ----------
     first, second : array_like, shape (n,) and (m,)
-        One value for each unit; NaN are left out [any].
+        One value for each unit; NaN are ignored [any].
     alternative : {"two-sided", "greater", "less"}
-        The first mean is larger, or smaller.
+        Alternative hypothesis; "greater": the first mean is larger, "less": smaller.
     rng : numpy.random.Generator or None
-        Source of chance for more than `MOST_EXACT` divisions.
+        Random generator for more than `MOST_EXACT` divisions.
     resamples : int
-        How many of those are drawn [1].
+        Number of random arrangements then [1].
     unit : str
-        What the values are of.
+        Name of the unit.
 
     Returns
     -------
     Test
-        The statistic is the difference of the means, first less second; without p for fewer than two units in a group.
+        The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
 
     Raises
     ------
     ValueError
-        If there are too many units for all divisions, and no generator.
+        If there are too many units for all divisions, and no generator is given.
     """
     x, y = known(first), known(second)
     n = len(x) + len(y)
@@ -168,7 +168,7 @@ def permutation_test_between(
         return Test(mean(x) - mean(y), np.nan, np.nan, n, unit, True, "divisions")
     divisions = comb(n, len(x))
     p, exact = _permuted((x, y), _difference_along, "independent", divisions, alternative, rng, resamples)
-    # Two groups of one size change places: each division has a mirror image, as each choice of signs has.
+    # Groups of equal size can be exchanged, so each division has a mirror image, like each choice of signs.
     paired = divisions if len(x) == len(y) or alternative != "two-sided" else 2 * divisions
     return Test(mean(x) - mean(y), p, min(1.0, _least(paired, alternative)), n, unit, exact, "divisions")
 
@@ -182,7 +182,7 @@ def _difference_along(x: NDArray[np.float64], y: NDArray[np.float64], axis: int)
 
 
 def _least(arrangements: int, alternative: Alternative) -> float:
-    """Return the smallest p of a symmetric distribution of equally probable arrangements."""
+    """Return the smallest p value of a symmetric distribution of equally probable arrangements."""
     return min(1.0, (2.0 if alternative == "two-sided" else 1.0) / arrangements)
 
 
@@ -195,7 +195,7 @@ def _permuted(
     rng: np.random.Generator | None,
     resamples: int,
 ) -> tuple[float, bool]:
-    """Return p by all arrangements, or by a sample of them."""
+    """Return the p value from all arrangements, or from a random sample of them."""
     exact = arrangements <= MOST_EXACT
     if not exact and rng is None:
         raise ValueError(f"{arrangements} arrangements are too many to look at all of them: give a random generator")

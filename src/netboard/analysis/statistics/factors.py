@@ -1,9 +1,9 @@
-"""The trials of a study and their fixed factors, as a model sees them: what these trials can tell and what not.
+"""Design of a statistical model: the trials of a study, their fixed factors, and the estimable columns.
 
-A study has any number of factors. A categorical factor is coded by deviations from its first level, each centred: with
-two levels -1/2 and +1/2. A numeric factor is centred, one column. So the main effect of a factor is its average over
-the other factors, and interactions are products of columns. A column that these trials cannot tell from the others is
-left out, and a note says so. Performers are told apart within their dyad only: "A" of one dyad is not "A" of another.
+A study has any number of factors. A categorical factor is coded by deviations from its first level, each centred: -1/2
+and +1/2 for two levels. A numeric factor is one centred column. The main effect of a factor is therefore its average
+over the other factors, and interactions are products of columns. A column that is linearly dependent on the others is
+left out, with a note. Performers are distinguished only within their dyad: "A" of one dyad is not "A" of another.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,23 +23,23 @@ COLUMNS = (INTERCEPT, "haptics", "configuration", "haptics x configuration", PRA
 """Columns of a design with the two factors of the paper."""
 
 MOST_VALUES = 12
-"""A numeric factor with more values than this is not listed value by value [1]."""
+"""Largest number of values of a numeric factor that are listed one by one [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factor:
-    """A fixed factor: what varied by plan, and what each trial had of it.
+    """A fixed factor: an independent variable of the study, and its level in each trial.
 
     Attributes
     ----------
     name : str
-        Its name.
+        Name of the factor.
     values : ndarray, shape (n,)
-        The level of each trial: text, true or false, or a number [its own].
+        Level of each trial: text, a boolean or a number [its own].
     levels : tuple
-        All levels; the first one is the reference. Empty: those that occur, sorted.
+        All levels; the first is the reference. If empty, the levels that occur, sorted.
     numeric : bool
-        Its effect is a straight line: one column, per unit. Otherwise each level has its own effect.
+        Whether its effect is linear: one column, per unit. Otherwise each level has its own effect.
     unit : str
         Unit of a numeric factor.
     """
@@ -51,33 +51,33 @@ class Factor:
     unit: str = "1"
 
     def of(self, kept: NDArray[np.generic]) -> "Factor":
-        """Choose trials.
+        """Return the factor for some of the trials.
 
         Parameters
         ----------
         kept : ndarray
-            Which of the trials: true or false, or their numbers [1].
+            Mask or indices of these trials [1].
 
         Returns
         -------
         Factor
-            The same factor of these trials. Its levels remain those of all.
+            The factor for these trials. Its levels remain those of all trials.
         """
         return Factor(self.name, self.values[kept], self.levels, self.numeric, self.unit)
 
     @property
     def present(self) -> tuple[object, ...]:
-        """The levels that occur, in order."""
+        """Return the levels that occur, in order."""
         return tuple(level for level in self.levels if (self.values == level).any())
 
     def coded(self) -> "dict[str, Array]":
-        """Return the columns of its main effect by name, each value centred over the levels that occur."""
+        """Return the columns of the main effect by name, each centred over the levels that occur."""
         if self.numeric:
             return {self.name: self.at(self.values.astype(float))}
         return {name: (self.values == level) - share for name, level, share in self._differences()}
 
     def at(self, level: object) -> Array:
-        """Code values of a numeric factor.
+        """Return the codes of values of a numeric factor.
 
         Parameters
         ----------
@@ -87,12 +87,12 @@ class Factor:
         Returns
         -------
         ndarray of float64
-            Their distances from the mean of all levels [its own].
+            Deviations from the mean of all levels [its own].
         """
         return np.asarray(level, dtype=float) - float(np.mean(np.asarray(self.levels, dtype=float)))
 
     def code_of(self, level: object) -> dict[str, float]:
-        """Return what each column has at a level.
+        """Return the code of a level in each column.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class Factor:
         return {name: float(level == own) - share for name, own, share in self._differences()}
 
     def _differences(self) -> Iterator[tuple[str, object, float]]:
-        """Yield column, level and centre; where but one level occurs, the columns are constant and are left out."""
+        """Yield column, level and centre; with only one level the columns are constant and are left out."""
         levels = self.present if len(self.present) > 1 else self.levels
         for level in levels[1:]:
             yield (
@@ -120,7 +120,7 @@ class Factor:
 
     @property
     def deviations(self) -> Array:
-        """Columns for chance in its effect; their variance is that of the difference of two levels, or of a slope."""
+        """Return the columns of the random slope; its variance is that of a difference of two levels, or of a slope."""
         if self.numeric:
             return self.coded()[self.name][:, None]
         levels = self.present
@@ -130,16 +130,16 @@ class Factor:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What was observed in one condition.
+    """Observed data of one condition.
 
     Attributes
     ----------
     levels : tuple of (str, object)
         Name and level of each factor.
     trials, dyads : int
-        How many there are [1].
+        Numbers of trials and dyads [1].
     mean : float
-        Of all trials, of the response itself; for times the geometric one [its own].
+        Mean response over all trials; geometric mean for times [its own].
     """
 
     levels: tuple[tuple[str, object], ...]
@@ -149,40 +149,40 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """The condition in words, such as ``haptics on, configuration dyadic``."""
+        """Label of the condition, such as ``haptics on, configuration dyadic``."""
         return ", ".join(f"{name} {level}" for name, level in self.levels) or "all trials"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """The trials that have a value, and what is asked of them.
+    """Trials with a value, and the design of the model for them.
 
     Attributes
     ----------
     values : ndarray of float64, shape (n,)
-        The response [its own].
+        Response [its own].
     dyads, performers : ndarray of int64, shape (n,)
-        Numbers of theirs, from 0; a performer belongs to one dyad [1].
+        Dyad and performer numbers, from 0; a performer belongs to one dyad [1].
     factors : tuple of Factor
-        The fixed factors, of these trials.
+        Fixed factors of these trials.
     conditions : ndarray of int64, shape (n,)
-        Number of the combination of levels, from 0 [1].
+        Number of each trial's combination of levels, from 0 [1].
     order : ndarray of float64, shape (n,)
-        Number of the trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
     asked : tuple of str
-        All columns that the model has, estimable or not.
+        All columns of the model, estimable or not.
     names : tuple of str
-        Those of them that these trials can tell.
+        Names of the estimable columns.
     columns : ndarray of float64, shape (n, k)
-        The columns of those names [1].
+        Design matrix of these columns [1].
     between : int
-        How many of them, beside the intercept, do not vary within any dyad [1].
+        Number of these columns, without the intercept, that are constant within every dyad [1].
     lonely : tuple of str
-        Those of them that a single dyad tells: without it nobody could.
+        Names of the columns that are estimable only because of one single dyad.
     left_out : int
-        Trials without a value [1].
+        Number of trials without a value [1].
     notes : tuple of str
-        Why columns are missing, or lonely.
+        Reasons for missing columns and for columns that depend on one dyad.
     """
 
     values: Array
@@ -201,12 +201,12 @@ class Design:
 
     @property
     def n_dyads(self) -> int:
-        """How many dyads there are [1]."""
+        """Number of dyads [1]."""
         return len(np.unique(self.dyads))
 
     @property
     def n_performers(self) -> int:
-        """How many performers there are [1]."""
+        """Number of performers [1]."""
         return len(np.unique(self.performers))
 
     def varied(self, of: NDArray[np.int64]) -> tuple[Factor, ...]:
@@ -220,18 +220,18 @@ class Design:
         Returns
         -------
         tuple of Factor
-            Those of which some group has more than one level.
+            Factors that have more than one level in some group.
         """
         return tuple(one for one in self.factors if _varies(np.unique(one.values, return_inverse=True)[1], of))
 
 
 def paper_factors(haptics: ArrayLike, dyadic: ArrayLike) -> tuple[Factor, Factor]:
-    """Return the two factors of the paper: haptics off and on, one person and two.
+    """Return the two factors of the paper: haptics off or on, one person or two.
 
     Parameters
     ----------
     haptics, dyadic : array_like of bool, shape (n,)
-        Forces are felt; two people perform.
+        Whether haptic feedback is on; whether two people perform.
 
     Returns
     -------
@@ -252,29 +252,29 @@ def design_of(
     factors: Sequence[Factor],
     order: ArrayLike,
 ) -> Design:
-    """Bring trials and their labels together, and find out what they can tell.
+    """Build the design from trials and labels, and find its estimable columns.
 
     Parameters
     ----------
     values : array_like, shape (n,)
-        The response; trials where it is NaN are left out [its own].
+        Response; trials with NaN are ignored [its own].
     dyads, performers : array_like, shape (n,)
-        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
     factors : sequence of Factor
-        The fixed factors. The model has their main effects and all interactions of two of them.
+        Fixed factors. The model has their main effects and all two-way interactions.
     order : array_like, shape (n,)
-        Number of the trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
 
     Returns
     -------
     Design
-        Without the columns that are constant, or sums of others.
+        The design, without columns that are constant or linearly dependent on others.
 
     Raises
     ------
     ValueError
-        If there is not one label for each trial, a trial number below 1, two factors of one name, or a level that is
-        not among the factor's levels.
+        If the numbers of labels and trials differ, a trial number is below 1, two factors have the same name, or a
+        level is not among the factor's levels.
     """
     y = np.asarray(values, dtype=float)
     given = {"dyads": dyads, "performers": performers, "order": order} | {one.name: one.values for one in factors}
@@ -317,7 +317,7 @@ def design_of(
 
 
 def _checked(factor: Factor) -> Factor:
-    """Fill in the levels of a factor, and make sure that each trial has one."""
+    """Fill in the levels of a factor, and check that each trial has one of them."""
     values = np.asarray(factor.values)
     if factor.numeric:
         values = values.astype(float)
@@ -334,7 +334,7 @@ def _checked(factor: Factor) -> Factor:
 
 
 def _asked(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
-    """Return every column that the model has, by name."""
+    """Return all columns of the model, by name."""
     coded = {factor.name: factor.coded() for factor in factors}
     columns = {INTERCEPT: np.ones(len(practice))}
     for own in coded.values():
@@ -345,7 +345,7 @@ def _asked(factors: Sequence[Factor], practice: Array) -> dict[str, Array]:
 
 
 def interaction(one: str, other: str) -> str:
-    """Name the product of two columns.
+    """Return the name of the product of two columns.
 
     Parameters
     ----------
@@ -361,7 +361,7 @@ def interaction(one: str, other: str) -> str:
 
 
 def simple_effects(design: Design) -> dict[str, dict[str, float]]:
-    """Return the effects of a factor at each level of another one, for all interactions of two factors.
+    """Return the simple effects: those of a factor at each level of another, for all two-way interactions.
 
     Parameters
     ----------
@@ -371,8 +371,8 @@ def simple_effects(design: Design) -> dict[str, dict[str, float]]:
     Returns
     -------
     dict of str to dict of str to float
-        By name, such as ``haptics, dyadic``: how much of each column it has. Of a numeric second factor, the lowest and
-        the highest value; a level whose name says too little has the factor's name with it [1].
+        Contrast over the columns by name of the effect, such as ``haptics, dyadic``. For a numeric second factor: at
+        its lowest and highest value. An ambiguous level name is preceded by the factor's name [1].
     """
     taken = [str(level) for factor in design.factors for level in factor.levels]
     found = {}
@@ -388,7 +388,7 @@ def simple_effects(design: Design) -> dict[str, dict[str, float]]:
 
 
 def _told_apart(asked: dict[str, Array], kept: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Name the columns that are no sums of those before them, in all trials or in those that are kept."""
+    """Return the columns that are linearly independent of those before them, in all or in the kept trials."""
     rows = slice(None) if kept is None else kept
     names: list[str] = []
     columns = np.empty((len(asked[INTERCEPT][rows]), 0))
@@ -401,7 +401,7 @@ def _told_apart(asked: dict[str, Array], kept: NDArray[np.bool_] | None = None) 
 
 
 def _lonely(asked: dict[str, Array], names: tuple[str, ...], dyads: NDArray[np.int64]) -> tuple[str, ...]:
-    """Find what could not be told any more if one of the dyads were not there."""
+    """Return the columns that are not estimable without one of the dyads."""
     groups = np.unique(dyads)
     if len(groups) < 2:
         return ()
@@ -410,14 +410,14 @@ def _lonely(asked: dict[str, Array], names: tuple[str, ...], dyads: NDArray[np.i
 
 
 def _varies(column: NDArray[np.generic], groups: NDArray[np.int64]) -> bool:
-    """Say whether a column has more than one value within any group."""
+    """Return whether a column has more than one value within any group."""
     return len(np.unique(np.column_stack([groups, np.unique(column, return_inverse=True)[1]]), axis=0)) > len(
         np.unique(groups)
     )
 
 
 def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
-    """Number the combinations of levels that occur, in the order of the levels, the last factor first."""
+    """Number the observed combinations of levels, in the order of the levels, the last factor first."""
     places = [[list(one.levels).index(value) for value in one.values.tolist()] for one in reversed(factors)]
     if not n or not factors:
         return np.zeros(n, dtype=np.int64)
@@ -425,21 +425,21 @@ def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
 
 
 def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometric: bool = False) -> tuple[Cell, ...]:
-    """Describe what was observed in each condition.
+    """Return the observed data of each condition.
 
     Parameters
     ----------
     design : Design
         The trials.
     factors : sequence of Factor or None
-        Conditions are told apart by these; None for all of the design.
+        Factors that define the conditions; None for all factors of the design.
     geometric : bool
-        Values are logarithms; the mean is that of what they are logarithms of.
+        Whether values are logarithms, so that the mean is the geometric mean of the original quantity.
 
     Returns
     -------
     tuple of Cell
-        Conditions that have trials. A numeric factor of more than `MOST_VALUES` values is not told apart.
+        Conditions with trials. A numeric factor with more than `MOST_VALUES` values is ignored.
     """
     factors = design.factors if factors is None else factors
     listed = [one for one in factors if not one.numeric or len(one.present) <= MOST_VALUES]

@@ -1,8 +1,9 @@
-"""Firth's penalised likelihood: regression of counts and failures that is finite where a condition has none of them.
+"""Firth's penalised likelihood: regression of counts and failures with finite estimates under separation.
 
-The likelihood is multiplied by the root of the determinant of the information (Firth, Biometrika 80:27, 1993), which
-takes most of the bias of small samples away. Confidence intervals are those of the profile of this likelihood
-(Heinze and Schemper, Stat. Med. 21:2409, 2002): the usual ones, from standard errors, are far too short on one side.
+The likelihood is multiplied by the square root of the determinant of the information (Firth, Biometrika 80:27, 1993),
+which removes most of the small-sample bias. Estimates stay finite if a condition has no events. Confidence intervals
+are profile intervals of this likelihood (Heinze and Schemper, Stat. Med. 21:2409, 2002), because Wald intervals are far
+too short on one side.
 """
 
 from dataclasses import dataclass
@@ -17,28 +18,28 @@ Array = NDArray[np.float64]
 Family = Literal["poisson", "binomial"]
 
 STEPS, LONGEST, ENOUGH = 60, 5.0, 1e-9
-"""Steps of a search at most, the longest step, and the step at which it ends [1, 1, 1]."""
+"""Maximum number of steps of a search, longest step, and step at which it ends [1, 1, 1]."""
 
 FARTHEST = 60.0
-"""A profile is followed this far from the estimate at most [log of the response]."""
+"""Largest distance from the estimate at which a profile is evaluated [log of the response]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Penalised:
-    """Where the penalised likelihood is largest.
+    """Maximum of the penalised likelihood.
 
     Attributes
     ----------
     coefficients : ndarray of float64, shape (k,)
-        The estimates [log of the response].
+        Estimates [log of the response].
     covariance : ndarray of float64, shape (k, k)
-        Inverse of the information, of independent trials [square of a coefficient's].
+        Inverse information of independent trials [square of a coefficient's].
     means : ndarray of float64, shape (n,)
         Fitted means [the response's].
     likelihood : float
-        Logarithm of the penalised likelihood [1].
+        Penalised log-likelihood [1].
     converged : bool
-        The search ended.
+        Whether the search converged.
     """
 
     coefficients: Array
@@ -49,18 +50,18 @@ class Penalised:
 
 
 def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Array, float] | None = None) -> Penalised:
-    """Maximise the penalised likelihood of a regression with the canonical link, trials being independent.
+    """Maximise the penalised likelihood of a regression with canonical link and independent trials.
 
     Parameters
     ----------
     response : ndarray of float64, shape (n,)
         Counts, or 0 and 1 [1].
     columns : ndarray of float64, shape (n, k)
-        Those of the effects, none of them a sum of others [any].
+        Columns of the effects, linearly independent [any].
     family : {"poisson", "binomial"}
-        Log-linear counts, or log odds.
+        Poisson regression (log link) or logistic regression.
     fixed : tuple of ndarray of float64, shape (k,), and float, or None
-        A combination of coefficients and the value that it is held at, for a profile [any].
+        Linear combination of coefficients and the value at which it is fixed, for a profile [any].
 
     Returns
     -------
@@ -77,7 +78,7 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
     for _ in range(STEPS):
         if not free.shape[1]:
             return here.ended(converged=True)
-        # Far from the maximum all means of some trials are 0 or 1, and the information has no inverse.
+        # Far from the maximum some fitted means are exactly 0 or 1, and the information is singular.
         step = free @ np.linalg.lstsq(free.T @ here.information @ free, free.T @ here.score)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(columns @ step).max()), 1e-300))
         if float(np.abs(step).max()) < ENOUGH:
@@ -94,7 +95,7 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """Likelihood, modified score and information at some coefficients."""
+    """Likelihood, modified score and information at given coefficients."""
 
     coefficients: Array
     means: Array
@@ -104,7 +105,7 @@ class _Point:
 
     @classmethod
     def at(cls, response: Array, columns: Array, family: Family, coefficients: Array) -> "_Point":
-        """The score is X' (y - m + h V'(m) / 2), with the leverages h and the variance V of the mean m."""
+        """Compute the score X' (y - m + h V'(m) / 2), with the leverages h and the variance V of the mean m."""
         line = columns @ coefficients
         if family == "poisson":
             means = np.exp(np.minimum(line, 700.0))
@@ -123,7 +124,7 @@ class _Point:
         return cls(coefficients, means, likelihood, score, triangle.T @ triangle)
 
     def ended(self, *, converged: bool) -> Penalised:
-        """Return it as the estimates."""
+        """Return this point as the estimates."""
         covariance = np.asarray(np.linalg.pinv(self.information), dtype=float)
         return Penalised(self.coefficients, covariance, self.means, self.likelihood, converged)
 
@@ -131,27 +132,27 @@ class _Point:
 def profile_interval(
     response: Array, columns: Array, family: Family, best: Penalised, row: Array, drop: float
 ) -> tuple[float, float]:
-    """Return where the profile of the penalised likelihood is lower than its maximum by a given amount.
+    """Return the two values at which the profile of the penalised likelihood lies a given drop below its maximum.
 
     Parameters
     ----------
     response : ndarray of float64, shape (n,)
         Counts, or 0 and 1 [1].
     columns : ndarray of float64, shape (n, k)
-        Those of the effects [any].
+        Columns of the effects [any].
     family : {"poisson", "binomial"}
-        Log-linear counts, or log odds.
+        Poisson regression (log link) or logistic regression.
     best : Penalised
-        The fit of these.
+        Fit of these data.
     row : ndarray of float64, shape (k,)
-        How much of each coefficient [1].
+        Linear combination of the coefficients [1].
     drop : float
-        Half of the quantile of the likelihood ratio [1].
+        Half of the quantile of the likelihood-ratio statistic [1].
 
     Returns
     -------
     tuple of float
-        Both ends; infinite where the profile does not fall so low [log of the response].
+        Limits of the interval; infinite if the profile does not drop so far [log of the response].
     """
     value = float(row @ best.coefficients)
     error = max(float(np.sqrt(row @ best.covariance @ row)), 1e-6)

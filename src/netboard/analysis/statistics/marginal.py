@@ -1,4 +1,8 @@
-"""Marginal models of counts and failures: estimating equations, and Firth's likelihood where these have no estimate."""
+"""Marginal models of counts and failures: estimating equations (GEE), and Firth's likelihood as the fallback.
+
+The models take the dyad as the cluster: errors come from the variation between dyads. Firth's likelihood replaces the
+GEE where a condition has no events or only events, because the GEE has no finite estimate there.
+"""
 
 from dataclasses import replace
 from itertools import combinations
@@ -31,12 +35,12 @@ _PENALISED = (
 
 
 def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
-    """Fit estimating equations, with the covariance that dyads show.
+    """Fit generalised estimating equations, with the empirical covariance between dyads.
 
     Parameters
     ----------
     fit : Specification
-        What the model is called.
+        Specification of the model.
     design : Design
         The trials.
     family : statsmodels family
@@ -45,7 +49,7 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
     Returns
     -------
     Model
-        Fitted or not.
+        Result, fitted or not.
     """
     if design.n_dyads < 2:
         return fit.alone(design, family)
@@ -61,7 +65,7 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
     counted = not isinstance(family, families.Binomial)
     covariance = np.asarray(found.cov_params())
     if design.lonely:
-        # The correction divides by 1 less the leverage of a dyad, which is 1 here.
+        # The correction divides by 1 minus the leverage of a dyad, which is 1 here.
         covariance = np.full((k, k), np.nan)
         notes += ("no intervals: dyads cannot show the error of what one of them alone tells",)
     return fit.model(
@@ -76,28 +80,28 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
 
 
 def _dispersion(design: Design, coefficients: NDArray[np.float64]) -> float:
-    """Return Pearson's chi-square over its degrees of freedom, 1 for counts of Poisson's distribution."""
+    """Return Pearson's chi-square over its degrees of freedom; 1 for Poisson counts."""
     mean = np.exp(design.columns @ coefficients)
     n, k = design.columns.shape
     return float(((design.values - mean) ** 2 / mean).sum() / (n - k))
 
 
 def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> Model:
-    """Fit again, with the variance that the residuals of the first fit have beyond the mean.
+    """Fit again with over-dispersion: the residual variance of the first fit beyond the mean.
 
     Parameters
     ----------
     fit : Specification
-        What the model is called.
+        Specification of the model.
     design : Design
         The trials.
     poisson : Model
-        The first fit.
+        The Poisson fit.
 
     Returns
     -------
     Model
-        That of the negative binomial distribution, or the first one.
+        Negative binomial model, or the Poisson fit.
     """
     coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
     mean = np.exp(design.columns @ coefficients)
@@ -109,21 +113,21 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
 
 
 def one_sided(design: Design, what: str, value: float) -> str:
-    """Say where the response has the same extreme value in all trials with a level, or with two levels.
+    """Describe a level, or combination of two levels, in which all responses have the same extreme value.
 
     Parameters
     ----------
     design : Design
         The trials.
     what : str
-        What that means, such as ``none failed``.
+        Meaning of that value, such as ``none failed``.
     value : float
-        The extreme value [its own].
+        Extreme value [its own].
 
     Returns
     -------
     str
-        A clause; empty if there is no such condition.
+        Clause of a sentence; empty without such a condition.
     """
     whole = cells_of(design, ())[0]
     if whole.mean == value:
@@ -137,25 +141,26 @@ def one_sided(design: Design, what: str, value: float) -> str:
 
 
 def penalised_model(fit: Specification, design: Design, family: Family, why: str) -> Model:
-    """Fit Firth's penalised likelihood, with profile intervals for which dyads count.
+    """Fit Firth's penalised likelihood, with profile intervals adjusted for the clustering by dyads.
 
-    The likelihood ratio is divided by the dispersion and compared with F of 1 and the degrees of freedom between dyads.
+    The likelihood-ratio statistic is divided by the dispersion and compared with F of 1 and the between-dyad degrees of
+    freedom.
 
     Parameters
     ----------
     fit : Specification
-        What the model would be called otherwise.
+        Specification of the model that it replaces.
     design : Design
         The trials.
     family : {"poisson", "binomial"}
         Distribution of the response.
     why : str
-        The condition without events, or with events only.
+        Description of the condition with no events or only events.
 
     Returns
     -------
     Model
-        With estimates that are finite.
+        Result with finite estimates.
     """
     if "any condition" in why:
         return fit.without(design, f"not fitted: {why}, so there is nothing to compare")
@@ -179,7 +184,7 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
 
 
 def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> float:
-    """Return by how much more than independent trials the dyads, or the trials, vary; at least 1."""
+    """Return the variance inflation of dyads, or of trials, relative to independent trials; at least 1."""
     means = best.means
     variances = means if family == "poisson" else means * (1.0 - means)
     left = design.values - means
@@ -192,7 +197,7 @@ def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> flo
 
 
 def _profiled(fit: Specification, design: Design, best: Penalised, family: Family, spread: float) -> list[Effect]:
-    """Put profile intervals round all effects."""
+    """Return all effects with profile confidence intervals."""
     free = careful_freedom(design) if fit.interval == "t" else inf
     found = []
     for name, row in contrasts_of(design).items():

@@ -1,12 +1,13 @@
-"""Models of a whole study: completion times, counts and failures over the study's factors and practice.
+"""Statistical models of a whole study: completion times, counts and failures over its factors and practice.
 
-Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of
-chance; the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the
-dyad is the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in
-the result, with every warning of statsmodels; it is no exception.
+Trials of a dyad are correlated, and so are trials of a performer. The mixed model of log times has random effects for
+both. The marginal models of counts and shares leave the correlation open and base standard errors on the variation
+between dyads. In both the dyad is the unit of replication, and a confidence interval has at most one degree of freedom
+less than there are dyads. A failed fit is a result with notes, including every warning of statsmodels, and not an
+exception.
 
-Needs statsmodels (extra `analysis`). docs/explanation/analysis-modern.md has the equations, and how often the intervals
-are right.
+Requires statsmodels (extra `analysis`). docs/explanation/analysis-modern.md has the equations and the coverage of the
+confidence intervals.
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ from netboard.analysis.statistics.specification import Specification, lacking
 Family = Literal["poisson", "negative_binomial"]
 
 MOST = 2.0**53
-"""The largest count: beyond it a float64 does not tell a whole number from the next [1]."""
+"""Largest count: above it float64 cannot represent every integer [1]."""
 
 TIMES = "log(time) = {fixed} + dyad + performer (+ slopes) + residual"
 COUNTS = "log(mean count) = {fixed}"
@@ -68,30 +69,31 @@ def log_time_model(
     Parameters
     ----------
     times : array_like, shape (n,)
-        Completion times of trials; NaN are left out [s].
+        Completion times of trials; NaN are ignored [s].
     dyads, performers : array_like, shape (n,)
-        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
     factors : sequence of Factor
-        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
     order : array_like, shape (n,)
-        Number of the trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
     slopes : {"none", "dyad", "performer"}
-        Whose effects differ by chance: nobody's, a dyad's, or a dyad's and a performer's, of each factor that varies
-        within performers. Without them an effect that differs between dyads is taken for surer than it is.
+        Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
+        them the confidence interval of an effect that differs between dyads is too short.
     level : float
-        Confidence [1].
+        Confidence level [1].
     interval : {"t", "z"}
-        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
+        intervals are too short for few dyads.
 
     Returns
     -------
     Model
-        With components and diagnostics. With one dyad, least squares without intervals.
+        Result with variance components and diagnostics. With one dyad: least squares without confidence intervals.
 
     Raises
     ------
     ValueError
-        If there is not one label for each trial, a trial number below 1, or a time that is not positive.
+        If the numbers of labels and trials differ, a trial number is below 1, or a time is not positive.
     """
     seconds = np.asarray(times, dtype=float)
     if (seconds <= 0.0).any():
@@ -119,38 +121,39 @@ def count_model(
     level: float = 0.95,
     interval: Interval = "t",
 ) -> Model:
-    """Fit a marginal model of counts, such as velocity peaks or falls of a trial (GEE, exchangeable within dyads).
+    """Fit a marginal model of counts, such as velocity peaks or falls per trial (GEE, exchangeable within dyads).
 
-    The covariance is that of the dyads' own deviations, with its bias for few dyads taken away (Mancl and DeRouen,
-    Biometrics 57:126, 2001). It holds whatever the variance of a count is; the family only weights the trials.
+    The covariance is the empirical (sandwich) estimator over dyads with the small-sample correction of Mancl and
+    DeRouen (Biometrics 57:126, 2001). It is valid for any variance of the counts; the family only weights the trials.
 
     Parameters
     ----------
     counts : array_like, shape (n,)
-        Whole numbers from 0 to `MOST`; NaN are left out [1].
+        Integers from 0 to `MOST`; NaN are ignored [1].
     dyads, performers : array_like, shape (n,)
-        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
     factors : sequence of Factor
-        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
     order : array_like, shape (n,)
-        Number of the trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
     family : {"poisson", "negative_binomial"}
-        Variance of a count: its mean m; or m + alpha m^2, with alpha from the residuals of the first.
+        Variance of a count: its mean m, or m + alpha m^2, with alpha estimated from the residuals of the Poisson fit.
     level : float
-        Confidence [1].
+        Confidence level [1].
     interval : {"t", "z"}
-        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
+        intervals are too short for few dyads.
 
     Returns
     -------
     Model
-        With dispersion, and ratios of means. With one dyad, without intervals. If nothing was counted in a condition,
-        by Firth's penalised likelihood.
+        Result with dispersion and ratios of means. With one dyad: without confidence intervals. If a condition has no
+        events: by Firth's penalised likelihood.
 
     Raises
     ------
     ValueError
-        If there is not one label for each trial, a trial number below 1, or a value that is no count.
+        If the numbers of labels and trials differ, a trial number is below 1, or a value is not a count.
     """
     values = np.asarray(counts, dtype=float)
     strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
@@ -184,27 +187,28 @@ def share_model(
     Parameters
     ----------
     failed : array_like, shape (n,)
-        1 for an attempt that failed, 0 for one that did not; NaN are left out [1].
+        1 for a failed attempt, 0 otherwise; NaN are ignored [1].
     dyads, performers : array_like, shape (n,)
-        Whose attempt it is: labels of any kind. The performer is a person, or the two of a dyad together.
+        Dyad and performer labels of each attempt, of any type. The performer is a participant, or the dyad as one.
     factors : sequence of Factor
-        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
     order : array_like, shape (n,)
-        Number of the trial in its condition, from 1 [1].
+        Position of each trial in its condition, from 1 [1].
     level : float
-        Confidence [1].
+        Confidence level [1].
     interval : {"t", "z"}
-        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
+        intervals are too short for few dyads.
 
     Returns
     -------
     Model
-        With ratios of odds. If all or none failed in a condition, by Firth's penalised likelihood.
+        Result with odds ratios. If all or no attempts failed in a condition: by Firth's penalised likelihood.
 
     Raises
     ------
     ValueError
-        If there is not one label for each attempt, a trial number below 1, or a value that is neither 0 nor 1.
+        If the numbers of labels and attempts differ, a trial number is below 1, or a value is neither 0 nor 1.
     """
     values = np.asarray(failed, dtype=float)
     strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)

@@ -1,4 +1,8 @@
-"""The mixed model of a study: which sources of chance its trials can tell, its fit, and its residuals."""
+"""Mixed model of a study: identifiable random effects, fit, and residuals.
+
+Random effects are intercepts of dyads and performers, and slopes of the factors that vary within performers. Those that
+the trials cannot identify are left out, with a note. `netboard.analysis.statistics.restricted` does the fit.
+"""
 
 from math import sqrt
 from typing import Literal
@@ -17,11 +21,11 @@ AT_ZERO = (
     "Satterthwaite takes a variance that is estimated as 0 for known, and so has too many degrees of freedom; "
     "Kenward-Roger keeps it among the uncertain ones"
 )
-"""What is said where a variance is estimated as 0."""
+"""Note for a variance that is estimated as 0."""
 
 
 def residual_deviation(design: Design) -> float:
-    """Return the standard deviation that least squares leave.
+    """Return the residual standard deviation of ordinary least squares.
 
     Parameters
     ----------
@@ -31,7 +35,7 @@ def residual_deviation(design: Design) -> float:
     Returns
     -------
     float
-        Without any random effect [log of the response].
+        Standard deviation without random effects [log of the response].
     """
     coefficients = np.linalg.lstsq(design.columns, design.values, rcond=None)[0]
     residuals = design.values - design.columns @ coefficients
@@ -39,23 +43,23 @@ def residual_deviation(design: Design) -> float:
 
 
 def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
-    """Return the sources of chance that these trials can tell, each as its indicator matrix.
+    """Return the random effects that these trials can identify, each as its indicator matrix.
 
-    A source is told from others if its share of the variances is no sum of theirs: the information of REML about the
-    variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
+    A random effect is identifiable if its covariance is not a linear combination of the others': the REML information
+    about the variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
 
     Parameters
     ----------
     design : Design
         The trials.
     slopes : {"none", "dyad", "performer"}
-        Whose effects differ by chance.
+        Units with random slopes.
 
     Returns
     -------
     tuple
-        By name, a column for each dyad or performer, times the factor's; and notes of those that these trials cannot
-        tell [1].
+        Matrices by name, with a column for each dyad or performer, times the factor's; and notes on the random effects
+        that are not identifiable [1].
     """
     units = {"dyad": design.dyads, "performer": design.performers}
     wanted = {name: np.eye(index.max() + 1)[index] for name, index in units.items()}
@@ -78,12 +82,12 @@ def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np
 
 
 def _each(deviations: NDArray[np.float64], units: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Multiply every column of a factor with every unit's indicator."""
+    """Multiply every column of a factor by every unit's indicator."""
     return (units[:, :, None] * deviations[:, None, :]).reshape(len(units), -1)
 
 
 def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:
-    """Say whether variances of these sources, and of the residual, can be told from each other."""
+    """Return whether the variances of these random effects and of the residual are identifiable."""
     size = len(sources) + 1
     information = np.empty((size, size))
     information[0, 0] = residual
@@ -98,21 +102,21 @@ def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:
 
 
 def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
-    """Fit the mixed model, and say which sources of chance contribute nothing.
+    """Fit the mixed model, with a note on random effects of zero variance.
 
     Parameters
     ----------
     fit : Specification
-        What it is called.
+        Specification of the model.
     design : Design
-        The trials of two dyads or more.
+        Trials of at least two dyads.
     slopes : {"none", "dyad", "performer"}
-        Whose effects differ by chance.
+        Units with random slopes.
 
     Returns
     -------
     Model
-        Fitted or not.
+        Result, fitted or not.
     """
     parts, notes = random_effects(design, slopes)
     if not parts:
@@ -147,7 +151,7 @@ def _left(
     variances: dict[str, float],
     residual: float,
 ) -> Diagnostics:
-    """Take the best predictions of the random effects away as well, and look at what is left."""
+    """Return the diagnostics of the residuals after the best predictions of the random effects."""
     fixed = design.columns @ coefficients
     chance = np.hstack(list(parts.values()))
     scale = np.sqrt(np.repeat([s / residual for s in variances.values()], [part.shape[1] for part in parts.values()]))

@@ -1,12 +1,12 @@
-"""Restricted likelihood of variances: how much each source of chance contributes, 0 among the answers, and the effects.
+"""Restricted maximum likelihood (REML) of a mixed model with non-negative variance components.
 
     y = X b + Z_1 u_1 + ... + Z_c u_c + e,    u_j ~ N(0, s r_j I),   e ~ N(0, s I),   all r_j >= 0
 
-The r_j, variances over that of the residual, are what is searched for. The likelihood and its derivatives by r_j are as
-smooth at 0 as elsewhere: nothing is divided by a variance, and no square root of one is a coordinate. So a source of
-chance that contributes nothing is found as such, and takes nothing away from the others.
+The search is over the r_j, the variances relative to the residual variance. The likelihood and its derivatives with
+respect to r_j are smooth at 0: nothing is divided by a variance, and no coordinate is a square root of one. A random
+effect with zero variance is therefore estimated as 0 and does not disturb the others.
 
-Groups share no value of a source, and all that is computed is of one group at a time: many small matrices.
+Groups share no level of a random effect, so all computation is per group, on many small matrices.
 """
 
 from collections.abc import Sequence
@@ -21,41 +21,41 @@ from scipy.optimize import nnls
 Array = NDArray[np.float64]
 
 STARTS = (0.0, 0.05, 1.0)
-"""Variances of all sources over that of the residual where searches begin; the best end counts [1]."""
+"""Starting values of the search, as ratios to the residual variance; the best result counts [1]."""
 
 LARGEST = 1e10
-"""A variance so many times that of the residual says that there is no residual; a search ends there [1]."""
+"""Ratio to the residual variance at which the search ends, because the residual is then negligible [1]."""
 
 STEPS, HALVINGS = 200, 40
-"""Steps of a search, and halvings of one step, at most [1]."""
+"""Maximum number of steps of a search, and of halvings of a step [1]."""
 
 ENOUGH = 1e-10
-"""A search ends after a step that promised no more than this of minus twice the log-likelihood [1]."""
+"""Expected decrease of -2 log-likelihood at which a search ends [1]."""
 
 FLAT = 1e-9
-"""Curvatures, over those expected, below which a parabola has no lowest point worth going to [1]."""
+"""Relative curvature below which a parabola is too flat to use its minimum [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Restricted:
-    """Where the restricted likelihood is largest.
+    """Maximum of the restricted likelihood.
 
     Attributes
     ----------
     coefficients : ndarray of float64, shape (k,)
-        Generalised least squares with these variances [that of the response, over that of the column].
+        Generalised least squares estimates with these variances [unit of the response over that of the column].
     covariance : ndarray of float64, shape (k, k)
-        Theirs, as if the variances were known [square of a coefficient's].
+        Covariance of the coefficients for known variances [square of a coefficient's].
     variances : tuple of float
-        One for each source, some of them 0 perhaps [square of the response].
+        Variance of each random effect; may be 0 [square of the response].
     residual : float
-        Variance of the residual [square of the response].
+        Residual variance [square of the response].
     likelihood : float
-        Logarithm of the restricted likelihood [1].
+        Restricted log-likelihood [1].
     converged : bool
-        The search ended because there was nothing more to gain.
+        Whether the search converged.
     moments : Moments
-        What small-sample inference needs.
+        Moments for small-sample inference.
     """
 
     coefficients: Array
@@ -69,17 +69,17 @@ class Restricted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
-    """Information about the variances, at the estimates; `netboard.analysis.statistics.small_samples` is made of it.
+    """Information about the variances at the estimates, used by `netboard.analysis.statistics.small_samples`.
 
-    V is the covariance of the response over the residual variance, X the columns, and G_i the covariance that a unit
-    of the i-th variance adds; the last one is the residual's, the identity. P = V^-1 - V^-1 X C X' V^-1.
+    V is the covariance of the response over the residual variance and X the design matrix. G_i is the derivative of V
+    with respect to the i-th variance ratio; the last one is the residual's, the identity. P = V^-1 - V^-1 X C X' V^-1.
 
     Attributes
     ----------
     residual : float
-        Variance of the residual [square of the response].
+        Residual variance [square of the response].
     active : ndarray of bool, shape (c + 1,)
-        Variances that are not estimated as 0 [1].
+        Whether each variance is estimated above 0 [1].
     unscaled : ndarray of float64, shape (k, k)
         C = (X' V^-1 X)^-1: the covariance of the coefficients over the residual variance [square of a coefficient's].
     first : ndarray of float64, shape (c + 1, k, k)
@@ -89,7 +89,7 @@ class Moments:
     expected : ndarray of float64, shape (c + 1, c + 1)
         tr(P G_i P G_j): twice the expected information about the variances, times the residual's square [1].
     observed : ndarray of float64, shape (c + 1, c + 1)
-        The same, of these data: 2 y' P G_i P G_j P y / residual - tr(P G_i P G_j) [1].
+        The observed counterpart: 2 y' P G_i P G_j P y / residual - tr(P G_i P G_j) [1].
     """
 
     residual: float
@@ -109,18 +109,19 @@ def restricted_fit(
     Parameters
     ----------
     response : ndarray of float64, shape (n,)
-        What is explained [any].
+        Response [any].
     columns : ndarray of float64, shape (n, k)
-        Those of the effects, none of them a sum of others [any].
+        Columns of the fixed effects, linearly independent [any].
     sources : sequence of ndarray of float64, shape (n, q) each
-        What each source of chance is multiplied by: a column for each value of it, 0 outside of one group [1].
+        Design matrix of each random effect: a column for each of its levels, 0 outside one group [1].
     groups : ndarray of int64, shape (n,)
-        Whose numbers these are, from 0 [1].
+        Group of each row, from 0 [1].
 
     Returns
     -------
     Restricted or None
-        The estimates; None if the likelihood grows as long as the residual shrinks, for sources explain everything.
+        Estimates; None if the likelihood grows without limit as the residual variance shrinks, because the random
+        effects explain everything.
     """
     n, k = columns.shape
     data = _Data(*_triangles(response, columns, sources, groups), k, n - k)
@@ -139,10 +140,10 @@ def restricted_fit(
 def _triangles(
     response: Array, columns: Array, sources: Sequence[Array], groups: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Turn the numbers of each group into triangles that say as much, and note which column is of which source.
+    """Reduce each group's data to a triangular factor with the same information, and map columns to sources.
 
-    Returns (g, p, m + k + 1): for each group its values of all sources, then effects and response; rows and columns
-    that a group has fewer of are 0. And (m, c): 1 where a column is of a source.
+    Returns (g, p, m + k + 1): for each group the columns of all sources, then effects and response, padded with 0. And
+    (m, c): 1 where a column belongs to a source.
     """
     own = [[source[groups == group] for source in sources] for group in range(groups.max() + 1)]
     own = [[part[:, part.any(axis=0)] for part in parts] for parts in own]
@@ -159,11 +160,11 @@ def _triangles(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """What there is to know at some ratios.
+    """Likelihood and derivatives at given variance ratios.
 
-    value : minus twice the log-likelihood, but for a constant; gradient (c,), curvature (c, c), expected (c, c): its
-    derivatives, the last one as data of these ratios have it on average; scale (c,): steps that matter; square : sum of
-    the weighted deviations' squares; triangle (k, k), along (k,): triangle b = along is least squares.
+    value : -2 log-likelihood without its constant; gradient (c,), curvature (c, c): its derivatives; expected (c, c):
+    the expected curvature at these ratios; scale (c,): step sizes that matter; square : weighted residual sum of
+    squares; triangle (k, k), along (k,): triangle b = along gives the least-squares solution.
     """
 
     ratios: Array
@@ -179,7 +180,7 @@ class _Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Data:
-    """Triangles of groups, which column is of which source, how many effects and how many contrasts free of them."""
+    """Triangular factors of the groups, source of each column, number of effects and residual degrees of freedom."""
 
     stack: Array
     of: Array
@@ -187,10 +188,11 @@ class _Data:
     count: int
 
     def at(self, ratios: Array) -> _Point:
-        """Look at a point: log |V| + log |X' V^-1 X| + count log(y' P y), with P as in Searle et al. (1992), 6.6.
+        """Evaluate log |V| + log |X' V^-1 X| + count log(y' P y), with P as in Searle et al. (1992), 6.6.
 
-        V = I + sum r_j Z_j Z_j'. Weighted by its root, sources are z, what the effects span is `basis`, and y is `left`
-        once that is taken away. So Z' P Z = z' z - shared shared', the first of which has blocks, one for each group.
+        V = I + sum r_j Z_j Z_j'. After weighting with its inverse square root, the sources are z, `basis` spans the
+        effects, and `left` is y without them. So Z' P Z = z' z - shared shared', where z' z is block-diagonal with one
+        block for each group.
         """
         z, x, y, logs = self._weighted(np.sqrt(self.of @ ratios), self.stack)
         found = _quadratic(z, x, y, self.of)
@@ -217,7 +219,7 @@ class _Data:
         of = np.zeros((m + rows, self.of.shape[1] + 1))
         of[:m, :-1], of[m:, -1] = self.of, 1.0
         found = _quadratic(z, x, y, of)
-        # A triangle has fewer rows than its group has trials, or more: those that are not there are residual alone.
+        # A triangle has fewer or more rows than its group has trials; the difference is residual only.
         found.overlap[-1, -1] += self.count + self.k - groups * rows
         across, root = z.transpose(0, 2, 1) @ x, np.linalg.inv(found.triangle)
         parts = np.einsum("gmk,mi->igmk", across, of)
@@ -232,7 +234,7 @@ class _Data:
         )
 
     def _weighted(self, spread: Array, stack: Array) -> tuple[Array, Array, Array, float]:
-        """Make chance the same everywhere: sources, effects and response over the root of V; and log |V|."""
+        """Return sources, effects and response, whitened by the inverse square root of V, and log |V|."""
         scaled = self.stack[:, :, : len(self.of)] * spread
         root = np.linalg.cholesky(np.eye(scaled.shape[1]) + scaled @ scaled.transpose(0, 2, 1))
         weighted = np.linalg.solve(root, stack)
@@ -241,7 +243,7 @@ class _Data:
 
 
 class _Quadratic(NamedTuple):
-    """Least squares of the weighted numbers, and traces and squares of the sources: see `_Data.at` and `Moments`."""
+    """Least squares of the whitened data, and traces and squares of the sources; see `_Data.at` and `Moments`."""
 
     triangle: Array
     along: Array
@@ -254,7 +256,7 @@ class _Quadratic(NamedTuple):
 
 
 def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
-    """Compute tr(P G_i), tr(P G_i P G_j), y' P G_i P y and y' P G_i P G_j P y without any matrix of all trials."""
+    """Compute tr(P G_i), tr(P G_i P G_j), y' P G_i P y and y' P G_i P G_j P y without a matrix over all trials."""
     basis, triangle = np.linalg.qr(x.reshape(-1, x.shape[2]))
     along = basis.T @ y.ravel()
     left = y - (basis @ along).reshape(y.shape)
@@ -277,7 +279,7 @@ def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
 
 
 def _search(data: _Data, start: Array) -> tuple[_Point, bool]:
-    """Go down from a start, by Newton's steps among ratios that are not negative; say whether an end was found."""
+    """Minimise from a start by Newton steps over non-negative ratios; return the point and if it converged."""
     here = data.at(start)
     for _ in range(STEPS):
         step = _step(here)
@@ -287,7 +289,7 @@ def _search(data: _Data, start: Array) -> tuple[_Point, bool]:
             if there.value <= here.value - 1e-4 * share * promised:
                 break
         else:
-            # Nothing near is lower: an end, unless the step promised more than rounding takes away.
+            # No lower point nearby: converged, unless the step promised more than rounding explains.
             return here, promised < 1e4 * ENOUGH
         here = there
         if promised < ENOUGH or here.ratios.max() >= LARGEST:
@@ -296,7 +298,7 @@ def _search(data: _Data, start: Array) -> tuple[_Point, bool]:
 
 
 def _step(here: _Point) -> Array:
-    """Go where a parabola is lowest: that of the curvature, or of the expected one where this is no valley."""
+    """Return the Newton step to non-negative ratios, by the expected curvature if the observed one is flat."""
     both = np.outer(here.scale, here.scale)
     scaled = here.curvature * both
     if np.linalg.eigvalsh(scaled)[0] < FLAT:

@@ -1,15 +1,15 @@
-"""Degrees of freedom and standard errors of fixed effects in small studies: Satterthwaite's and Kenward and Roger's.
+"""Small-sample inference for fixed effects: the methods of Satterthwaite and of Kenward and Roger.
 
-The covariance of the coefficients takes the estimated variances for the true ones. With few dyads they are not well
-known, so the ratio of an effect and its standard error has heavier tails than the normal distribution. Both methods
-approximate it by Student's t.
+The covariance of the coefficients treats the estimated variances as the true ones. With few dyads they are uncertain,
+so the ratio of an effect to its standard error has heavier tails than the normal distribution. Both methods approximate
+it by Student's t.
 
     Satterthwaite   2 v^2 / (g' A g),   v = l' Phi l, g its gradient by the variances, A their asymptotic covariance
     Kenward-Roger   the same with the expected information, and a covariance Phi that is enlarged for the uncertainty
                     of the variances and for its own bias (Kenward and Roger, Biometrics 53:983, 1997)
 
-A variance that is estimated as 0 is at the end of its range. Satterthwaite's method takes it for known to be 0, as
-lmerTest does. Kenward and Roger's keeps it among the uncertain ones, as pbkrtest does.
+A variance that is estimated as 0 lies on the boundary of its range. Satterthwaite's method treats it as known, like
+lmerTest. Kenward and Roger's method treats it as uncertain, like pbkrtest.
 """
 
 import numpy as np
@@ -28,9 +28,9 @@ def satterthwaite_freedom(moments: Moments, contrast: Array) -> float:
     Parameters
     ----------
     moments : Moments
-        Of the fit.
+        Moments of the fit.
     contrast : ndarray of float64, shape (k,)
-        How much of each coefficient [1].
+        Linear combination of the coefficients [1].
 
     Returns
     -------
@@ -50,9 +50,9 @@ def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
     Parameters
     ----------
     moments : Moments
-        Of the fit.
+        Moments of the fit.
     contrast : ndarray of float64, shape (k,)
-        How much of each coefficient [1].
+        Linear combination of the coefficients [1].
 
     Returns
     -------
@@ -63,17 +63,17 @@ def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
 
 
 def kenward_roger_covariance(moments: Moments) -> Array:
-    """Return Kenward and Roger's covariance of the coefficients, which is larger than that with known variances.
+    """Return Kenward and Roger's covariance of the coefficients, adjusted for the uncertainty of the variances.
 
     Parameters
     ----------
     moments : Moments
-        Of the fit.
+        Moments of the fit.
 
     Returns
     -------
     ndarray of float64, shape (k, k)
-        The covariance [square of a coefficient's].
+        Adjusted covariance [square of a coefficient's].
     """
     c, first = moments.unscaled, moments.first
     doubt = moments.second - np.einsum("iab,bc,jcd->ijad", first, c, first, optimize=True)
@@ -91,7 +91,7 @@ def _freedom(moments: Moments, contrast: Array, of: NDArray[np.bool_], inverse: 
 
 
 def _inverse(information: Array) -> Array:
-    """Invert what is known about the variances; directions in which there is no information add nothing."""
+    """Return the pseudo-inverse of the information about the variances; null directions add nothing."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     known = values > 1e-10 * values[-1]

@@ -1,4 +1,8 @@
-"""What all results of a model have in common: name, equation, assumptions, and how its numbers become a result."""
+"""Specification of a kind of model: name, equation, assumptions; and construction of its results.
+
+Every model returns a `Model`, fitted or not. A fit that fails, or has too few dyads, is a result with notes and not an
+exception.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -25,25 +29,25 @@ from netboard.analysis.statistics.factors import Design, cells_of
 from netboard.analysis.statistics.restricted import Moments
 
 FEW = 20
-"""With fewer dyads than this, a result says what few dyads do to it [1]."""
+"""Number of dyads below which a result carries a caution [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Specification:
-    """A kind of model.
+    """Specification of a kind of model.
 
     Attributes
     ----------
     name, equation : str
-        What it is; ``{fixed}`` in the equation is its fixed part.
+        Name and equation of the model; ``{fixed}`` in the equation stands for its fixed part.
     assumptions : tuple of str
-        What must hold, as sentences.
+        Assumptions, as sentences.
     level : float
-        Confidence [1].
+        Confidence level [1].
     interval : {"t", "z"}
-        Student's with the degrees of freedom between dyads, or the normal one.
+        Student's t with the between-dyad degrees of freedom, or the normal distribution.
     geometric : bool
-        Means of conditions are geometric.
+        Whether means of conditions are geometric.
     """
 
     name: str
@@ -68,30 +72,30 @@ class Specification:
         moments: Moments | None = None,
         effects: tuple[Effect, ...] | None = None,
     ) -> Model:
-        """Say everything about a fit; numbers that are not finite are no fit.
+        """Return the result of a fit; non-finite estimates count as not fitted.
 
         Parameters
         ----------
         design : Design
             The trials.
         coefficients : ndarray of float64, shape (k,)
-            One for each column [log of the response].
+            Coefficient of each column [log of the response].
         covariance : ndarray of float64, shape (k, k)
-            Theirs [square of the log of the response].
+            Covariance of the coefficients [square of the log of the response].
         converged : bool
-            The fit ended where it should.
+            Whether the fit converged.
         notes : tuple of str
-            What went wrong or was left out.
+            Problems and omissions.
         components : tuple of Component
-            Sources of chance.
+            Variance components of the random effects.
         diagnostics : Diagnostics or None
-            Residuals.
+            Residual diagnostics.
         dispersion, correlation : float
             As in `Model` [1].
         moments : Moments or None
-            Of a mixed model.
+            Moments of a mixed model.
         effects : tuple of Effect or None
-            Effects, if they do not follow from coefficients and covariance.
+            Effects, if they cannot be derived from coefficients and covariance.
         """
         fitted = bool(np.isfinite(coefficients).all() and len(coefficients))
         few = self._few(design) if fitted else ()
@@ -130,20 +134,20 @@ class Specification:
         return (f"{n} dyads: {what}",)
 
     def without(self, design: Design, why: str) -> Model:
-        """Say why there is no fit.
+        """Return a result without a fit, and the reason.
 
         Parameters
         ----------
         design : Design
             The trials.
         why : str
-            The reason.
+            Reason.
         """
         nothing = np.full(len(design.names), np.nan)
         return self.model(design, nothing, np.full((len(nothing),) * 2, np.nan), converged=False, notes=(why,))
 
     def alone(self, design: Design, family: Any) -> Model:
-        """Fit a single dyad as if its trials were independent, without intervals.
+        """Fit a single dyad as if its trials were independent, without confidence intervals.
 
         Parameters
         ----------
@@ -161,13 +165,13 @@ class Specification:
 
 
 def _fixed(design: Design) -> str:
-    """Write the fixed part of a model; a product of factors has their main effects with it."""
+    """Return the fixed part of a model's equation; a product of factors includes their main effects."""
     pairs = [f"{a.name} x {b.name}" for a, b in combinations(design.factors, 2)]
     return " + ".join(("intercept", *(pairs or [one.name for one in design.factors]), "b log(trial)"))
 
 
 def lacking(design: Design) -> str:
-    """Say what a design has too little of.
+    """Return what a design lacks.
 
     Parameters
     ----------
@@ -179,12 +183,12 @@ def lacking(design: Design) -> str:
 
 
 def noting(fit: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
-    """Fit, and turn warnings and singular matrices into notes; the fit is None without a result.
+    """Run a fit and turn warnings and singular matrices into notes; the fit is None without a result.
 
     Parameters
     ----------
     fit : callable
-        What may warn.
+        Function that fits.
 
     Returns
     -------
