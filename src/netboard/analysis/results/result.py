@@ -72,25 +72,13 @@ UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueErro
 T = TypeVar("T")
 
 
-<<<<<<< HEAD
 MOST_KEPT = 4
-"""Studies whose findings are kept: the one that is reported, and those pooled from it [1]."""
+"""Studies whose results are cached: the reported one, and those pooled from it [1]."""
 
 
 def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
-    """Let a costly finding, which nobody changes, be computed once for the results and figures of a study."""
+    """Cache a costly computation for the most recent studies, which must not be changed."""
     newest: deque[tuple[ref[Study], T]] = deque(maxlen=MOST_KEPT)
-=======
-def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
-    """Cache a costly computation for its results and figures, for the most recent study.
-
-    Parameters
-    ----------
-    find : callable
-        Function of a `Study`, which must not be changed.
-    """
-    newest: list[tuple[ref[Study], T]] = []
->>>>>>> lang5
 
     @wraps(find)
     def once(study: Study) -> T:
