@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import daily
 from netboard.benchmarks.faults.bench import play_all
 from netboard.benchmarks.faults.case import RELAYED, Case
 from netboard.benchmarks.faults.cases import choose
@@ -24,6 +25,9 @@ WITH_RELAYS = (
 OF_THE_SERVER = ("server-stopped-1s", "server-killed")
 OF_THE_RECORDING = ("directory-removed",)
 
+
+DAILY = 7
+"""Cases with relays that are played in a day [1]."""
 
 TRIES = 3
 """A machine that has no time for its real-time processes makes faults of its own: what fails is tried again [1]."""
@@ -47,7 +51,8 @@ def all_hold(cases: list[Case], folder: Path) -> None:
 
 
 def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
-    all_hold([replace(case, setup=RELAYED) for case in choose(WITH_RELAYS, quick=True)], tmp_path)
+    names = WITH_RELAYS if daily.ALL else daily.chance("faults").sample(WITH_RELAYS, DAILY)
+    all_hold([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
 def test_a_server_that_stands_still_and_one_that_is_killed(tmp_path: Path) -> None:
