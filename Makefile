@@ -4,11 +4,11 @@ ARGS ?=
 BIN := .venv/bin
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test lint imports types docs wheel lock clean tree
+.PHONY: help demo test test-quick lint imports types docs wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 12
 
 demo: .venv/.ready-to-run ## a whole session with simulated people; options with ARGS="--trials 2"
 	$(BIN)/netboard demo $(ARGS)
@@ -20,6 +20,9 @@ test: lint imports types ## all checks and all tests; options for pytest with AR
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 	$(BIN)/python -m pytest -m quiet $(ARGS) || [ $$? = 5 ]
+
+test-quick: lint ## tests without processes and without those that take long, for while you work
+	$(BIN)/python -m pytest -m "not slow and not integration" -n 2 --dist loadfile $(ARGS) || [ $$? = 5 ]
 
 lint: .venv/.ready-to-develop ## style
 	$(BIN)/ruff check .

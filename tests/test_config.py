@@ -55,6 +55,7 @@ def test_options_keep_their_types() -> None:
     assert repr(options) == "{'port': 3, 'gain': 3.0, 'held': True, 'any key': 'text'}"
 
 
+@pytest.mark.slow
 def test_resolved_text_is_complete_and_reads_back() -> None:
     config = parse("[physics]\nM = 0.1\n[agents.right]\ndevice = 'mouse'")
     assert parse(resolve(config)) == config
@@ -68,6 +69,7 @@ FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, math.inf, 1
 OPTIONS = st.dictionaries(st.text(), st.text() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | FLOATS, max_size=4)
 
 
+@pytest.mark.slow
 @given(
     mass=st.floats(1e-300, 10.0, exclude_min=True),
     zero=st.floats(-1, 1),

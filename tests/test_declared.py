@@ -36,6 +36,7 @@ def test_the_configuration_takes_what_is_declared() -> None:
     assert words_of(Physics, "hold") == EXTRAPOLATIONS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 def test_a_new_force_condition_is_missed_at_import(place: str) -> None:
     program = (

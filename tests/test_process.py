@@ -54,6 +54,7 @@ def test_without_a_signal_the_handlers_are_put_back() -> None:
     assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
 
 
+@pytest.mark.slow
 def test_a_steady_loop_is_not_interrupted_by_the_collector(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.base.process._granted", {})
     interval = sys.getswitchinterval()

@@ -54,6 +54,7 @@ def test_one_file() -> None:
         assert line in result.output
 
 
+@pytest.mark.slow
 def test_many_files_have_the_same_results_as_alone_to_the_bit() -> None:
     write_hands("more/b.csv", 1.0, rate=240)
     write_hands("more/c.csv", 2.0)
@@ -104,6 +105,7 @@ def test_the_initial_state() -> None:
     assert [found[name][0] for name in COLUMNS[1:7]] == [-0.001, 0.01, 0.02, -0.1, -0.15, 0.05]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("places", [["--p0", "0.1,-0.1"], ["--p0", "0.1", "--p0", "-0.1"]])
 def test_several_balls(places: list[str]) -> None:
     words = ["--set", "physics.balls=2", "--method", "euler", *places]

@@ -400,6 +400,7 @@ def test_a_method_that_does_not_hold_the_scene_at_all() -> None:
 # --- what comes out ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("balls", "names"),
     [(0, []), (1, ["p", "vp"]), (3, ["p", "vp", "p2", "vp2", "p3", "vp3"])],

@@ -368,6 +368,7 @@ def test_an_unrelated_force_is_that_of_the_row_and_only_while_a_trial_is_on() ->
     assert not felt[0].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [name for name in CONDITIONS if name != "none"])
 def test_a_scale_multiplies_and_a_side_without_a_person_or_a_sample_feels_nothing(force: str) -> None:
     rows, block = waving(), CONDITIONS[force]

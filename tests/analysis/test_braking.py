@@ -115,6 +115,7 @@ courses = st.lists(st.floats(-8, 8), min_size=1, max_size=5).map(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("properties", first_braking, of="mirror")
 @given(courses, st.sampled_from(["tilt", "rotation"]))
 def test_left_is_right_mirrored(course: list[Movement], braking: str) -> None:

@@ -34,6 +34,7 @@ def found() -> Comparisons:
     return comparisons(modern_study(modern_blocks(change=halved)))
 
 
+@pytest.mark.slow
 def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each_measure(found: Comparisons) -> None:
     assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
         "bimanual, haptics on less off",
@@ -77,6 +78,7 @@ def test_differences_of_dyads_are_0_1_2_and_3(found: Comparisons) -> None:
     assert (one.contrast.permutation.least_p, one.contrast.signs.least_p) == (0.125, 0.25)
 
 
+@pytest.mark.slow
 def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
     """The least p, of four dyads, times all tests of the family is far above 1."""
     assert all(one.corrected == 1.0 for one in found.comparisons if np.isfinite(one.contrast.permutation.p))
@@ -102,6 +104,7 @@ def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_diff
     assert not others["note"].str.contains("symmetric").any()
 
 
+@pytest.mark.slow
 def test_without_any_difference_intervals_cover_zero() -> None:
     """Of a hundred intervals of 95 % some five do not; bootstraps of ten dyads are a little too short."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
@@ -119,6 +122,7 @@ def test_without_any_difference_intervals_cover_zero() -> None:
     assert not any(one.corrected < 0.05 for one in found.comparisons)
 
 
+@pytest.mark.slow
 def test_new_names_of_dyads_change_no_difference() -> None:
     study = modern_study(modern_blocks(change=halved))
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
@@ -130,6 +134,7 @@ def test_new_names_of_dyads_change_no_difference() -> None:
     pd.testing.assert_frame_equal(first, second)
 
 
+@pytest.mark.slow
 def test_exchanged_conditions_change_the_sign() -> None:
     forces = {"full": "none", "none": "full"}
     blocks = modern_blocks(seed=2)

@@ -46,6 +46,7 @@ def test_normal_distribution() -> None:
     assert found.area == pytest.approx(np.pi * norm.ppf(0.95) ** 2 * SPREAD.prod(), rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("independent", ellipse, by="scikit-learn")
 @given(clouds)
 def test_components_are_scikit_learns(points: np.ndarray) -> None:
@@ -111,6 +112,7 @@ def test_outline_holds_most_points(scaling: str) -> None:
     assert inside.mean() == pytest.approx(1 - np.exp(-(norm.ppf(0.95) ** 2) / 2), abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("properties", ellipse, of=("unit", "constant"))
 @given(clouds, st.sampled_from(EXTENTS), arrays(np.float64, 2, elements=st.floats(-5, 5)), st.floats(0.1, 10))
 def test_place_and_size(points: np.ndarray, extent: str, place: np.ndarray, factor: float) -> None:

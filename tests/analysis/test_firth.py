@@ -107,6 +107,7 @@ def test_a_profile_far_from_the_maximum_needs_no_inverse() -> None:
     assert low < best.coefficients[1] < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trials", [2, 4, 8])
 def test_a_profile_with_next_to_no_information_ends_and_raises_nothing(trials: int) -> None:
     """Few trials, some of them failed in one condition alone, and a wide interval: the profile goes far out."""

@@ -55,6 +55,7 @@ def test_who_is_followed_is_found_beyond_chance() -> None:
     assert (to_right.trials, to_right.of) == (12, 12)
 
 
+@pytest.mark.slow
 def test_without_influence_there_is_no_excess() -> None:
     found = [influence_of(following(0.0, seed), "left to right").chance for seed in range(4)]
     excess = [one.excess for one in found if one is not None]
@@ -112,6 +113,7 @@ def test_many_trials_are_a_seeded_choice(monkeypatch: pytest.MonkeyPatch) -> Non
     assert influence_of(replace(study), "left to right").trials == 2
 
 
+@pytest.mark.slow
 def test_one_dyad_has_influence_and_no_surrogates() -> None:
     study = following(1.0)
     own = study.trials["dyad"] == "D01"

@@ -164,6 +164,7 @@ def test_what_the_task_does_is_the_level_of_chance() -> None:
     assert found.p > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("disturbance", chance_level, of="noise")
 def test_chance_finds_an_effect_by_chance() -> None:
     p = [chance_level(*dyads(4, 0.0, 0.5, seed), strength_of, np.random.default_rng(seed)).p for seed in range(100)]
@@ -171,6 +172,7 @@ def test_chance_finds_an_effect_by_chance() -> None:
     assert 0.4 < np.mean(p) < 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("truth", chance_level)
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
 def test_of_dyads_without_influence_p_is_as_small_as_it_says(count: int) -> None:

@@ -293,6 +293,7 @@ def test_binned_transfer_entropy_is_a_difference_of_informations(seed: int) -> N
     assert transfer_entropy([x], [y], past=one, estimator="binned", bins=3) == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("independent", driven, by="scipy")
 @given(arrays(np.float64, st.integers(2, 80), elements=st.floats(-2, 2, width=16)), st.floats(20, 400))
 def test_a_driven_hand_is_a_simulated_system(force: np.ndarray, stiffness: float) -> None:
@@ -336,6 +337,7 @@ def test_of_ranks_divisions_are_mann_and_whitneys_test(ranks: list[int], size: i
         assert permutation_test_between(x, y, alternative=alternative).p == pytest.approx(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("independent", bootstrap, by="pandas")
 def test_a_bootstrap_is_that_of_drawn_frames() -> None:
     frame = pd.DataFrame({"above": [1.0, 2.0, 1.5, 0.3, 2.2, 0.9], "below": [2.0, 3.0, 4.0, 1.0, 2.5, 2.1]})
@@ -353,6 +355,7 @@ def test_a_ratio_of_sums_is_a_weighted_mean(above: np.ndarray, below: np.ndarray
     assert ratio_of_sums(above, below) == pytest.approx(np.average(above / below, weights=below))
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("independent", hedges_factor, by="scipy")
 @given(st.integers(2, 300))
 def test_the_factor_is_the_mean_of_one_over_chi(free: int) -> None:

@@ -242,6 +242,7 @@ def test_noise_and_holes_put_no_ball_elsewhere(seed: int, missing: list[int]) ->
 # --- holes -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("disturbance", motion, ball_speed, of="holes")
 @given(st.lists(st.integers(1, 3000), min_size=1, max_size=4))
 def test_holes_of_a_recording_stay_where_they_are(missing: list[int]) -> None:

@@ -92,6 +92,7 @@ def test_every_measure_has_a_level_in_every_condition_of_a_whole_study() -> None
     assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.levels)
 
 
+@pytest.mark.slow
 def test_new_names_of_dyads_change_no_result() -> None:
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
     blocks = modern_blocks()
@@ -111,6 +112,7 @@ def test_new_names_of_dyads_change_no_result() -> None:
     pd.testing.assert_frame_equal(first, second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["trial", "movement", "attempt"])
 def test_a_study_without_attempts_has_no_levels(of: str) -> None:
     study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])

@@ -92,6 +92,7 @@ def test_a_derivative_of_a_scaled_moved_and_backward_signal(x: np.ndarray, unit:
     close(derivative(-x, RATE), -found)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("properties", derivative, LowPass, of="rate")
 @given(st.floats(0.2, 2), st.floats(0, 6), st.sampled_from([2, 4]))
 def test_slow_waves_and_their_slopes_hardly_know_the_rate(frequency: float, phase: float, finer: int) -> None:
@@ -176,6 +177,7 @@ def test_the_ball_is_as_fast_to_the_left_and_backwards(frequency: float, phase: 
     close(ball_speed(vp[::2], RATE / 2, order=order)[500:1500], found[::2][500:1500], within=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("properties", motion, of=("time", "mirror", "unit", "constant"))
 @given(moves, moves, st.floats(0.1, 10), st.floats(-0.05, 0.05))
 def test_a_filtered_recording_mirrored_scaled_and_raised(left: list, right: list, unit: float, height: float) -> None:

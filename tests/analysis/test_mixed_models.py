@@ -540,6 +540,7 @@ def test_where_nothing_failed_anywhere_there_is_nothing_to_compare(model: Any) -
     assert any("in any condition, so there is nothing to compare" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_p_and_interval_of_firths_likelihood_agree_and_dyads_that_differ_widen_it() -> None:
     labels = plan(6, 20)
     values = failures_of(labels, Truth(), 15)
@@ -556,6 +557,7 @@ def test_p_and_interval_of_firths_likelihood_agree_and_dyads_that_differ_widen_i
     assert width[1] > width[0]
 
 
+@pytest.mark.slow
 def test_a_level_without_failures_is_seen_behind_other_factors() -> None:
     labels = plan(6, 12)
     arguments = with_masses(labels)["categorical"]
@@ -582,6 +584,7 @@ def test_warnings_are_notes() -> None:
     assert len(set(found.notes)) == len(found.notes)
 
 
+@pytest.mark.slow
 def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
     truths = [
         Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0),

@@ -79,6 +79,7 @@ def panel(picture: Picture, title: str) -> Axes:
     return only
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_axis_with_numbers_has_a_unit(name: str, drawn: dict[str, Picture]) -> None:
     figure = figure_of(drawn[name])
@@ -105,12 +106,14 @@ def test_the_same_study_gives_the_same_file(
     assert as_bytes(figure_of(again), "svg") == as_bytes(figure_of(drawn[again.name]), "svg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.daily(2)
 def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
 def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials: list[dict[str, float]]) -> None:
@@ -120,6 +123,7 @@ def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials:
         as_bytes(picture.figure, "png")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("find", FOUND)
 @pytest.mark.daily(2)
 def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_missing(
@@ -145,6 +149,7 @@ def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
         assert all(unit.scale * value in own for own, value in zip(dyads, one.values, strict=True))
 
 
+@pytest.mark.slow
 def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["contrasts"]
     assert "assumes that differences are symmetric" in picture.caption
@@ -190,6 +195,7 @@ def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
     np.testing.assert_array_equal(residuals, np.column_stack([diagnostics.quantiles, diagnostics.residuals]))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_models_of_one_condition_have_no_ratio_to_draw() -> None:
     dyadic = [block for block in modern_blocks(dyads=2, trials=4, forces=("full",)) if block.configuration == "dyadic"]
@@ -267,6 +273,7 @@ def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Stu
     assert set(times_of.get_xticks()) <= set(blocks["block"])
 
 
+@pytest.mark.slow
 def test_two_dyads_have_no_size_of_an_effect() -> None:
     """It was drawn at exactly 0, with an interval from 0 to 0."""
     picture = contrasts.picture(modern_study(modern_blocks(dyads=2, trials=3)))

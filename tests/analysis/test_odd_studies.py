@@ -64,6 +64,7 @@ def test_an_odd_study_is_analysed(tmp_path: Path, lacks: tuple[str, ...]) -> Non
     analysed(lacking(lacks, seed=1, dyads=1, trials=2), tmp_path)
 
 
+@pytest.mark.slow
 @given(st.sets(st.sampled_from(LACKS), max_size=5), st.integers(0, 99), st.integers(1, 3), st.integers(1, 4))
 def test_no_attempt_is_lost(lacks: set[str], seed: int, dyads: int, trials: int) -> None:
     accounted(lacking(sorted(lacks), seed, dyads, trials))

@@ -82,12 +82,14 @@ def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], stud
     assert caption.endswith("Simulated people: no evidence about people.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], study: Study) -> None:
     first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
     assert first == second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 def test_a_study_of_other_conditions_is_drawn_too(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
@@ -100,6 +102,7 @@ def test_with_nothing_to_show_there_is_a_reason_instead(draw: Callable[[Study], 
     assert picture.caption.startswith("No ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.parametrize("trials", [1, 4])
 def test_one_dyad_with_few_trials_is_drawn_as_far_as_it_goes(draw: Callable[[Study], Picture], trials: int) -> None:
@@ -107,6 +110,7 @@ def test_one_dyad_with_few_trials_is_drawn_as_far_as_it_goes(draw: Callable[[Stu
     assert picture.figure is None or as_bytes(picture.figure, "svg")
 
 
+@pytest.mark.slow
 def test_all_pictures_come_with_names_of_their_own(study: Study) -> None:
     names = [picture.name for picture in pictures(study)]
     assert len(set(names)) == len(names)
@@ -146,6 +150,7 @@ def test_the_plane_of_dyads_is_drawn_as_found(study: Study) -> None:
     np.testing.assert_array_equal(diagonal[:, 0], diagonal[:, 1])
 
 
+@pytest.mark.slow
 def test_gains_are_drawn_as_found(study: Study) -> None:
     axes = figure_of(dyads.picture(study)).axes[2]
     names = [label.get_text() for label in axes.get_yticklabels()]

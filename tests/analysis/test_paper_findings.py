@@ -147,6 +147,7 @@ def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
     assert set(found["topic"]) == {"learning", "dyads", "classes", "strategy", "delay"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forces", [["full"], ["none"], ["partner_only", "unrelated"], FORCES])
 @pytest.mark.parametrize("trials", [1, 2, 7])
 @pytest.mark.daily(3)
@@ -157,6 +158,7 @@ def test_every_study_has_results_however_small(forces: list[str], trials: int) -
     assert found.loc[found["of"] == "dyad", "low"].isna().all()
 
 
+@pytest.mark.slow
 def test_mirrored_studies_have_the_same_results_but_for_who_was_first() -> None:
     """Left and right change places: targets, sides of single movements, signs of delays."""
     blocks = random_blocks(seed=3)

@@ -162,6 +162,7 @@ def test_misuse_is_refused() -> None:
         passive_control([trials(0, 0.0)], [], linear_partner(RATE, PassiveHand(), LEFT, RIGHT), cooperative)
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("properties", passive_partner, of=("unit", "constant", "mirror", "rate"))
 @given(st.floats(-5.0, 5.0), st.floats(-0.05, 0.05), st.floats(20.0, 400.0))
 def test_a_passive_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:

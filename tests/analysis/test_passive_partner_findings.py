@@ -88,6 +88,7 @@ def test_one_dyad_has_no_share_to_tell() -> None:
     assert "or there is none" in told.loc["passive share of the effect, 150 N/m, no friction", "note"]
 
 
+@pytest.mark.slow
 def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:
     row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "passive_50": 0.1}
     alone = [Block("D01", "D01A", "bimanual", force, [row]) for force in ("full", "none")]

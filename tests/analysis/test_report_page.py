@@ -279,6 +279,7 @@ def test_a_picture_that_is_none_says_why(tmp_path: Path) -> None:
     assert "No picture: there are no movements." in figure.text
 
 
+@pytest.mark.slow
 def test_a_huge_picture_is_a_png_with_its_words(tmp_path: Path) -> None:
     page = written(tmp_path, study_of([block("only")], Readings()), [picture(points=8000)])
     (image,) = page.all("img")

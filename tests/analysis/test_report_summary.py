@@ -47,6 +47,7 @@ def made() -> dict[str, pd.DataFrame]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("topic", "quantity"), PAIRS)
 def test_a_study_has_all_that_the_summary_names(topic: str, quantity: str, made: Mapping[str, pd.DataFrame]) -> None:
     found = made["generalised" if "generalised" in quantity else "each"]

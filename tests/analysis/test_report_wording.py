@@ -48,6 +48,7 @@ def test_plurals() -> None:
     assert [counted(1, "dyad"), counted(4, "dyad"), counted(2, "person")] == ["1 dyad", "4 dyads", "2 people"]
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_nothing_unseen_is_left(text: str) -> None:
     shown = visible(text)

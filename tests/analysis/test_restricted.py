@@ -84,6 +84,7 @@ def of_null(seed: int) -> Study:
 # --- the largest likelihood --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.evidence("independent", restricted_fit, by="statsmodels")
 def test_studies_without_some_variances_all_have_a_fit_and_none_of_another_library_is_better() -> None:
     gains, zeros = [], 0
@@ -98,6 +99,7 @@ def test_studies_without_some_variances_all_have_a_fit_and_none_of_another_libra
     assert np.median(gains) < 1e-3
 
 
+@pytest.mark.slow
 def test_no_other_variances_are_likelier() -> None:
     source = np.random.default_rng(0)
     for seed in range(5):
@@ -122,6 +124,7 @@ def test_effects_are_those_of_generalised_least_squares(seed: int) -> None:
     assert found.covariance == pytest.approx(covariance, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_variances_are_those_of_another_library_where_none_is_0() -> None:
     given = study(2, (0.8, 0.6, 0.6, 0.5), dyads=8)
     found = fitted(given)

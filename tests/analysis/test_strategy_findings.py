@@ -50,6 +50,7 @@ def test_variances_of_both_at_once_are_determinants() -> None:
     assert spread.dyads.loc["D02"].tolist() == pytest.approx([np.linalg.det(np.cov(np.array(WIDE).T))] * 2)
 
 
+@pytest.mark.slow
 def test_the_extent_and_the_scaling_of_ellipses_are_as_set() -> None:
     blocks = random_blocks(trials=30)
     areas = {

@@ -26,6 +26,7 @@ from netboard.benchmarks.analysis.calibration_bench import QUICK, STUDIES, diffe
 from netboard.services.cli import app
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [4, 8, 16])
 def test_flips_of_signs_are_the_permutation_test(n: int) -> None:
     gaps = np.random.default_rng(n).lognormal(size=(6, n)) - 1.6
@@ -77,6 +78,7 @@ def test_successive_trials_are_correlated_where_they_should_be() -> None:
     assert (left[..., 1:] * left[..., :-1]).mean() / (left**2).mean() == pytest.approx(0.45, abs=0.06)
 
 
+@pytest.mark.slow
 def test_skewed_differences_break_the_permutation_test_and_symmetric_ones_do_not() -> None:
     skewed, normal = (differences_alone(8, errors, 3000, (1,))[1] for errors in ("skewed", "normal"))
     assert (skewed <= 0.05).mean() > 0.12

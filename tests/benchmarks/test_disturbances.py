@@ -46,6 +46,7 @@ def test_noise_has_its_deviation_no_mean_and_no_memory(columns, generator) -> No
     assert abs(np.corrcoef(*(found[name] - columns[name] for name in HANDS))[0, 1]) < 0.01
 
 
+@pytest.mark.slow
 def test_steps_are_multiples_and_at_most_half_a_step_away(columns, generator) -> None:
     found = steps(columns, generator, names=HANDS[:1], step=5.5e-5)
     assert set(found) == {HANDS[0]}
@@ -101,6 +102,7 @@ def test_a_rate_that_is_no_whole_part_is_refused(columns, generator) -> None:
         slower(columns, generator, rate=300)
 
 
+@pytest.mark.slow
 def test_jitter_moves_a_ramp_by_its_slope_in_all_columns_alike(generator) -> None:
     ramp = {name: slope * np.arange(COUNT) / RATE for name, slope in (("p", 0.1), ("theta", -0.3))}
     found = jitter(ramp, generator, deviation=1e-3)

@@ -33,6 +33,7 @@ def fulfilled(run: Run, *settings: str, disturbances: tuple[Disturbance, ...] = 
     return fulfil(Wish(run, Readings(), others, disturbances, (left,) * len(disturbances)))
 
 
+@pytest.mark.slow
 def test_its_own_readings_give_the_same_tables(run: Run) -> None:
     base, block = measure(run, Readings()), opened(run, Readings())
     found = again(base, list(block.takes()))
@@ -110,6 +111,7 @@ def test_noise_of_the_styluses_takes_stillness_away_and_an_offset_nothing(run: R
         assert found.disturbed[1][name] == pytest.approx(values, abs=1e-9, nan_ok=True), name
 
 
+@pytest.mark.slow
 def test_a_lost_tick_in_the_hold_loses_the_completion_unless_it_is_bridged(run: Run) -> None:
     disturbances = (
         Disturbance("lost", "1 %", partial(lost, share=0.01)),
@@ -142,6 +144,7 @@ def test_one_threshold_makes_the_larger_mover_look_earlier_and_own_peaks_do_not(
     assert own == pytest.approx([0, 0], abs=0.001)
 
 
+@pytest.mark.slow
 def test_short_holes_are_filled_where_the_readings_say_so(run: Run) -> None:
     leaving, bridging = readings_of(("filters.bridge=0",)), readings_of(("filters.bridge=0.02",))
     base, block = measure(run, Readings()), opened(run, Readings())

@@ -58,6 +58,7 @@ def test_an_unknown_question_is_refused() -> None:
         ambiguity("A33")
 
 
+@pytest.mark.slow
 def test_paths_are_drawn_from_all_likely_answers_and_from_their_seed() -> None:
     paths = draw((), 10, 10, 4)
     assert paths == draw((), 10, 10, 4)

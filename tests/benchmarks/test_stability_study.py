@@ -228,6 +228,7 @@ def test_verdicts_are_shown_with_their_table(holds: bool, word: str) -> None:
     assert "length [m]" in said.get()
 
 
+@pytest.mark.slow
 def test_a_map_is_summed_up_and_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     plane = PLANES[0]

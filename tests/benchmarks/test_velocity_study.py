@@ -25,6 +25,7 @@ BARE = Loop(0.045, 0.0, 200.0, 2.0)
 LINEAR = sorted(set(KINDS) - {"adaptive"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LINEAR)
 def test_the_linear_system_is_the_estimator(kind: str) -> None:
     a, b, c, d = linear_estimator(kind)

@@ -29,6 +29,7 @@ def devices(*words: str) -> Result:
     return runner.invoke(app, ["devices", *words])
 
 
+@pytest.mark.slow
 def test_list() -> None:
     result = devices("list")
     assert "virtual" in result.output
@@ -63,6 +64,7 @@ def test_test(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out)["findings"][-1]["name"] == "force to movement"
 
 
+@pytest.mark.slow
 def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFixture[str]) -> None:
     chirp = Chirp(seconds=6.0)
     common = {"yes": True, "replace_it": False, "as_json": False, "chirp": chirp}

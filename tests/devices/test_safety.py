@@ -243,6 +243,7 @@ def test_the_clamp_is_the_smaller_limit_and_keeps_the_direction(device: float, m
     assert clamped.safeguards == Safeguard.ARMED | Safeguard.CLAMPED
 
 
+@pytest.mark.slow
 def test_a_force_that_goes_on_comes_down_to_what_the_motors_give_for_ever() -> None:
     """Under a constant force F the mean is F (1 - exp(-t / MEAN_TIME)): the clamp comes down when that is near."""
     bench = Bench().armed((0.0, 0.0, 2.0))
@@ -259,12 +260,14 @@ def test_a_force_that_goes_on_comes_down_to_what_the_motors_give_for_ever() -> N
     assert bench.run(100, (0.0, 0.0, 2.0)).fz == 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "device", "most"), [(0.88, 3.3, 0.88), (0.88, 0.5, 0.5), (2.0, 0.9, 0.9)])
 def test_the_mean_is_limited_by_the_smaller_of_limit_and_rating(limit: float, device: float, most: float) -> None:
     bench = Bench(replace(LIMITS, mean_force=limit), lasting=device).armed((0.0, 0.0, 3.0))
     assert bench.run(100_000, (0.0, 0.0, 3.0)).fz == pytest.approx(most, rel=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.1, 3.0), st.lists(st.tuples(tame, st.integers(1, 6000)), min_size=4, max_size=8))
 def test_no_wanted_force_brings_the_mean_above_its_limit(lasting: float, wishes: list[tuple[float, int]]) -> None:
@@ -331,6 +334,7 @@ limit = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(limit, st.floats(0.1, 10.0), st.floats(0.1, 10.0), st.lists(moment, max_size=25))
 def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, lasting: float, moments: list) -> None:

@@ -106,6 +106,7 @@ def test_all_that_has_come_is_read_and_the_last_counts(cap: Cap) -> None:
         assert not cap.reports
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.integers(0, 255), min_size=1, max_size=20), max_size=20))
 def test_no_report_breaks_it(reports: list) -> None:
     cap = Cap()

@@ -64,12 +64,14 @@ pieces = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(st.lists(pieces, max_size=20).map(b"".join))
 def test_any_row_of_pieces(frame: bytes) -> None:
     judge(frame)
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(st.sampled_from(sorted(KINDS)), st.integers(0, 20), st.lists(pieces, max_size=20).map(b"".join), st.booleans())
 def test_any_row_of_pieces_after_a_true_head(kind: int, length: int, rest: bytes, wide: bool) -> None:
@@ -77,6 +79,7 @@ def test_any_row_of_pieces_after_a_true_head(kind: int, length: int, rest: bytes
     judge(head + bytes([kind]) + rest)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(GOLDEN), st.data())
 def test_any_piece_in_place_of_any_bytes(frame: bytes, data: st.DataObject) -> None:
@@ -170,6 +173,7 @@ def test_what_malformed_frames_cost_is_bounded_by_their_length() -> None:
 # --- the fixed form ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "kind"), [(fixed.STYLUS, Stylus), (fixed.FORCE, Force)])
 def test_the_fixed_form_is_read_as_the_codec_reads_it_or_not_at_all(form: fixed.Form, kind: type[Message]) -> None:
     chance = random.Random(4)

@@ -70,6 +70,7 @@ def all_of_them(tmp_path: Path) -> Iterator[dict[str, Supervised]]:
         one.end()
 
 
+@pytest.mark.slow
 def test_every_service_reports_to_systemd(all_of_them: dict[str, Supervised]) -> None:
     for one in all_of_them.values():
         assert [one.hear(), one.hear()] == ["READY=1", "WATCHDOG=1"]

@@ -98,6 +98,7 @@ def test_a_step_that_hides_in_the_delay_adds_no_more_than_the_delay_and_not_for_
             assert excess(clock, peer, t3) <= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", ["often", "now and then"])
 def test_a_clock_that_stood_still_in_a_silence_is_noticed(asked: str) -> None:
     """As on a machine that was suspended: it says nothing meanwhile."""

@@ -57,6 +57,7 @@ def test_any_bytes_are_a_message_or_a_wire_error(junk: bytes) -> None:
     accept_or_refuse(junk)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(messages(), st.data())
 def test_a_damaged_frame_is_a_message_or_a_wire_error(sent: Message, data: st.DataObject) -> None:
@@ -75,6 +76,7 @@ def test_a_damaged_frame_is_a_message_or_a_wire_error(sent: Message, data: st.Da
     accept_or_refuse(bytes(damaged))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(
     st.sampled_from(sorted(KINDS)),

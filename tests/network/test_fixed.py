@@ -39,6 +39,7 @@ def test_the_codec_reads_what_is_written_and_what_is_read_is_what_was_written(ki
     check()
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.integers(0, fixed.STYLUS.size - 1), st.integers(0, 255), messages_of(Stylus))
 def test_a_frame_with_another_byte_is_read_as_the_codec_reads_it_or_not_at_all(

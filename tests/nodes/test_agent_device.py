@@ -143,6 +143,7 @@ def nothing() -> None:
     """Only what is waited for counts."""
 
 
+@pytest.mark.slow
 def test_a_device_that_is_pulled_out_is_looked_for_and_comes_back(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
     device, heard = rig.device, rig.server.heard
@@ -164,6 +165,7 @@ def test_a_device_that_is_pulled_out_is_looked_for_and_comes_back(new_rig: Calla
     assert device.force == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_stop_button_cuts_the_force_at_once_until_the_server_has_disarmed(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig(stop_buttons=2)
     device = rig.device
@@ -192,6 +194,7 @@ def test_a_stop_button_cuts_the_force_at_once_until_the_server_has_disarmed(new_
     )
 
 
+@pytest.mark.slow
 def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig(consent_buttons=1)
     device = rig.device
@@ -211,6 +214,7 @@ def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[
     assert device.force == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_the_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
 

@@ -123,6 +123,7 @@ def test_a_tick_without_a_sample_does_not_hold_an_old_force(link: Link) -> None:
     assert np.isnan(rows["right_rendered"]).all(), "nobody is there"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", [30, 700, GONE_NS // MS + 500])
 def test_after_a_cut_every_tick_has_what_the_agent_remembers(link: Link, away: int) -> None:
     link.go(50)

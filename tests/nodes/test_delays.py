@@ -26,6 +26,7 @@ def looks(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> li
     return [name for name, _ in watch.news]
 
 
+@pytest.mark.slow
 def test_the_limit_is_that_of_a_bare_stylus_at_a_board_held_fast() -> None:
     assert delays("warn").limit_ns == 8_000_000
     assert delays("warn", replace(FIXED, coupling_at="both")).limit_ns == 60_000_000
@@ -90,6 +91,7 @@ def test_a_trial_is_paused_and_none_begins_for_a_while() -> None:
     assert watch.lacking == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", [FIXED, Physics()])
 def test_a_hand_is_softened_smoothly_and_no_more_than_needed(physics: Physics) -> None:
     watch = delays("soften", physics)

@@ -121,6 +121,7 @@ def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> 
     assert one.decide("next", A, "lab:1", replace(NOW, phase=Phase.FINISHED)).accepted
 
 
+@pytest.mark.slow
 @given(
     commands=st.lists(
         st.tuples(st.sampled_from(COMMANDS), st.sampled_from([A, B]), st.sampled_from(Phase)), max_size=30

@@ -256,6 +256,7 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
     return told
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(deeds=DEEDS)
 def test_whatever_listeners_do_the_loggers_hear_the_same_at_the_same_time(deeds: list) -> None:

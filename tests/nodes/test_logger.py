@@ -168,6 +168,7 @@ def test_each_block_has_a_recording(tmp_path: Path) -> None:
     assert (account.sound, account.complete) == (True, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bad_line_leaves_no_hole_between_blocks(tmp_path: Path, seed: int) -> None:
     rig = Blocks(tmp_path, 600, 600, 600)

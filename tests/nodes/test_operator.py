@@ -25,6 +25,7 @@ def said(router: endpoints.Router) -> list[tuple[bytes, Message]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator, "SILENT_NS", 200_000_000)
     monkeypatch.setattr(sockets, "RENEW_S", 0.0)
@@ -50,6 +51,7 @@ def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPa
         router.close_after_goodbye()
 
 
+@pytest.mark.slow
 def test_a_console_that_was_forgotten_says_hello_again() -> None:
     network = replace(Network(), port=free_port())
     with sockets.open_context() as context:

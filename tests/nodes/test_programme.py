@@ -91,6 +91,7 @@ def test_blocks_of_one_scene_share_the_watch_over_its_loops() -> None:
     assert first.delays is not third.delays
 
 
+@pytest.mark.slow
 def test_a_form_makes_all_blocks_those_of_its_session() -> None:
     remade = Remade()
     programme = Programme(configs(), remade, 1)
@@ -105,6 +106,7 @@ def test_a_form_makes_all_blocks_those_of_its_session() -> None:
     assert programme.block.delays is not None
 
 
+@pytest.mark.slow
 def test_a_block_that_cannot_be_is_refused_before_the_first_tick(tmp_path: Path) -> None:
     path = tmp_path / "other.mcap"
     with pytest.raises(ConfigError, match=r"\[block\] unrelated: found .*other\.mcap"):

@@ -112,12 +112,14 @@ def test_each_station_is_sent_what_its_participant_could_see(rig: Rig) -> None:
             assert (view.left is None) == (side == "right")
 
 
+@pytest.mark.slow
 def test_what_stands_still_is_shown_again_and_again_with_numbers_that_go_on(rig: Rig) -> None:
     first, second = rig.view("left"), rig.view("left")
     assert second.seq > first.seq
     assert second.tick == first.tick
 
 
+@pytest.mark.slow
 def test_the_status_is_that_of_the_recording_and_nothing_is_armed(rig: Rig) -> None:
     rig.do("seek", "4.05")
     status = rig.status()
@@ -133,6 +135,7 @@ def test_the_status_is_that_of_the_recording_and_nothing_is_armed(rig: Rig) -> N
     assert lost[4] == 1000, "no tick of this attempt had a sample"
 
 
+@pytest.mark.slow
 def test_a_console_forgets_what_came_later_when_it_goes_back(rig: Rig) -> None:
     operator = rig.operator
     rig.do("seek", "5")
@@ -167,6 +170,7 @@ def test_what_is_quoted_fits_into_an_answer(rig: Rig) -> None:
     assert len(reply.reason) == MOST_LETTERS
 
 
+@pytest.mark.slow
 def test_it_is_steered(rig: Rig) -> None:
     assert rig.do("seek", "trial 2").reason.startswith("paused at 0:04.0 of 0:10.0, 1 times real time, tick 4101")
     assert "tick 4106" in rig.do("step", "5").reason

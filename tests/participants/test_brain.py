@@ -96,12 +96,14 @@ def test_it_does_nothing_blind() -> None:
     assert [brain.step(0.01 * k, None, None) for k in range(100)] == [()] * 100
 
 
+@pytest.mark.slow
 def test_the_first_movement_takes_a_reaction_time() -> None:
     starts = [moves_of(make(("left",), seed=seed), scene(), 1.5)[0].start for seed in range(200)]
     assert min(starts) >= CALM.visual_delay
     assert np.mean(starts) == pytest.approx(CALM.reaction_time, abs=0.02)
 
 
+@pytest.mark.slow
 def test_nobody_waits_for_ever() -> None:
     """However unlucky a person is with the tilt that is put up with, a ball far from the target is not just watched."""
     unlucky = replace(CALM, threshold_deg=2.0, threshold_cv=2.0)

@@ -37,6 +37,7 @@ MOVED = (0.002, 0.1, 0.1, -2.0, 0.1, 0.3, -0.05, 0.1)
 # --- at an instant ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @every
 @given(free=st.booleans(), state=states, hand=hands)
 def test_the_flows_are_the_rate_of_what_is_stored(values: dict[str, Any], free: bool, state: Any, hand: Any) -> None:

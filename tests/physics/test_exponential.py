@@ -81,6 +81,7 @@ def test_linear_part_and_rest_make_up_the_equations(free: bool, values: dict[str
         assert a @ x + rest == pytest.approx(independent_rates(x, hand, scene.physics, free), rel=1e-11, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [{}, {"coupling": "left"}, {"model": "lagrangian", "balls": 2, "coupling": "left"}])
 def test_a_step_and_its_mirror_image_are_alike_to_the_bit(values: dict[str, Any]) -> None:
     scene = scene_of(**values)
@@ -110,6 +111,7 @@ def linear_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
     return (expm(h * large) @ [*start[:2], *both, 1.0])[:2]
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("coupling", ["both", "left", "none"])
@@ -132,6 +134,7 @@ def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, f
         assert end[4:] == pytest.approx([0.1 + h * 0.3, 0.3, -0.2 + h * 0.4, 0.4] if free else start[4:], abs=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 def test_without_anything_nonlinear_etdrk4_is_exact(model: Any) -> None:
     scene = scene_of(board="level", model=model)
@@ -149,6 +152,7 @@ def test_a_board_that_tilts_has_no_exact_step() -> None:
         exact_tables(scene.record, scene.parts, scene.length, 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
 @pytest.mark.parametrize(("k", "c"), [(1000.0, 1.0), (1.0, 1000.0), (1000.0, 1000.0)])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])

@@ -80,6 +80,7 @@ def test_a_number_can_stand_for_lanes(values: Any, x: float) -> None:
     assert np.array_equal(out, values[:8] if x > 0 else [x] * 8)
 
 
+@pytest.mark.slow
 def test_lanes_come_from_arrays_and_go_there(values: Any) -> None:
     out = np.zeros(12)
     assert moved(values, out) == values[6]

@@ -275,6 +275,7 @@ def test_a_hinged_board_is_one_too_heavy_to_heave(model: Any, state: Any, hand: 
     assert accelerations(hinged, state, hand) == pytest.approx(accelerations(heavy, sunk, hand), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @both
 @given(state=st.tuples(*boards, *balls), hand=hands)
 def test_two_balls_in_one_place_are_one_of_twice_the_mass(model: Any, state: Any, hand: Any) -> None:

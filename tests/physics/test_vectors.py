@@ -44,6 +44,7 @@ def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
 compiled = kernel(everything)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [4, 6, 8, 12])
 def test_compiled_and_plain_give_the_same_bits(length: int) -> None:
     table = np.random.default_rng(length).normal(size=(3, length))

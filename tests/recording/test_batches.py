@@ -102,6 +102,7 @@ def written(path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int) ->
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("chunk_bytes", "flush_every"), [(1024, 7), (20_000, 60), (262_144, 200), (262_144, 10_000)])
 def test_attempts_and_places_are_those_of_all_ticks(
     tmp_path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int

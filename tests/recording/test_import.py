@@ -243,6 +243,7 @@ def test_what_is_wrong_with_wishes_is_said(tmp_path: Path, wishes: dict[str, Any
         import_table(table, tmp_path, CONFIG, Wishes(**wishes), UTC_NS, quiet)
 
 
+@pytest.mark.slow
 def test_a_table_that_ends_badly_leaves_nothing(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

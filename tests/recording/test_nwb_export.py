@@ -32,6 +32,7 @@ def path_of(folder: Path, subject: str, run: int) -> Path:
     return folder / f"sub-{subject}" / f"sub-{subject}_ses-D07S2_run-{run:02d}_behavior.nwb"
 
 
+@pytest.mark.slow
 def test_there_is_a_file_for_each_person_and_run(folder: Path) -> None:
     expected = {path_of(folder, "D07A", 1), path_of(folder, "P22", 1), path_of(folder, "P22", 2)}
     assert set(folder.rglob("*.nwb")) == expected
@@ -83,6 +84,7 @@ def test_the_two_are_on_one_clock_with_its_hole(folder: Path) -> None:
     assert times[0].tolist() == [k / 1000 for k in range(300) if k != 100]
 
 
+@pytest.mark.slow
 def test_evenly_spaced_rows_have_a_rate(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     rows = make_rows(1)[101:]

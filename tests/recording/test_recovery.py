@@ -106,6 +106,7 @@ def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> 
         assert not report.finished
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_careless_disk")
 def test_a_flipped_byte_costs_its_chunk_at_most(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()

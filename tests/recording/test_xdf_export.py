@@ -139,6 +139,7 @@ def test_an_empty_recording_is_a_file_too(tmp_path: Path) -> None:
     assert [len(stream["time_series"]) for stream in found.values()] == [0, 0, 0]
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     peaks = []
     for count in (20_000, 80_000):

@@ -60,6 +60,7 @@ def test_everything_as_json() -> None:
     assert shown["problems"] == shown["balance"]["uneven"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", library.NAMES)
 def test_built_in_studies_are_in_order(name: str) -> None:
     assert f"{name}: in order (1 session, " in run(f"check {name} --dyads 60")
@@ -118,6 +119,7 @@ def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
     assert "off nothing" in shown
 
 
+@pytest.mark.slow
 def test_a_session_that_was_begun_before_is_said_when_the_server_starts(capsys: pytest.CaptureFixture[str]) -> None:
     planned = Planned(Config(), Wanted("pilot", 1))
     planned.begun()

@@ -24,6 +24,7 @@ def counted(text: str, dyads: int = 1) -> Balance:
     return balance_of(study, plans(study, dyads))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.sampled_from(sorted(STUDIES)), st.integers(0, 2**40), st.integers(1, 24))
 def test_built_in_studies_meet_their_counts_for_every_seed_and_number_of_dyads(

@@ -193,6 +193,7 @@ def test_forces_are_felt_only_while_a_trial_is_going_on() -> None:
     }
 
 
+@pytest.mark.slow
 def test_the_first_target_is_as_told_or_drawn_from_the_seed() -> None:
     assert first_target(parse('[block]\nfirst_target = "left"')) == -1
     assert first_target(parse('[block]\nfirst_target = "right"')) == 1

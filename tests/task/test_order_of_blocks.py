@@ -53,6 +53,7 @@ def test_what_is_wrong_is_said(text: str, problem: str) -> None:
     assert problem in str(raised.value)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.text() | st.text(alphabet="ab 12(),/|"))
 @example("(" * 100_000)

@@ -107,6 +107,7 @@ def test_seats_follow_the_dominant_hands_and_are_even_where_they_cannot() -> Non
 # --- any study ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS)
 def test_the_same_arguments_make_the_same_plan(name: str, seed: int, dyad: int) -> None:
@@ -133,6 +134,7 @@ def test_a_seed_or_dyad_that_is_none_is_refused() -> None:
             plan_of(PAPER, seed, dyad)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS, st.sampled_from(("left", "right")))
 def test_every_block_is_a_valid_configuration(name: str, seed: int, dyad: int, seat: str) -> None:

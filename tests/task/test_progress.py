@@ -257,6 +257,7 @@ def test_contradictions_name_the_line(entries: list[Entry], words: str) -> None:
 RULES = st.sampled_from([Quality(), Quality(repeat="flagged")])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), RULES, st.lists(st.integers(0, 60), max_size=6))
 @settings(max_examples=150, deadline=None)
 def test_however_often_it_crashes_the_counts_are_right(seed: int, rules: Quality, crashes: list[int]) -> None:

@@ -145,6 +145,7 @@ def test_keys_of_the_window(app):
     assert closed == [True]
 
 
+@pytest.mark.slow
 def test_the_screen_outlives_the_window(app):
     from netboard.windows.participant.window import BoardWindow, screen_of
 

@@ -107,6 +107,7 @@ def test_a_loop_goes_round(player):
     assert window.playback.playing
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
     from netboard.windows.replay.player import PlayerWindow
 

@@ -51,6 +51,7 @@ def take(showing, number, **changes):
     showing.take(replace(VIEW, **{"seq": number, "tick": 8 * number, "sent_ns": now - MS // 2, **changes}), now)
 
 
+@pytest.mark.slow
 def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, make):
     showing = make()
     take(showing, 0, z=0.0)
