@@ -55,7 +55,7 @@ class Load:
 
 
 def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float) -> Load:
-    """Feed a logger at a rate."""
+    """Feed a logger at one rate and return the result."""
     each_second = sum(map(len, log)) / len(log) * 1e3 * rate
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()
@@ -76,13 +76,7 @@ def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float
 
 
 def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> Part:
-    """Step the rate up until the logger does not keep up.
-
-    Parameters
-    ----------
-    rates : sequence of int
-        The rates to try, in order; the first is one dyad's [1].
-    """
+    """Raise the rate until the logger no longer keeps up."""
     loads: list[Load] = []
     for rate in rates:
         tell(f"a logger at {rate} times the live rate", 0.4)
