@@ -34,12 +34,12 @@ _NEEDED = tuple(
     for field in MOVEMENTS
     if field.name in _PLACES or field.name == "cooperative" or "delay" in field.name or "truncated" in field.name
 )
-"""Columns of movements from which the delays of a study are found."""
+"""Columns of movements from which a study's delays are estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What is to be measured of one recording."""
+    """The measurements wanted of one recording."""
 
     run: Run
     base: Readings
@@ -66,14 +66,14 @@ class Fulfilled:
 
 
 def opened(run: Run, readings: Readings) -> Block:
-    """Read a recording, with everything that a reading may ask for."""
+    """Read a recording with everything that a reading may need."""
     everything = replace(readings, filters=replace(readings.filters, velocity="device"))
     with Recording(run.path) as recording:
         return Block(recording, run.config, everything).again(readings)
 
 
 def again(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:
-    """Measure the paper's measures anew; all else is that of the base."""
+    """Measure the paper's measures again; take everything else from the base."""
     fields = tuple(field for group in groups for field in group.fields)
     rows = [{name: value for group in groups for name, value in group.measure(take).items()} for take in takes]
     turns = [
@@ -90,13 +90,7 @@ def in_windows_of(takes: Sequence[Take], calm: Sequence[Take]) -> list[Take]:
 
 
 def of_attempts(measured: Measured) -> Columns:
-    """Bring what is measured to one value an attempt.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        Time, peaks, shares, mean delays, strategy, smoothness; NaN where an attempt has none [SI].
-    """
+    """Reduce measurements to one value per attempt."""
     trials, moves = measured.trials, measured.movements
     names = ("completion", "peaks", "braking_distance", "braking_velocity", "sparc", "ldlj")
     found: Columns = {name: trials[name].astype(np.float64) for name in names}
@@ -134,7 +128,7 @@ def fulfil(wish: Wish) -> Fulfilled:
 
 
 def _disturbed(wish: Wish, base: Measured, block: Block) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
-    """Measure without and with each disturbance."""
+    """Measure without each disturbance and with it."""
     groups = (*PAPER, *_SMOOTHNESS)
     still: dict[str, tuple[Block, list[Take], Columns]] = {}
     calm, disturbed = [], []
@@ -152,7 +146,7 @@ def _disturbed(wish: Wish, base: Measured, block: Block) -> tuple[tuple[Columns,
 
 
 def _in_order(wish: Wish) -> list[int]:
-    """Put readings that filter alike one after the other, those that filter like the base first."""
+    """Order readings so that those with equal filters are adjacent, those with the base's filters first."""
 
     def place(number: int) -> tuple[bool, str, str]:
         readings = wish.others[number]
@@ -170,7 +164,7 @@ def recorded(block: Block) -> Columns:
 def fulfil_all(
     wishes: Sequence[Wish], workers: int, tell: Callable[[int], object] = lambda done: None
 ) -> Iterator[Fulfilled]:
-    """Measure recordings, several at once, each in a process of its own."""
+    """Measure recordings in parallel, each in its own process."""
     if workers == 1:
         for done, wish in enumerate(wishes, start=1):
             yield fulfil(wish)

@@ -1,4 +1,4 @@
-"""What something takes, and how it is called in a process that has done nothing else: so its memory is its own.
+"""Time and memory of a call, measured in a fresh process so that its memory is its own.
 
 What is measured has a module of its own, for such a process imports no more than that.
 """
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Took:
-    """What something took.
+    """Time and memory of a call.
 
     Attributes
     ----------
@@ -32,23 +32,23 @@ class Took:
 
 
 class Watch:
-    """Tells what it took since this was made."""
+    """Measures time and memory since its creation."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter(), _of_cores()
 
     def read(self) -> Took:
-        """Tell."""
+        """Return the time and memory used so far."""
         return Took(time.perf_counter() - self._began[0], _of_cores() - self._began[1])
 
 
 def _of_cores() -> float:
-    """Time that cores have spent on this process and those it saw end [s]."""
+    """Return the CPU time of this process and of its ended children [s]."""
     ended = os.times()
     return time.process_time() + ended.children_user + ended.children_system
 
 
 def apart(function: Callable[P, T], *arguments: P.args, **more: P.kwargs) -> T:
-    """Call a function in a process of its own."""
+    """Call a function in a fresh process."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         return pool.submit(function, *arguments, **more).result()

@@ -37,18 +37,18 @@ PATHS, QUICK_PATHS = (6, 6, 3), (2, 4, 2)
 """Sets of filters, of measures for each, of summaries for each of these [1]."""
 
 DISTURBED_DYADS = 2
-"""Of so many dyads one recording in each condition is disturbed [1]."""
+"""Dyads of which one recording per condition is disturbed [1]."""
 
 CONDITIONS = {(configuration, force) for configuration in ("bimanual", "dyadic") for force in ("none", "full")}
-"""Those of the paper, configuration and force."""
+"""The paper's conditions: configuration and force."""
 
 HOLES_LEFT = "filters.bridge=0"
-"""With this, what lost ticks do is seen; a disturbance that is bridged is so before."""
+"""Setting that turns bridging off, so that the effect of lost ticks is visible."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What is measured.
+    """The recordings and readings of a run.
 
     Attributes
     ----------
@@ -65,12 +65,12 @@ class Asked:
 
     @property
     def first_path(self) -> int:
-        """Where paths begin among the other readings [1]."""
+        """Return the index of the first path among the other readings [1]."""
         return len(self.singles) + len(self.pairs)
 
     @property
     def others(self) -> tuple[Readings, ...]:
-        """All other readings: of singles, then of pairs, then of paths."""
+        """Return all other readings: singles, then pairs, then paths."""
         one = [readings_of(other.settings, self.settings) for _, other in self.singles]
         two = [
             readings_of((*a.alternatives[0].settings, *b.alternatives[0].settings), self.settings)
@@ -164,7 +164,7 @@ def _singles_and_pairs(
     list[tuple[Ambiguity, Alternative, Numbers]],
     list[tuple[Ambiguity, Ambiguity, Numbers]],
 ]:
-    """Sum up with one alternative each, and with two."""
+    """Summarise the study with one alternative each, and with two."""
     each = [
         numbers(study_of([one.others[number] for one in found], readings), default)
         for number, readings in enumerate(wanted.others[: wanted.first_path])
@@ -180,7 +180,7 @@ def _single(wanted: Asked, found: Sequence[Fulfilled], name: str) -> Study:
 
 
 def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
-    """Measure all recordings in all ways."""
+    """Measure all recordings by all readings."""
     disturbed = chosen(wanted.runs)
     wishes = []
     for run in wanted.runs:
@@ -200,7 +200,7 @@ def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
 
 
 def _paths(wanted: Asked, found: Sequence[Fulfilled], default: Numbers, tell: Tell) -> list[dict[str, float]]:
-    """Sum up on all paths."""
+    """Summarise the study on all paths."""
     values = []
     for number, ways in enumerate(wanted.paths.summed_up):
         tell("paths", 0.9 + 0.1 * number / len(wanted.paths.summed_up))
@@ -210,7 +210,7 @@ def _paths(wanted: Asked, found: Sequence[Fulfilled], default: Numbers, tell: Te
 
 
 def about_part(wanted: Asked, base: Study, found: Sequence[Fulfilled]) -> Part:
-    """Say of what all of it is."""
+    """Tabulate the data on which the study is based."""
     attempts = sum(len(one.calm[0]["completion"]) for one in found if one.calm)
     rows: list[tuple[Value, ...]] = [
         ("dyads", len(base.dyads)),

@@ -27,13 +27,13 @@ from netboard.analysis.statistics.small_samples import (
 Array = NDArray[np.float64]
 
 DYADS = (4, 8, 16)
-"""Sizes of studies [1]."""
+"""Numbers of dyads in the simulated studies [1]."""
 
 TRIALS = 30
-"""Trials of a performer with each force [1]."""
+"""Trials of a performer per force condition [1]."""
 
 OF_DYADS, OF_PERFORMERS, OF_TRIALS = 0.2, 0.1, 0.5
-"""Standard deviations of dyads, performers and trials [log of the time]."""
+"""Standard deviations of the random effects of dyads and performers, and of trials [log of the time]."""
 
 SLOPES = (0.08, 0.3)
 """Standard deviations of the haptic effect, of dyads and of performers: below and above the trials' noise [log]."""
@@ -42,16 +42,16 @@ EFFECT = -0.2
 """The effect whose power is told: haptics make times 18 % shorter [log of the time]."""
 
 LEVEL = 0.05
-"""A test rejects when its p is not above this [1]."""
+"""Significance level: a test rejects if p is at most this [1]."""
 
 METHODS = ("careful", "Satterthwaite", "Kenward-Roger", "paired t", "permutation")
 """The first three are of the mixed model, the others of the dyads' differences."""
 
 TERMS = ("haptics", "haptics x configuration")
-"""Effects that are tested."""
+"""Effects under test."""
 
 CORRELATION = 0.5
-"""Of successive trials, where they are correlated [1]."""
+"""Correlation of successive trials in the correlated setting [1]."""
 
 Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 
@@ -61,7 +61,7 @@ def _normal(rng: np.random.Generator, size: tuple[int, ...]) -> Array:
 
 
 def _skewed(rng: np.random.Generator, size: tuple[int, ...]) -> Array:
-    """Log-normal, skewness 6.2."""
+    """Draw log-normal values with skewness 6.2."""
     return (rng.lognormal(0.0, 1.0, size) - exp(0.5)) / sqrt((exp(1.0) - 1.0) * exp(1.0))
 
 
@@ -93,7 +93,7 @@ class Setting:
 
 
 def settings() -> tuple[Setting, ...]:
-    """Return all kinds of studies, the small ones first."""
+    """Return all kinds of studies, smallest first."""
     return tuple(Setting(n, errors, slopes) for n in DYADS for errors in ERRORS for slopes in SLOPES)
 
 

@@ -1,4 +1,4 @@
-"""``netboard bench coupling``: how far a hand may be from its server, in theory and in the simulated service.
+"""``netboard bench coupling``: maximum stable delay of the virtual coupling, in theory and simulation.
 
 Every part is a table with verdicts, which are computed. Nothing here depends on the time of day or on the machine, but
 for how long it takes.

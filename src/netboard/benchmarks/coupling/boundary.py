@@ -37,39 +37,39 @@ HANDS = {
     "hand": Mechanism(0.2, 2.0),
     "arm": Mechanism(0.5, 5.0),
 }
-"""What moves with the stylus."""
+"""Mechanisms that move with the stylus: hands by name."""
 
 SUBSTEPS = 4
-"""The virtual device is stepped so many times in a tick [1]."""
+"""Steps of the virtual device per tick [1]."""
 
 STIFFEST = 10_000.0
-"""The configuration allows no stiffer coupling [N/m]."""
+"""Largest coupling stiffness that the configuration allows [N/m]."""
 
 LOOSEST = 10.0
-"""Below this a coupling is none: its damper alone decides, and theory and simulation are not compared [N/m]."""
+"""Stiffness below which the damper alone decides stability, so theory and simulation are not compared [N/m]."""
 
 AGREED = 0.01
-"""Prediction and simulation shall agree to this share [1]."""
+"""Largest relative difference between prediction and simulation [1]."""
 
 NUDGE = 1e-5
-"""A simulation begins so far from rest [m]."""
+"""Initial displacement of a simulation from rest [m]."""
 
 LOST, FOUND = 1e-2, 1e-10
-"""Motions beyond this are unstable, and below this have died away [m]."""
+"""Displacement above which a motion is unstable, and below which it has died away [m]."""
 
 PERIODS = 24.0
-"""A motion is watched for so many of its periods [1]."""
+"""Periods of a motion for which it is observed [1]."""
 
 SHORTEST, LONGEST = 1200, 24_000
-"""And for at least and at most so long [ms]."""
+"""Shortest and longest observation time [ms]."""
 
 SLOWEST = 2.0
-"""No motion is taken to be slower than this [rad/s]."""
+"""Lower bound on the angular frequency of a motion [rad/s]."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is looked for.
+    """The conditions of one stability limit.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
 
 
 def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple[float, str]:
-    """Return the largest stable stiffness, and the way of moving that becomes unstable first."""
+    """Return the largest stable stiffness, and the mode that becomes unstable first."""
     limits = {
         name: largest_stiffness(loop, start, most=STIFFEST) for name, loop in loops_of(case, 1.0, substeps).items()
     }
@@ -111,7 +111,7 @@ def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple
 
 
 def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
-    """Tell whether a small motion dies away in the simulated service.
+    """Return whether a small motion dies away in the simulated service.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
 
 
 def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> float:
-    """Return the largest stiffness that is stable in the simulated service, near one that theory says.
+    """Return the largest stable stiffness in the simulated service, searched near the theoretical one.
 
     Returns
     -------
@@ -172,7 +172,7 @@ MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("
 
 @dataclass(frozen=True)
 class Found:
-    """One limit.
+    """One stability limit.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ class Found:
 
 
 def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: float = 5e-3) -> list[Found]:
-    """Look for all limits."""
+    """Find all stability limits."""
     cases = [Case(hand, at, end, way) for at, end in MAPS for hand in hands for way in ways]
     found = []
     for i, case in enumerate(cases):
@@ -207,7 +207,7 @@ def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: flo
 
 
 def limits_part(found: Sequence[Found]) -> Part:
-    """Put limits in a table."""
+    """Tabulate stability limits."""
     rows: list[tuple[Value, ...]] = []
     for one in found:
         case, hand = one.case, HANDS[one.case.hand]
@@ -244,14 +244,14 @@ def limits_part(found: Sequence[Found]) -> Part:
 
 
 def _stiffness(k: float) -> str:
-    """Write a stiffness for the table."""
+    """Format a stiffness for the table."""
     if math.isnan(k):
         return "-"
     return f"> {STIFFEST:g}" if math.isinf(k) else f"{k:.4g}"
 
 
 def delays_part(hands: Sequence[str], tell: Tell) -> Part:
-    """Look for the largest delay of the paper's coupling, for each hand."""
+    """Find the maximum stable delay of the paper's virtual coupling for each hand."""
     physics = Physics()
     rows: list[tuple[Value, ...]] = []
     agreeing, checked = 0, 0
@@ -284,5 +284,5 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
 
 
 def _way(way: int) -> str:
-    """Write a delay for the table."""
+    """Format a delay for the table."""
     return f">= {LONGEST_WAY}" if way >= LONGEST_WAY else str(way)

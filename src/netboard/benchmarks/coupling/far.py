@@ -29,13 +29,13 @@ from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
 TIMEOUT_NS = 1_000_000_000
-"""No sample is too old: how long a trial goes on without any is not studied here [ns]."""
+"""Sample timeout, long enough that no sample is stale: trials without samples are not studied here [ns]."""
 
 READY = 10
-"""Ticks from the start until both devices are armed and the trial is on, with room to spare [1]."""
+"""Ticks until both devices are armed and the trial runs, with a margin [1]."""
 
 ARMED = 1e-3
-"""Forces grow to their full size within the first tick in which there are any [s]."""
+"""Duration of the force ramp, within the first tick with forces [s]."""
 
 _COMMAND = (TICK.names or ()).index("command")
 _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Force, Point))
@@ -43,7 +43,7 @@ _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Forc
 
 @dataclass(frozen=True)
 class Distance:
-    """How far away the server is.
+    """Delays between a dyad and its server.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Distance:
 
 @cache
 def _stage(physics: Physics) -> Stage:
-    """Make the stage of a scene, once."""
+    """Build the stage of a scene once and keep it."""
     return make_stage(Config(physics=physics))
 
 

@@ -30,16 +30,16 @@ from netboard.nodes.operator.operator import HELLO_NS
 from netboard.nodes.server.tick_clock import LATE_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
-"""An attack lasts so long, and is compared with as much time without one [s]."""
+"""Duration of an attack, and of the calm stretch that it is compared with [s]."""
 
 START_S = 60.0
-"""An attacker is ready within this time [s]."""
+"""Timeout for an attacker to become ready [s]."""
 
 RATIO = 1.2
-"""Deadline misses may grow by this factor, beyond what chance makes of so many [1]."""
+"""Largest factor by which deadline misses may grow, beyond chance [1]."""
 
 JOIN_S = 0.5
-"""A peer with a good key joins within this time, whoever knocks [s]."""
+"""Longest time a peer with a good key may take to join, attack or not [s]."""
 
 JOINS, QUICK_JOINS = 20, 4
 """Joins that are timed before and in an attack [1]."""
@@ -57,7 +57,7 @@ KEYED_DYAD = Setup("one dyad with keys, attacked", settings=("network.curve=on",
 
 
 def attack(name: str, seconds: float = SECONDS) -> Act:
-    """Let an attacker do its worst for a while [s]."""
+    """Return an act that runs an attacker for a while [s]."""
 
     def act(site: Site) -> Facts:
         span = QUICK_SECONDS if site.quick else seconds
@@ -75,7 +75,7 @@ def attack(name: str, seconds: float = SECONDS) -> Act:
 
 
 def join_during(name: str, seconds: float = SECONDS) -> Act:
-    """Let strangers knock for a while [s], and consoles with a good key join before and meanwhile."""
+    """Return an act in which strangers knock for a while [s] while consoles with a good key join, as before."""
 
     def act(site: Site) -> Facts:
         span = 3 * QUICK_SECONDS if site.quick else seconds
@@ -127,13 +127,13 @@ def _finish(process: "subprocess.Popen[str]", name: str, seconds: float) -> dict
 
 
 def _facts(done: dict[str, int], *calm: tuple[int, int]) -> dict[str, str]:
-    """What an attacker did, and when it did not [ns]."""
+    """Return what an attacker did, with the bounds of the attack and of the calm stretches [ns]."""
     times = " ".join(str(time_ns) for stretch in calm for time_ns in stretch)
     return {"calm": times, **{name: str(value) for name, value in done.items()}}
 
 
 def _join(site: Site) -> float:
-    """Time it takes a console to be welcome [s]."""
+    """Return how long a console waits for its welcome [s]."""
     hello = encode(Hello("console", "", PROTOCOL_VERSION, "guest:1", "0", {}))
     network = site.rig.config.network
     began = time.monotonic()
@@ -158,7 +158,7 @@ def _join(site: Site) -> float:
 
 @dataclass(frozen=True)
 class Toll:
-    """What ticks lost in some stretches.
+    """Deadline misses in some stretches of a run.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Toll:
 
 
 def tolls(evidence: Evidence) -> tuple[Toll, Toll]:
-    """What was lost without the attack, and with it."""
+    """Return the deadline misses without and with the attack."""
     facts = evidence.window.facts
     first, second, third, fourth = map(int, facts["calm"].split())
     attacked = int(facts["begun_ns"]), int(facts["over_ns"])
@@ -192,7 +192,7 @@ def _toll(evidence: Evidence, stretches: Sequence[tuple[int, int]]) -> Toll:
 
 
 def unmoved(evidence: Evidence) -> Verdict:
-    """Check that no more deadlines are missed than without the attack, but for chance."""
+    """Check that the attack causes no more deadline misses than chance explains."""
     claim = f"deadline misses grow by a factor of {RATIO:g} at most, beyond chance (3 standard deviations)"
     if "calm" not in evidence.window.facts:
         return Verdict(claim, False, "the attack was not made")
@@ -204,7 +204,7 @@ def unmoved(evidence: Evidence) -> Verdict:
 
 
 def unpaused(evidence: Evidence) -> Verdict:
-    """Check that the attack causes no pause: no more than the machine itself makes in the same run."""
+    """Check that the attack causes no more pauses than the machine itself makes in the same run."""
     claim = "no pause in the attack that there is not without it"
     if "calm" not in evidence.window.facts:
         return Verdict(claim, False, "the attack was not made")
@@ -219,7 +219,7 @@ def joined(evidence: Evidence) -> Verdict:
 
 
 def figures(evidence: Evidence) -> tuple[Value, ...]:
-    """Figures of an attack: what its row in the table has after its name."""
+    """Return the figures of an attack: the columns after its name in the table."""
     facts = evidence.window.facts
     if "calm" not in facts:
         return ("",) * (len(COLUMNS) - 2)
@@ -283,4 +283,4 @@ ATTACKS = (
     *(_case(what, keyed=True) for what in _WHAT if what != "stranger"),
     *(_knock(channel) for channel in ("motion", "log", "control")),
 )
-"""Peers that send too much."""
+"""Attack cases."""

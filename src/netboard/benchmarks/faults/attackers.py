@@ -28,14 +28,14 @@ from netboard.network.protocol.views import MOST_SHOWN, Frames
 from netboard.network.transport import authenticator, channels, sockets
 
 TURN = 32
-"""Messages sent in a row before anything is read [1]."""
+"""Messages sent in a row before answers are read [1]."""
 
 OPEN = 1000
-"""Connections that knock without a good key at any time [1]."""
+"""Connections without a good key that are open at any time [1]."""
 
 IN_A_CONTEXT = 250
 RENEWED = 25
-"""Connections made anew in one go [1]."""
+"""Connections renewed at once [1]."""
 
 NAME = "attacker:1"
 LATE_NS = 2**60
@@ -44,7 +44,7 @@ SERVERS = (channels.MOTION, channels.LOG, channels.CONTROL)
 
 
 def hello(role: str, side: str = "", pairs: int = 0) -> Hello:
-    """A greeting, with so many details of the largest size that fits."""
+    """Return a greeting with as many details of the largest size as fit."""
     room = (KINDS[1].most_bytes - 200) // max(pairs, 1) - 10
     return Hello(role, side, PROTOCOL_VERSION, NAME, "0", {f"{number:05}": "x" * room for number in range(pairs)})
 
@@ -73,11 +73,11 @@ SAID: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...
         (channels.LOG, "logger", [hello("logger", pairs=32)], [LogRequest(0)]),
     ),
 }
-"""For each role its connections: channel, whose key, what is said first, and what is said again and again."""
+"""Connections of each role: channel, owner of the key, opening messages, and messages sent repeatedly."""
 
 
 class Connection:
-    """A link that is used as fast as it goes."""
+    """A link that is used as fast as it allows."""
 
     def __init__(self, socket: sockets.Socket, first: Sequence[bytes], again: Sequence[bytes]) -> None:
         self.socket = socket
@@ -85,7 +85,7 @@ class Connection:
         self._first, self._again = list(first), cycle(again)
 
     def turn(self) -> bool:
-        """Send what the link takes, read what was answered; whether anything was sent."""
+        """Send what the link takes and read the answers; return whether anything was sent."""
         before = self.sent
         while self._first and sockets.send(self.socket, self._first[0]):
             del self._first[0]
@@ -101,7 +101,7 @@ class Connection:
 
 
 def attack_as(role: str, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Send what a role may say."""
+    """Send the messages that a role may send."""
     context = stack.enter_context(sockets.open_context())
     made = [
         Connection(
@@ -115,7 +115,7 @@ def attack_as(role: str, config: Config, folder: Path, stop: Callable[[], bool],
 
 
 def attack_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Send what nobody may say who has not said hello, greetings that are refused, and nonsense, on every channel."""
+    """Send messages before a greeting, greetings that are refused, and nonsense, on every channel."""
     context = stack.enter_context(sockets.open_context())
     refused = hello("listener", pairs=32)
     frames = [encode(message) for message in (FRAMES, STYLUS, refused, LogRequest(0), StatusRequest())]
@@ -162,7 +162,7 @@ def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: E
 
 
 def knock(channel: int, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Hold many connections open that have keys nobody knows, and make the oldest anew all the time."""
+    """Hold many connections with unknown keys open, and continually renew the oldest."""
     server = keys.credentials(folder, "console").server
     contexts = [stack.enter_context(sockets.open_context()) for _ in range(OPEN // IN_A_CONTEXT)]
     places = cycle(contexts)
@@ -194,7 +194,7 @@ def _drive(made: Sequence[Connection], stop: Callable[[], bool]) -> dict[str, in
 def _client(
     context: sockets.Context, config: Config, folder: Path, channel: int, key: str, name: str
 ) -> sockets.Socket:
-    """A link with the key of a peer, if keys are in use."""
+    """Return a link that uses a peer's key if authentication is on."""
     lock = keys.credentials(folder, key) if keys.encrypted(config.network) else None
     endpoint = channels.addresses(config.network, lock).reach(channel)
     if channel == channels.MOTION:
@@ -203,7 +203,7 @@ def _client(
 
 
 def _give_way() -> Iterator[str]:
-    """Let everything else on the machine go first; what of it was granted."""
+    """Lower this process's priority below everything else, and yield what the system granted."""
     try:
         cpus = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, cpus[:-1] or cpus)

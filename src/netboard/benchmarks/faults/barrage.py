@@ -22,30 +22,30 @@ from netboard.network.protocol.records import EventRecord, LogAck, LogRequest
 from netboard.network.transport import channels, sockets
 
 RATE_HZ = 450.0
-"""Malformed messages for each socket, somewhat fewer than one peer may send: the rest would not be looked at [Hz]."""
+"""Malformed messages per socket, below the rate limit of a peer so that the server examines them all [Hz]."""
 
 STREAMS_HZ = 20.0
-"""Connections to each socket in which no ZeroMQ is spoken [Hz]."""
+"""Connections per socket that do not speak ZeroMQ [Hz]."""
 
 KEPT_OPEN = 20
-"""So many of those are open at a time [1]."""
+"""Such connections that are open at a time [1]."""
 
 RENEWED = 100
-"""A subscriber's connection is made anew after so many messages: what it has subscribed to is forgotten then [1]."""
+"""Messages after which a subscriber's connection is renewed, which clears its subscriptions [1]."""
 
 TOO_LARGE = 0.005
-"""Share of the messages too large for a socket that are sent all the same: what is under way is lost with them [1]."""
+"""Share of messages that exceed a socket's size limit; each of them loses the messages in transit with it [1]."""
 
 SEVERAL = 0.03
 """Share of messages in more than one part [1]."""
 
 STUCK_SECONDS = 60.0
-"""A socket that takes nothing for so long does so no more [s]."""
+"""Time without progress after which a socket counts as stuck [s]."""
 
 TURN_SECONDS = 0.004
 PREFIX = "fuzz"
 MEANT: tuple[type[Message], ...] = (Hello, Goodbye, Command, LogAck, LogRequest)
-"""What a welcomed peer may say with effect."""
+"""Message types that have an effect when a welcomed peer sends them."""
 
 Tell = Callable[[float], object]
 
@@ -75,7 +75,7 @@ class Assault:
         self._stuck_since = time.monotonic()
 
     def fire(self, due: float) -> None:
-        """Send until so many are sent, or no more is taken."""
+        """Send until the due number is reached or the link takes no more."""
         while self.sent < min(due, self.count):
             if not self.line.offer(*self._next):
                 if time.monotonic() - self._stuck_since > STUCK_SECONDS:
@@ -89,7 +89,7 @@ class Assault:
                 self.line.close()
 
     def say(self, message: Message) -> None:
-        """Send a message that is meant."""
+        """Send a valid message that is meant."""
         self.line.offer(encode(message))
 
     def _make(self) -> list[bytes]:
@@ -104,23 +104,23 @@ class Assault:
         return [frame]
 
     def _is_left_out(self, frame: bytes) -> bool:
-        """Whether a frame is not sent: it would be meant, or cut the connection once too often."""
+        """Return whether to skip a frame, because it has an effect or would cut the connection too often."""
         if len(frame) > sockets.LARGEST_REQUEST:
             return self._chance.random() > TOO_LARGE
         return self._welcomed and _is_meant(parse(frame))
 
     def _is_malformed(self, parts: list[bytes]) -> bool:
-        """Whether a message must be refused: from a stranger any, from others what is none."""
+        """Return whether the server must refuse a message: any from a stranger, undecodable ones from other peers."""
         return not self._welcomed or len(parts) > 1 or parse(parts[0]) is None
 
 
 def _is_meant(message: Message | None) -> bool:
-    """Whether a welcomed peer may say this with effect."""
+    """Return whether a message from a welcomed peer has an effect."""
     return isinstance(message, MEANT) or (isinstance(message, Stylus) and bool(message.safeguards & Safeguard.STOPPED))
 
 
 class Vandal:
-    """Opens one connection after the other to some sockets, and speaks no ZeroMQ."""
+    """Opens connections to some sockets and does not speak ZeroMQ in them."""
 
     def __init__(self, places: Sequence[zmtp.Place], count: int, seed: int) -> None:
         self.count = count
@@ -129,7 +129,7 @@ class Vandal:
         self._talk = zmtp.Talk(KEPT_OPEN, seed)
 
     def fire(self, due: float) -> None:
-        """Open connections until there have been so many, and go on in those that are open."""
+        """Open connections until the due number is reached, and continue those that are open."""
         while self.sent < min(due, self.count):
             place = self._places[self.sent % len(self._places)]
             self._talk.take(net.create_connection(place, zmtp.CONNECT_SECONDS))
@@ -137,12 +137,12 @@ class Vandal:
         self._talk.turn()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         self._talk.close()
 
 
 def as_agents(network: Network, count: int) -> list[Assault]:
-    """Senders in both agents' seats."""
+    """Return senders that take the place of both agents."""
     return [
         Assault(channels.MOTION, network, _hello("agent", side), count, seed)
         for seed, side in enumerate(("left", "right"), start=1)
@@ -150,7 +150,7 @@ def as_agents(network: Network, count: int) -> list[Assault]:
 
 
 def as_others(network: Network, count: int) -> list[Assault]:
-    """Senders to all sockets of a server whose agents are there."""
+    """Return senders to all sockets of a server whose agents are connected."""
     of: dict[int, list[Hello | None]] = {
         channels.MOTION: [None],
         channels.LOG: [None, _hello("logger", "")],
@@ -166,7 +166,7 @@ def as_others(network: Network, count: int) -> list[Assault]:
 
 
 def vandal(network: Network, count: int) -> Vandal:
-    """Whoever speaks no ZeroMQ to any socket of a server."""
+    """Return a sender that connects to every socket and does not speak ZeroMQ."""
     places = [(network.host, network.port + channel) for channel in range(channels.CONTROL + 1)]
     return Vandal(places, count * len(places), 77)
 
@@ -176,7 +176,7 @@ def _hello(role: str, side: str) -> Hello:
 
 
 def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], object], tell: Tell) -> None:
-    """Let them send all they have, at their rates."""
+    """Run all senders to completion at their rates."""
     rates = {assault.channel: RATE_HZ / sum(a.channel == assault.channel for a in assaults) for assault in assaults}
     whole = sum(assault.count for assault in assaults)
     began = looked = time.monotonic()
@@ -194,7 +194,7 @@ def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], 
 
 
 def refused(events: Sequence[EventRecord]) -> dict[str, int]:
-    """Count what the server says it has refused, by channel: of each kind the last report has the whole number."""
+    """Count refusals by channel from the server's events; the last report of each kind has the total."""
     kinds: dict[tuple[str, str, str], int] = {}
     for event in events:
         if event.name == "refused":

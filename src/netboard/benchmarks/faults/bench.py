@@ -35,26 +35,26 @@ COLUMNS = (
 )
 
 WELL_S = 90.0
-"""After a fault a trial is on again within this time, or something is wrong [s]."""
+"""Longest time until a trial runs again after a fault [s]."""
 
 NOTICED_S = 0.2
-"""Whatever is noticed of the end of a fault is noticed within this time [s]."""
+"""Longest time until the end of a fault is noticed [s]."""
 
 CALM_S = 0.5
-"""Time after all is well which still belongs to the fault [s]."""
+"""Time after recovery that still belongs to the fault [s]."""
 
 AGAIN = "pauses while a trial was waited for"
-"""Name of the fact that tells how often a trial was paused before the fault could be made."""
+"""Name of the fact that counts the pauses before the fault could be made."""
 
 MOST_AGAIN = 3
-"""A case is prepared again so often where the machine had paused the trial just before the fault was made [1]."""
+"""Most repetitions of a case that the machine disturbed [1]."""
 
 Tell = Callable[[str], object]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """Outcome of a case.
 
     Attributes
     ----------
@@ -76,12 +76,12 @@ class Outcome:
 
     @property
     def holds(self) -> bool:
-        """Whether everything holds, as far as it could be tried."""
+        """Return whether every check that could be made holds."""
         return all(verdict.holds for verdict in self.verdicts)
 
 
 def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
-    """Make faults, and judge them."""
+    """Make faults and judge them."""
     console = Console(highlight=False)
     chosen = choose(names, quick=quick)
     folder = Folder(output or new_folder("faults"), force=force)
@@ -109,7 +109,7 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
 
 
 def told_again(outcomes: Sequence[Outcome]) -> str:
-    """Say how often the machine itself paused a trial before a fault could be made in it."""
+    """Report how often the machine itself paused a trial before a fault could be made."""
     names = [f"{outcome.case.name} ({outcome.again})" for outcome in outcomes if outcome.again]
     total = sum(outcome.again for outcome in outcomes)
     told = f"Prepared again, because the machine had paused the trial before the fault was made: {total} times"
@@ -129,7 +129,7 @@ def list_cases() -> int:
 
 
 def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
-    """Play cases, those that need the same site together."""
+    """Play cases, grouped by the site that they need."""
     together = {setup: list(group) for setup, group in groupby(sorted(cases, key=_setup_name), lambda case: case.setup)}
     for setup, group in together.items():
         if refusal := setup.refusal():
@@ -171,7 +171,7 @@ def _setup_name(case: Case) -> str:
 
 
 def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
-    """Play cases in one site, up to the first one after which nothing goes on."""
+    """Play cases in one site, up to the first after which the site does not recover."""
     tell(f"{cases[0].name}: starting")
     with open_site(setup, folder, quick=quick) as site:
         windows: list[Window] = []
@@ -193,7 +193,7 @@ def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: T
 
 
 def _from_within(folder: Path, outcome: Outcome) -> Outcome:
-    """Name the files of a site as they are called in it."""
+    """Prefix an outcome's file names with the folder of its site."""
     outside = f"{folder.resolve()}/"
     return replace(
         outcome,
@@ -203,7 +203,7 @@ def _from_within(folder: Path, outcome: Outcome) -> Outcome:
 
 
 def _finished(site: Site, last: Window) -> Window:
-    """Shut everything down in order; the last window, with what went wrong in that."""
+    """Shut everything down in order; return the last window, with any trouble of the shutdown."""
     try:
         site.finish()
     except NetboardError as error:
@@ -212,7 +212,7 @@ def _finished(site: Site, last: Window) -> Window:
 
 
 def make(case: Case, site: Site) -> Window:
-    """Make the fault of a case in a site where a trial is on, and wait until one is on again."""
+    """Make a fault while a trial runs, and wait until one runs again."""
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
@@ -239,7 +239,7 @@ def judge(case: Case, evidence: Evidence) -> Outcome:
 
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
-    """Figures of a case: what its row in the table has after its name."""
+    """Return the figures of a case: the columns after its name in the table."""
     sides = {side for check in case.checks if isinstance(check, Falls) for side in check.sides}
     fades = [found[0] for side in sides if (found := fades_of(evidence, side))]
     slew = evidence.limits.max_slew
@@ -274,7 +274,7 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
 
 
 def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
-    """Figures of an outcome; as many empty ones of a case that was not played."""
+    """Return the figures of an outcome, padded with empty values if the case was not played."""
     return outcome.figures if len(outcome.figures) == count else ("",) * count
 
 
@@ -283,7 +283,7 @@ def _word(outcome: Outcome) -> str:
 
 
 def _verdict(outcome: Outcome) -> Verdict:
-    """A case as one verdict: what fails, or what was found."""
+    """Return a case as one verdict: what fails, or what was found."""
     claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
     if outcome.refusal:
         return Verdict(claim, True, f"not played: {outcome.refusal}")
@@ -295,7 +295,7 @@ def _verdict(outcome: Outcome) -> Verdict:
 
 
 def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
-    """Everything that was found, for the JSON file."""
+    """Return all results for the JSON file."""
     cases = [
         {
             "name": outcome.case.name,

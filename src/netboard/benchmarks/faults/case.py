@@ -69,7 +69,7 @@ class Case:
 
     @property
     def all_checks(self) -> tuple[Check, ...]:
-        """Everything that must hold."""
+        """Return every check of this case."""
         return (*self.checks, gentle(self.cut), rests(), whole(), no_damage, back, neighbour_unmoved)
 
 
@@ -92,6 +92,6 @@ FALLS = "both forces fall in time and are zero in time; "
 LEFT_FALLS = "the left force falls in time and is zero in time; "
 
 OUTAGE = ("no sample from the left agent", "not armed", "the left agent")
-"""Why a trial is paused that an agent does not take part in any more."""
+"""Pause reasons of a trial that has lost an agent."""
 
 UNNOTICED: tuple[Check, ...] = (goes_on(), nothing_lost())

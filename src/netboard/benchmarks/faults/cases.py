@@ -10,7 +10,7 @@ from netboard.benchmarks.faults.other_cases import DEVICES, MACHINES, PEERS
 from netboard.benchmarks.faults.process_cases import PROCESSES
 
 CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *ATTACKS)
-"""All of them."""
+"""All fault cases."""
 
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:

@@ -33,31 +33,31 @@ from netboard.task.trials.state_machine import Phase
 Check: TypeAlias = Callable[[Evidence], Verdict]
 
 STALE_NS = 8_000_000
-"""A force that is not renewed for longer than this is looked at [ns]."""
+"""Age above which a force that is not renewed is examined [ns]."""
 
 DONE_NS = 2_000_000
-"""What is done at once is done so long after the beginning, and what was under way has arrived [ns]."""
+"""Delay after the beginning by which an immediate effect must show and messages in transit have arrived [ns]."""
 
 GONE = 0.06
-"""So long after a force has begun to fall it is zero [s]."""
+"""Longest time from the first decrease of a force to zero [s]."""
 
 UNDISTURBED_NS = 300_000_000
-"""A trial must have been on for so long, without a pause, when a fault is made [ns]."""
+"""Time without a pause that a trial must have run before a fault is made [ns]."""
 
 EXCUSED_NS = 150_000_000
-"""A pause this soon after a loop stood still is put down to that [ns]."""
+"""Longest time after a loop stood still for which a pause is attributed to it [ns]."""
 
 WAY_DOWN = 3
-"""Steps that the largest force takes to zero at the slew limit, for an agent that has been held up [1]."""
+"""Steps in which the slew limit takes the largest force to zero, for an agent that was held up [1]."""
 
 STOPPED_WITHIN = 0.003
-"""An emergency stop is on its way to the devices for at most so long [s]."""
+"""Longest latency of an emergency stop to the devices [s]."""
 
 UNKNOWN_TICKS = 20
-"""What was rendered may stay unknown for so many ticks after an interruption [1]."""
+"""Most ticks after an interruption at which the rendered force may be unknown [1]."""
 
 JUST_BEFORE = 6
-"""A recorded force was handed to the device at most so many milliseconds before the tick: a sample is three old [1]."""
+"""Most milliseconds from handing a force to the device to the tick that records it; a sample is 3 ms old [1]."""
 
 LATELY_NS = 1_000_000_000
 _WORDS = {Grade.SOUND: "complete", Grade.LOSS: "losses", Grade.DAMAGE: "damaged"}
@@ -65,13 +65,13 @@ TICK = TICK_NS * 1e-9
 
 
 def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
-    """Every time a side's force was not renewed: the first one is what was done, others may be the machine's fault."""
+    """Return each time a side's force was not renewed: first for the fault, later perhaps because of the machine."""
     return [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
 
 
 @dataclass(frozen=True)
 class Falls:
-    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
+    """Check that a stale force begins to fall in time every time, and reaches zero in time the first time."""
 
     sides: tuple[Side, ...]
     to_zero: bool
@@ -99,12 +99,12 @@ def falls(*sides: Side, to_zero: bool = True) -> Falls:
 
 
 def _before(evidence: Evidence, fade: Fade) -> float:
-    """How long before the fault a force was not renewed: the machine was late already, and it may have been renewed."""
+    """Return how long before the fault the force was last renewed, because the machine was already late."""
     return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
 
 
 def gentle(cut: Side | None = None) -> Check:
-    """Check that no force changes faster than the slew limit; on one side it may be cut to zero, by a fault."""
+    """Check that no force exceeds the slew limit; on one side a fault may cut it to zero."""
 
     def check(evidence: Evidence) -> Verdict:
         slew = evidence.limits.max_slew
@@ -122,7 +122,7 @@ def gentle(cut: Side | None = None) -> Check:
 
 
 def paused(*whys: str) -> Check:
-    """Check that the trial is paused, that it is recorded why, and that the same trial comes again."""
+    """Check that the trial is paused, that the reason is recorded, and that the trial is repeated."""
 
     def check(evidence: Evidence) -> Verdict:
         claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
@@ -137,7 +137,7 @@ def paused(*whys: str) -> Check:
 
 
 def goes_on() -> Check:
-    """Check that no trial is paused, but for what the machine itself did."""
+    """Check that no trial is paused, except by the machine itself."""
 
     def check(evidence: Evidence) -> Verdict:
         return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
@@ -157,7 +157,7 @@ def either(*whys: str) -> Check:
 
 
 def rests() -> Check:
-    """Check that nothing vertical is felt from shortly after a pause until the trial is resumed."""
+    """Check that no vertical force is rendered from shortly after a pause until the trial resumes."""
 
     def check(evidence: Evidence) -> Verdict:
         claim = "while the trial is paused no hand is given a vertical force"
@@ -213,7 +213,7 @@ def _accounted(taken: Taken) -> Verdict:
 
 
 def noted(name: str, *words: str) -> Check:
-    """Check that an event is recorded, with these words somewhere in its details."""
+    """Check that an event is recorded whose details contain these words."""
 
     def check(evidence: Evidence) -> Verdict:
         claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
@@ -261,7 +261,7 @@ def stopped(evidence: Evidence) -> Verdict:
 
 
 def safeguarded(side: Side, guard: Safeguard) -> Check:
-    """Check that an agent has reported what its safety chain did."""
+    """Check that an agent has reported the action of its safety chain."""
 
     def check(evidence: Evidence) -> Verdict:
         ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
@@ -291,7 +291,7 @@ def rendered_known(side: Side) -> Check:
 
 
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which forces were handed to a device just before these times, or were the last ones then."""
+    """Return which forces were handed to a device just before these times, or were its last ones."""
     newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
     found = np.zeros(times.size, bool)
     for back in range(3 * JUST_BEFORE):  # an agent that was held up makes up for it in a burst
@@ -315,7 +315,7 @@ def shown(station: Side) -> Check:
 
 
 def told(fact: str, wanted: str) -> Check:
-    """Check what was noted while the fault was made: it contains what is wanted."""
+    """Check that a fact noted during the fault contains the expected text."""
 
     def check(evidence: Evidence) -> Verdict:
         found = evidence.window.facts.get(fact, "nothing")
@@ -325,7 +325,7 @@ def told(fact: str, wanted: str) -> Check:
 
 
 def back(evidence: Evidence) -> Verdict:
-    """Check that everything was made as meant, and was well again at the end."""
+    """Check that the fault was made as intended and that everything recovered."""
     return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
 
 
@@ -347,7 +347,7 @@ def verdict_of(evidence: Evidence) -> str:
 
 
 def neighbour_unmoved(evidence: Evidence) -> Verdict:
-    """Check that the other dyad notices nothing: no pause, no tick lost, and no later than at other times."""
+    """Check that the fault leaves the other dyad unaffected: no pause, no lost tick, no added latency."""
     claim = "the other dyad does not notice"
     other, window = evidence.neighbour, evidence.window
     if other is None:
@@ -361,7 +361,7 @@ def neighbour_unmoved(evidence: Evidence) -> Verdict:
 
 
 def _late(ticks: NDArray[Any]) -> str:
-    """Median and 99th percentile of the lateness of ticks, in words."""
+    """Return the median and 99th percentile of tick lateness, in words."""
     if not ticks.size:
         return "nothing"
     half, most = np.percentile(ticks["late_ns"], (50, 99)) * 1e-6
@@ -385,7 +385,7 @@ def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> 
 
 
 def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
-    """Whether the machine, not what was done, may have made a pause."""
+    """Return whether the machine, not the fault, may have caused a pause."""
     if "stood still" in pause.why:
         return True
     started, ended = held_up[:, 0], held_up[:, 1]

@@ -40,7 +40,7 @@ Trick = Literal["none", "nan", "frozen", "jump", "gone"]
 _TRICKS: dict[bytes, Trick] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": "jump", b"g": "gone"}
 
 JUMP = 0.1
-"""How far the stylus seems to jump [m]."""
+"""Apparent jump of the stylus [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +65,15 @@ class TamperedTouch(Device):
 
     @property
     def felt(self) -> float:
-        """Vertical force the motors exert on the hand now [N]."""
+        """Return the vertical force that the motors exert on the hand now [N]."""
         return self._touch.felt
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Let the hand do something."""
+        """Give the hand submovements to make."""
         self._touch.command(moves)
 
     def live(self, now_ns: int) -> None:
-        """Let the hand's mechanics run up to now."""
+        """Advance the hand's mechanics to now."""
         self._touch.live(now_ns)
 
     def _open(self) -> DeviceInfo:
@@ -121,7 +121,7 @@ class TamperedTouch(Device):
 
 
 def _plain(config: Config, side: Side) -> Config:
-    """Return the configuration as the virtual device within is to see it."""
+    """Return the configuration for the wrapped virtual device."""
     agents = replace(config.agents, left=Agent()) if side == "left" else replace(config.agents, right=Agent())
     return replace(config, agents=agents)
 
@@ -131,13 +131,13 @@ def _trick_file(folder: Path, side: Side) -> Path:
 
 
 def play_trick(folder: Path, side: Side, trick: Trick) -> None:
-    """Make the device of a side fail, or work again."""
+    """Make the device of a side fail or work again."""
     letter = next(letter for letter, name in _TRICKS.items() if name == trick)
     _trick_file(folder, side).write_bytes(letter)
 
 
 def trace_file(folder: Path, side: Side, process_id: int) -> Path:
-    """File with what the device of a process was handed."""
+    """Return the file that traces the device of a process."""
     return folder / f"{side}-{process_id}.trace"
 
 
@@ -169,7 +169,7 @@ def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
 
 
 def install(folder: Path) -> dict[str, str]:
-    """Make a folder that, put in a process' way, gives it this backend."""
+    """Create a folder that adds this backend to a process as a plug-in."""
     info = folder / "netboard_faults-0.dist-info"
     info.mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: netboard-faults\nVersion: 0\n", encoding="utf-8")

@@ -22,16 +22,16 @@ from netboard.network.protocol.records import EventRecord
 from netboard.task.trials.state_machine import Cause, Phase
 
 HELD_UP_NS = 20_000_000
-"""A loop of 1 kHz that does nothing for so long was held up by the machine, or on purpose [ns]."""
+"""Shortest standstill of a 1 kHz loop that counts as held up [ns]."""
 
 
 SOON_NS = 1_000_000_000
-"""A force that is zero only later than this after it was renewed the last time was renewed meanwhile [ns]."""
+"""Longest time from the last renewal to zero force; a later zero means that the force was renewed meanwhile [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fade:
-    """How the vertical force went when no fresh one came.
+    """Course of the vertical force while it was not renewed.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
 
 
 def _runs(values: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
-    """Yield where equal values stand in a row: first, and one after the last."""
+    """Yield runs of equal values as (first, one after the last)."""
     bounds = np.concatenate([[0], 1 + np.flatnonzero(values[1:] != values[:-1]), [values.size]])
     yield from pairwise(bounds.tolist())
 
@@ -112,7 +112,7 @@ class Step:
 
 
 def largest_step(trace: NDArray[Any], slew: float) -> Step:
-    """Find the change of force that is largest compared to what is allowed.
+    """Find the change of force that is largest relative to the slew limit.
 
     The chain limits a force some time before it is at the device, but after the one before it was. So the time it may
     have reckoned with is at most that from two rows before; and never more than `LONGEST_STEP_NS`.
@@ -129,7 +129,7 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
 
 
 def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
-    """Find where the force was cut to zero faster than the slew limit allows: the chain's way with a fault."""
+    """Find where the force was cut to zero faster than the slew limit, as the safety chain does after a fault."""
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]], axis=1)
     cut = np.flatnonzero(np.all(force[1:] == 0.0, axis=1) & np.any(force[:-1] != 0.0, axis=1)) + 1
     found = (largest_step(trace[max(0, row - 2) : row + 1], slew) for row in cut.tolist())
@@ -137,20 +137,20 @@ def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
 
 
 def without_cut(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
-    """Divide a trace where the force was cut to zero: the parts before and after it."""
+    """Split a trace where the force was cut to zero."""
     times = [step.at_ns for step in steps_to_nothing(trace, slew)]
     return np.split(trace, np.searchsorted(trace["time_ns"], times).tolist())
 
 
 def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> NDArray[np.int64]:
-    """When a loop did nothing for long."""
+    """Return when a loop stood still for longer than this."""
     rows = np.flatnonzero(np.diff(times_ns) > longer_ns)
     return np.stack([times_ns[rows], times_ns[rows + 1]], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """A trial was paused by a fault.
+    """A pause of a trial, caused by a fault.
 
     Attributes
     ----------
@@ -189,6 +189,6 @@ def pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[Pause]:
 
 
 def between(trace: NDArray[Any], start_ns: int, stop_ns: int) -> NDArray[Any]:
-    """Rows of a time, of anything with ``time_ns``."""
+    """Return the rows of an array with ``time_ns`` that lie in a time window."""
     first, stop = np.searchsorted(trace["time_ns"], (start_ns, stop_ns))
     return trace[int(first) : int(stop)]

@@ -24,10 +24,10 @@ from netboard.network.protocol.codec import decode, encode
 
 FRAMES = 1_000_000
 QUICK_FRAMES = 20_000
-"""For the codec, and for each socket [1]."""
+"""Frames for the codec and for each socket in the short form [1]."""
 
 SLOWEST_MS = 50.0
-"""No frame of the codec may take longer [ms]."""
+"""Longest time that the codec may take for a frame [ms]."""
 
 TOLD_FRAMES = 10_000
 
@@ -58,7 +58,7 @@ def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
 
 @dataclass
 class Sieve:
-    """Gives frames to the codec.
+    """Feeds frames to the codec and counts the results.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Sieve:
     wrong: list[str] = field(default_factory=list)
 
     def take(self, frame: bytes) -> None:
-        """Give it a frame."""
+        """Decode a frame and count the result."""
         message = None
         began = time.thread_time()
         try:

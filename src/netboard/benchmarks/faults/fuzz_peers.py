@@ -28,20 +28,20 @@ from netboard.network.transport import sockets
 from netboard.recording.files.reader import Recording
 
 PLAIN = ("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.arm_time=0.1")
-"""The nonsense comes from the same loop as the force, which may be late for it; it is the same force all the time."""
+"""Relaxed staleness limits: one loop sends the nonsense and the force, so a constant force may arrive late."""
 
 TURN_SECONDS = 0.001
 EACH_TURN = 3
-"""Malformed messages in a turn, on every channel [1]."""
+"""Malformed messages per turn and channel [1]."""
 
 LOOK_TURNS = 1000
-"""So often the processes are looked after [1]."""
+"""Turns between two checks of the processes [1]."""
 
 BABBLE_SECONDS = 5.0
-"""For so long, at first, no ZeroMQ is spoken [s]."""
+"""Duration of the first phase, in which the server does not speak ZeroMQ [s]."""
 
 STUCK_SECONDS = 60.0
-"""A socket that takes nothing for so long does so no more [s]."""
+"""Time without progress after which a socket counts as stuck [s]."""
 
 
 class Front:
@@ -75,11 +75,11 @@ class Front:
         return HostileServer(self.rig.config, context, Mutants(true_frames(3), 3 + self.whole))
 
     def well(self, server: HostileServer) -> bool:
-        """Whether everybody does what is meant: the whole force, shown, recorded."""
+        """Return whether every process works: full force, displays painting, logger recording."""
         return bool(server.grown) and (not self.whole or (server.shown > 0 and server.durable > 0))
 
     def forces(self, start_ns: int, stop_ns: int) -> NDArray[np.float64]:
-        """What the device was handed in a time [N]."""
+        """Return the forces handed to the device in a time window [N]."""
         parts = [between(trace, start_ns, stop_ns)["fz"] for trace in read_traces(self.rig.folder, self.side)]
         return np.concatenate([np.empty(0), *parts])
 
@@ -109,7 +109,7 @@ def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
 
 
 def _babble(fronts: Sequence[Front]) -> int:
-    """Speak no ZeroMQ for a while, to whoever connects; how many did."""
+    """Answer connecting peers with bytes that are not ZeroMQ for a while; return how many connected."""
     babblers = [Babbler(front.rig.config.network, seed) for seed, front in enumerate(fronts)]
     until = time.monotonic() + PATIENCE
     busy = None
@@ -126,7 +126,7 @@ def _babble(fronts: Sequence[Front]) -> int:
 
 
 def _until(served: Served, what: Callable[[], bool]) -> None:
-    """Serve in earnest until something is so."""
+    """Serve normally until a condition holds."""
     until = time.monotonic() + PATIENCE
     while not what():
         _turn(served, 0)
@@ -135,7 +135,7 @@ def _until(served: Served, what: Callable[[], bool]) -> None:
 
 
 def _turn(served: Served, count: int) -> None:
-    """Let each server do what is due, with something malformed on every channel that has not had so many."""
+    """Advance each server by one turn, and add malformed messages on each channel that needs more."""
     for front, server in served:
         server.turn(*EACH_TURN * [channel for channel in front.channels if server.nonsense[channel] < count])
     time.sleep(TURN_SECONDS)
@@ -160,7 +160,7 @@ def _talk_nonsense(served: Served, count: int, tell: Tell) -> None:
 
 
 def _end(served: Served) -> dict[str, int]:
-    """End everything in order: who did, and how."""
+    """End everything in order; return the processes and their exit codes."""
     (left, server), (right, _) = served
     server.end_log()
     until = time.monotonic() + PATIENCE

@@ -30,27 +30,27 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
 
 IN_SEATS = 0.25
-"""Share of the motion socket's messages that come from peers in the agents' seats, before there is a trial [1]."""
+"""Share of the motion socket's malformed messages sent in the agents' place, before a trial starts [1]."""
 
 STREAM_SHARE = 0.01
-"""Connections in which no ZeroMQ is spoken, for each message of a socket [1]."""
+"""Connections that do not speak ZeroMQ, per message to a socket [1]."""
 
 QUIET_SECONDS = 5.0
-"""Before and after, for comparison [s]."""
+"""Duration of the quiet periods before and after, for comparison [s]."""
 
 COUNTED_SECONDS = 2.0
-"""What has been refused is told once a second [s]."""
+"""Wait for the refusal counts, which the server reports once a second [s]."""
 
 LAST_WORDS = 100
 """Of most kinds there is one among so many messages [1]."""
 
 COUNTED = 0.7
-"""Such a share of what was sent must be told to have been refused: some is lost where connections are cut [1]."""
+"""Smallest share of sent messages that must be reported as refused; cut connections lose some [1]."""
 
 
 @dataclass(frozen=True)
 class Spell:
-    """A time in a trial."""
+    """A period of a trial."""
 
     name: str
     window: Window
@@ -91,7 +91,7 @@ def _spell(name: str, act: Callable[[], object]) -> Spell:
 
 
 def _in_seats(rig: Rig, count: int, tell: Tell) -> list[barrage.Assault]:
-    """Send from the agents' own seats, and leave them."""
+    """Send malformed messages in the agents' place, then disconnect."""
     assaults = barrage.as_agents(rig.config.network, count // len(SIDES))
     barrage.fire(assaults, None, lambda: look(rig), lambda share: tell("a server: in the agents' seats", share))
     for assault in assaults:
@@ -116,7 +116,7 @@ def _fire(rig: Rig, assaults: list[barrage.Assault], vandal: barrage.Vandal, tel
 
 
 def _sockets_part(events: Sequence[EventRecord], assaults: list[barrage.Assault], vandal: barrage.Vandal) -> Part:
-    """What was sent to each socket, and what the server says of it."""
+    """Tabulate the messages sent to each socket and the refusals that the server reports."""
     told = barrage.refused(events)
     totals: dict[str, list[int]] = {}
     for assault in assaults:
@@ -143,7 +143,7 @@ def _sockets_part(events: Sequence[EventRecord], assaults: list[barrage.Assault]
 
 
 def _trial_part(rig: Rig, path: Path, spells: tuple[Spell, ...]) -> Part:
-    """How the trial went meanwhile."""
+    """Tabulate how the trial went in each period."""
     taken = take([path])
     traces = {side: read_traces(rig.folder, side) for side in SIDES}
     with Recording(path) as recording:

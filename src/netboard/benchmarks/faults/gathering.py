@@ -26,12 +26,12 @@ from netboard.recording.integrity.severity import Report
 from netboard.recording.recovery.spilled import recover_any
 
 BEFORE_NS = 5_000_000
-"""What the devices were handed just before a fault belongs to it: the last force before it is among it [ns]."""
+"""Time before a fault that belongs to its trace, so that it includes the last force before it [ns]."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """When a fault was made.
+    """Time window of a fault.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Taken:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What there is to judge a fault by.
+    """Everything by which a fault is judged.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Evidence:
 
 
 def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
-    """Read what there is of a site in which nothing runs any more."""
+    """Read the evidence of a site whose processes have all ended."""
     rig = take(recordings_in(site.rig.folder))
     neighbour = take(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
     traces = {side: read_traces(site.rig.folder, side) for side in SIDES}
@@ -134,7 +134,7 @@ def _traces_in(traces: Mapping[Side, Sequence[NDArray[Any]]], window: Window) ->
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Find all recordings below a folder; what was not finished, or spilled, is recovered."""
+    """Find all recordings below a folder, after recovering unfinished and spilled parts."""
     for unfinished in (*folder.rglob("*.mcap.part"), *folder.rglob("*.spill")):
         recover_any(unfinished)
     return sorted(folder.rglob("*.mcap"))
@@ -164,7 +164,7 @@ def take(paths: Sequence[Path]) -> Taken:
 
 
 def _ticks(parts: Sequence[Path]) -> NDArray[Any]:
-    """Every tick of a session once."""
+    """Return each tick of a session once."""
     rows = []
     for path in parts:
         with Recording(path) as recording:

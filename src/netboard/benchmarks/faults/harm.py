@@ -35,7 +35,7 @@ Act: TypeAlias = Callable[[Site], Facts]
 
 ANSWER_SECONDS = 5.0
 AWAY = 1.0
-"""Whatever is killed is started again so much later [s]."""
+"""Time from killing a process to its restart [s]."""
 
 STRANGER = Hello("agent", "left", PROTOCOL_VERSION, "stranger:1", "0", {})
 SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
@@ -44,7 +44,7 @@ SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
 
 
 def stand_still(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Stop a process where it is, for a while [s]."""
+    """Return an act that suspends a process for a while [s]."""
 
     def act(site: Site) -> Facts:
         site.rig.send_signal(process, signal.SIGSTOP)
@@ -56,7 +56,7 @@ def stand_still(process: str, seconds: float, quick: float | None = None) -> Act
 
 
 def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act:
-    """Kill a process and start it again a while later [s]."""
+    """Return an act that kills a process and restarts it later [s]."""
 
     def act(site: Site) -> Facts:
         site.rig.kill(process)
@@ -73,7 +73,7 @@ def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act
 
 
 def kill_logger_until_it_matters(site: Site) -> Facts:
-    """Kill the logger, and start it again only after the server has noticed that it cannot keep the records."""
+    """Kill the logger, and restart it only after the server has paused the trial for it."""
     site.rig.kill("logger")
     status = site.rig.until(lambda status: status.phase == "paused")
     site.sleep(10.0, 2.0)
@@ -82,7 +82,7 @@ def kill_logger_until_it_matters(site: Site) -> Facts:
 
 
 def kill_with_peer_frozen(site: Site) -> Facts:
-    """Kill the server and start another one while an agent stands still: it wakes in the session of before."""
+    """Kill the server and start another while an agent is suspended; the agent wakes with the old session."""
     site.rig.send_signal("left agent", signal.SIGSTOP)
     site.rig.kill("server")
     site.start_again("server")
@@ -92,7 +92,7 @@ def kill_with_peer_frozen(site: Site) -> Facts:
 
 
 def together(*acts: Act) -> Act:
-    """Do several things at the same time."""
+    """Return an act that performs several acts at the same time."""
 
     def act(site: Site) -> Facts:
         with ThreadPoolExecutor(len(acts)) as workers:
@@ -106,7 +106,7 @@ def together(*acts: Act) -> Act:
 
 
 def hold(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Let nothing pass on a process' line for a while [s]."""
+    """Return an act that holds all bytes on a process's line for a while [s]."""
 
     def act(site: Site) -> Facts:
         site.relays[process].hold()
@@ -118,7 +118,7 @@ def hold(process: str, seconds: float, quick: float | None = None) -> Act:
 
 
 def cut(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Reset a process' connections, and refuse new ones for a while [s]."""
+    """Return an act that resets a process's connections and refuses new ones for a while [s]."""
 
     def act(site: Site) -> Facts:
         site.relays[process].cut()
@@ -130,7 +130,7 @@ def cut(process: str, seconds: float, quick: float | None = None) -> Act:
 
 
 def swallow(process: str, seconds: float) -> Act:
-    """Reset a process' connections, and accept new ones in which nothing passes for a while [s]."""
+    """Return an act that resets a process's connections and accepts new ones that pass nothing for a while [s]."""
 
     def act(site: Site) -> Facts:
         line = site.relays[process]
@@ -146,7 +146,7 @@ def swallow(process: str, seconds: float) -> Act:
 
 
 def blow(process: str, up: Weather = FAIR, down: Weather = FAIR, seconds: float = 3.0, quick: float = 1.0) -> Act:
-    """Let the weather on a process' line be bad for a while [s]."""
+    """Return an act that degrades a process's line for a while [s]."""
 
     def act(site: Site) -> Facts:
         site.relays[process].weather(up, down)
@@ -158,7 +158,7 @@ def blow(process: str, up: Weather = FAIR, down: Weather = FAIR, seconds: float 
 
 
 def double(process: str, seconds: float = 2.0) -> Act:
-    """Let a process' connections be made twice: reset, and from then on doubled for a while [s]."""
+    """Return an act that resets a process's connections and duplicates the new ones for a while [s]."""
 
     def act(site: Site) -> Facts:
         line = site.relays[process]
@@ -177,7 +177,7 @@ def double(process: str, seconds: float = 2.0) -> Act:
 
 
 def distrust(process: str, weather: Weather) -> Act:
-    """Start an agent anew over so slow a line that its clock cannot be known well enough to arm the device."""
+    """Return an act that restarts an agent over a line too slow for the clock bound that arming needs."""
 
     def act(site: Site) -> Facts:
         site.relays[process].weather(weather, weather)
@@ -191,7 +191,7 @@ def distrust(process: str, weather: Weather) -> Act:
 
 
 def pull_cable(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Set a station's real link down for a while [s]."""
+    """Return an act that sets a station's real link down for a while [s]."""
 
     def act(site: Site) -> Facts:
         if site.spaces is None:
@@ -224,7 +224,7 @@ def second_agent(site: Site) -> Facts:
 
 
 def say(*frames: bytes) -> Act:
-    """Say something to the motion channel, as a stranger, and note what is answered to each frame."""
+    """Return an act that sends frames to the motion channel as a stranger and notes the answer to each."""
 
     def act(site: Site) -> Facts:
         answers: dict[str, None] = {}
@@ -242,7 +242,7 @@ def say(*frames: bytes) -> Act:
 
 
 def speak_other_version(site: Site) -> Facts:
-    """Introduce an agent of another version of the protocol, which goes on to send samples."""
+    """Greet as an agent with another protocol version, then send samples."""
     return say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE))(site)
 
 
@@ -252,7 +252,7 @@ def _words(frame: bytes | None) -> str:
 
 
 def flood(seconds: float = 3.0, quick: float = 1.5) -> Act:
-    """Send nonsense and greetings on every channel, as fast as they go, and open one connection after the other."""
+    """Return an act that sends nonsense and greetings on every channel at full rate and keeps opening connections."""
 
     def act(site: Site) -> Facts:
         sent = connections = 0
@@ -275,7 +275,7 @@ def flood(seconds: float = 3.0, quick: float = 1.5) -> Act:
 
 
 def _knock(site: Site) -> int:
-    """Connect to every channel, say something that is not ZeroMQ, and hang up."""
+    """Connect to every channel, send bytes that are not ZeroMQ, and close."""
     network = site.rig.config.network
     for channel in range(CHANNELS - 1):
         with net.create_connection((network.host, network.port + channel), ANSWER_SECONDS) as connection:
@@ -291,7 +291,7 @@ def _reach(site: Site) -> channels.Addresses:
 
 
 def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
-    """Let an agent's device fail for a while [s]."""
+    """Return an act that makes an agent's device fail for a while [s]."""
 
     def act(site: Site) -> Facts:
         play_trick(site.rig.folder, side_of(process), what)
@@ -303,7 +303,7 @@ def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
 
 
 def trick_and_restart(process: str, what: Trick) -> Act:
-    """Let an agent's device fail, and start the agent anew with one that works."""
+    """Return an act that makes an agent's device fail and restarts the agent with a working one."""
 
     def act(site: Site) -> Facts:
         play_trick(site.rig.folder, side_of(process), what)
@@ -319,7 +319,7 @@ def trick_and_restart(process: str, what: Trick) -> Act:
 
 
 def stop_in_an_emergency(site: Site) -> Facts:
-    """Let an operator stop everything, release it a while later, and resume."""
+    """Trigger an emergency stop, release it a while later, and resume."""
     site.rig.do(emergency.STOP)
     site.rig.until(lambda status: emergency.LACKING in status.waiting_for)
     time.sleep(AWAY)
@@ -333,7 +333,7 @@ def stop_in_an_emergency(site: Site) -> Facts:
 
 
 def set_wall_clock(*seconds: int) -> Act:
-    """Set the wall clock of all processes, to one time after the other [s]."""
+    """Return an act that sets the wall clock of all processes to one time after the other [s]."""
 
     def act(site: Site) -> Facts:
         if site.clock is None:
@@ -347,7 +347,7 @@ def set_wall_clock(*seconds: int) -> Act:
 
 
 def fill_disk(left: int) -> Act:
-    """Fill the recordings' disk until so many bytes are left, and let another logger go on elsewhere."""
+    """Return an act that fills the recordings' disk up to a remainder [bytes] and starts another logger elsewhere."""
 
     def act(site: Site) -> Facts:
         place = Path(site.rig.config.recording.directory)
@@ -358,20 +358,20 @@ def fill_disk(left: int) -> Act:
 
 
 def _fill(place: Path, left: int) -> None:
-    """Take the space at once, before anybody has looked twice."""
+    """Fill the disk in one step, before a process can react to a partial fill."""
     spare = shutil.disk_usage(place).free - left
     with (place / "filler").open("wb") as filler:
         os.posix_fallocate(filler.fileno(), 0, spare)
 
 
 def remove_directory(site: Site) -> Facts:
-    """Delete the recordings' folder with the recording in it, and let another logger go on elsewhere."""
+    """Delete the recordings' folder with the recording in it, and start another logger elsewhere."""
     shutil.rmtree(site.rig.config.recording.directory)
     return _next_logger(site)
 
 
 def _next_logger(site: Site) -> Facts:
-    """Wait until the logger has given up, note how, and start the next one, which writes elsewhere."""
+    """Wait until the logger has given up, note how, and start the next one with another folder."""
     began = now_ns()
     code = site.rig.wait("logger")
     seconds = (now_ns() - began) * 1e-9

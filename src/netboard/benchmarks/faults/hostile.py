@@ -29,28 +29,28 @@ from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
 
 FORCE = 0.1
-"""The force on every hand: small enough to arm the device with it [N]."""
+"""Force on every hand, small enough to arm the device with it [N]."""
 
 SESSION = "f" * 32
 _GROWN = Safeguard.ARMED | Safeguard.RAMPING
 
 ROWS = 10
-"""Ticks in a batch for the logger; a batch goes out in as many turns [1]."""
+"""Ticks per batch for the logger, and turns between batches [1]."""
 
 VIEW_TURNS = 16
-"""A view goes out in every so many turns [1]."""
+"""Turns between views [1]."""
 
 BLOCK_TURNS = 5000
-"""A block begins in every so many turns [1]."""
+"""Turns between the beginnings of two blocks [1]."""
 
 BLOCKS = 1000
-"""Blocks that there are; after the last one it begins anew [1]."""
+"""Number of blocks, after which the count restarts [1]."""
 
 KEPT_OPEN = 4
-"""Connections in which no ZeroMQ is spoken are left open, so many of them [1]."""
+"""Connections left open in which no ZeroMQ is spoken [1]."""
 
 MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Beat, LogBatch, LogEnd)
-"""What a peer must believe its server: what happens to be one of these is no nonsense, and not said."""
+"""Message types that a peer must believe from its server; malformed frames that decode to one are skipped."""
 
 
 class HostileServer:
@@ -87,7 +87,7 @@ class HostileServer:
         self.nonsense = dict.fromkeys([*self._routers, "view", *(["nerve"] if bimanual else [])], 0)
 
     def turn(self, *channels: str) -> None:
-        """Do what is due in a millisecond, and say something malformed on some channels."""
+        """Do what is due in this millisecond, and send a malformed message on some channels."""
         self._turns += 1
         for channel in self._routers:
             self._hear(channel)
@@ -96,13 +96,13 @@ class HostileServer:
             self._babble(channel)
 
     def end_log(self) -> None:
-        """Say to the loggers that this was all."""
+        """Tell the loggers that the log is complete."""
         self._log_ended = True
 
     # --- in earnest --------------------------------------------------------------------------------------------------
 
     def _begin(self, number: int) -> bytes:
-        """What peers are told of a block."""
+        """Return the message that announces a block to the peers."""
         block = replace(self._config.block, number=number, blocks=BLOCKS)
         return encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
 
@@ -143,7 +143,7 @@ class HostileServer:
                 publisher.send(encode(_view(side, turn)))
 
     def _send_ticks(self, name: bytes) -> None:
-        """The next records of a logger: it asks again for what it has, after nonsense, and gets that again."""
+        """Send a logger its next records; after nonsense it asks again and gets them again."""
         first = self._wanted[name]
         if self._log_ended and first >= self.ticks:
             self._routers["log"].send(name, encode(LogEnd(self.ticks - 1)))
@@ -172,7 +172,7 @@ class HostileServer:
 
 
 def _view(side: str, turn: int) -> View:
-    """A board that sways."""
+    """Return a view of a swaying board."""
     z = 0.01 * sin(turn * 1e-3)
     return View(
         side, turn, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "", turn, 0.0, 1, 1, None
@@ -180,7 +180,7 @@ def _view(side: str, turn: int) -> View:
 
 
 class Babbler:
-    """Listens where a server would, not where the nerve is, and says what is no ZeroMQ to whoever connects."""
+    """Listens on a server's ports and answers connections with bytes that are not ZeroMQ."""
 
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0
@@ -191,7 +191,7 @@ class Babbler:
             listener.setblocking(False)
 
     def turn(self) -> None:
-        """Answer whoever has connected."""
+        """Answer new connections."""
         for listener in self._listeners:
             with suppress(BlockingIOError):
                 connection, _ = listener.accept()
@@ -200,7 +200,7 @@ class Babbler:
         self._talk.turn()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         for listener in self._listeners:
             listener.close()
         self._talk.close()

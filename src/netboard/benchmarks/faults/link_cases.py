@@ -42,12 +42,12 @@ def _case(
 def _blown(
     name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR, quick: bool = True
 ) -> Case:
-    """Weather on the left agent's line, for 3 s."""
+    """Return a case that degrades the left agent's line for 3 s."""
     return _case(name, done, expected, blow(LEFT, up, down), *checks, quick=quick)
 
 
 def _delayed(name: str, done: str, delay: float, *, quick: bool) -> Case:
-    """The same delay both ways, under which a trial goes on."""
+    """Return a case with the same delay [s] in both directions, under which a trial continues."""
     return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay), quick=quick)
 
 
@@ -181,4 +181,4 @@ LINKS = (
         quick=False,
     ),
 )
-"""The table."""
+"""Link cases."""

@@ -25,7 +25,7 @@ _TRIAL = "ip link add cable0 type veth peer name cable1"
 
 
 def refusal() -> str:
-    """Why there can be no such links on this machine, or nothing."""
+    """Return why this machine cannot provide such links, or an empty string."""
     if not _OWN_SPACE.exists() or shutil.which("ip") is None or shutil.which("unshare") is None:
         return "this machine has no network namespaces, or no ip command"
     tried = subprocess.run(["unshare", "-n", "sh", "-c", _TRIAL], capture_output=True, text=True, check=False)
@@ -33,7 +33,7 @@ def refusal() -> str:
 
 
 class Spaces:
-    """While entered, this thread and whatever it starts are in a network of their own, with a cable to each station."""
+    """Puts this thread and the processes it starts into a network of their own, with a cable to each station."""
 
     def __init__(self) -> None:
         self._names = {side: f"netboard-{os.getpid()}-{side}" for side in SIDES}
@@ -55,7 +55,7 @@ class Spaces:
         self._stack.close()
 
     def way(self, side: Side, port: int) -> Way:
-        """How a process at a station gets to the server at this port."""
+        """Return how a process at a station reaches the server at a port."""
         return Way(SERVER, port, ("ip", "netns", "exec", self._names[side]))
 
     def pull(self, side: Side) -> None:
@@ -63,7 +63,7 @@ class Spaces:
         _ip(f"link set {side} down")
 
     def plug(self, side: Side) -> None:
-        """Plug it in again."""
+        """Plug the cable of a station in again."""
         _ip(f"link set {side} up")
 
     def _lay_cable(self, side: Side, net: str) -> None:
@@ -86,6 +86,6 @@ def _ip(words: str) -> None:
 
 
 def _call(name: str, *arguments: int) -> None:
-    """Call a function of the C library that Python 3.11 does not have."""
+    """Call a function of the C library that Python 3.11 does not wrap."""
     if getattr(ctypes.CDLL(None, use_errno=True), name)(*arguments):
         raise NetboardError(f"{name}: {os.strerror(ctypes.get_errno())}")

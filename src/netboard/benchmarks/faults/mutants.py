@@ -22,22 +22,22 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
 
 LARGEST = 2**20
-"""Frames are no larger: what is, a socket refuses [bytes]."""
+"""Largest size of a frame; a socket refuses larger ones [bytes]."""
 
 NESTED = 1200
-"""Deepest nest: more than Python recurses, and more than MessagePack's reader takes [1]."""
+"""Deepest nesting, beyond the recursion limits of Python and of the MessagePack reader [1]."""
 
 HEADERS = bytes(range(0x80, 0x100, 5)) + bytes.fromhex("c0c1c2c3c4c5c6c7c8c9cacbcccdcecfd0d1d2d3d8d9dadbdcdddedf")
-"""Bytes that begin something, or nothing that there is."""
+"""Bytes that start a MessagePack item, or that are invalid."""
 
 MANY = (9,) * 17 + (300, 300, 5000)
-"""Items there may be in place of one: mostly a few, and sometimes more than any array may have [1]."""
+"""Item counts that replace one item: mostly small, sometimes above the limit of any array [1]."""
 
 _LENGTHS = (0, 1, 15, 16, 31, 32, 255, 256, 65_535, 65_536, 2**31 - 1, 2**31, 2**32 - 1)
 
 
 class Raw(bytes):
-    """Bytes that are written as they are, in place of a value."""
+    """Bytes that are written unchanged in place of a value."""
 
 
 ODD: tuple[Any, ...] = (
@@ -90,13 +90,13 @@ ODD: tuple[Any, ...] = (
 
 
 def true_frames(seed: int, of_each: int = 3) -> list[bytes]:
-    """Make some frames of every kind of message."""
+    """Return some valid frames of every message type."""
     chance = random.Random(seed)
     return [encode(_message(kind.message, chance)) for kind in KINDS.values() for _ in range(of_each)]
 
 
 def parse(frame: bytes) -> Message | None:
-    """Decode a frame; None if it is no message."""
+    """Decode a frame; return None if it is not a message."""
     try:
         return decode(frame)
     except WireError:
@@ -114,7 +114,7 @@ def _message(kind: type[Message], chance: random.Random) -> Message:
 
 
 def _value(hint: Any, chance: random.Random) -> Any:
-    """Some value of a type that a field may have."""
+    """Return a random value of a field's type."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType:
         return None if chance.random() < 0.5 else _value(arguments[0], chance)
@@ -135,7 +135,7 @@ def _value(hint: Any, chance: random.Random) -> Any:
 
 
 class Mutants:
-    """An endless row of malformed frames."""
+    """An endless sequence of malformed frames."""
 
     def __init__(self, frames: Sequence[bytes], seed: int) -> None:
         self._frames = list(frames)
@@ -161,7 +161,7 @@ class Mutants:
         return frame[:LARGEST]
 
     def _spoiled_tree(self) -> Any:
-        """A message as a list of its kind and fields, with something wrong in one place or some."""
+        """Return a message as a list of its kind and fields, wrong in one or more places."""
         chance = self._chance
         tree = _copy(chance.choice(self._trees))
         if chance.random() < 0.1:
@@ -174,7 +174,7 @@ class Mutants:
         return tree
 
     def _spoil(self, holder: Any) -> None:
-        """Spoil a list or a map at a place."""
+        """Corrupt a list or a map in one place."""
         chance = self._chance
         odd = chance.choice((self._odd, self._odd, self._odd, self._foreign, self._nest, self._huge))()
         if isinstance(holder, dict):
@@ -199,7 +199,7 @@ class Mutants:
         return _copy(self._chance.choice(ODD))
 
     def _foreign(self) -> Any:
-        """Something of another message, or all of it."""
+        """Return part or all of another message."""
         tree = self._chance.choice(self._trees)
         return _copy(self._chance.choice([tree, *tree]))
 
@@ -209,7 +209,7 @@ class Mutants:
         return Raw(opening * chance.choice((2, 30, 400, NESTED)) + chance.choice((b"", b"\xc0")))
 
     def _huge(self) -> Any:
-        """Something as large as a limit, or a little larger: mostly one of the small limits."""
+        """Return a value at a limit or slightly above it, mostly at one of the small limits."""
         chance = self._chance
         limit = chance.choice([kind.most_bytes for kind in KINDS.values()])
         size = max(0, (limit if chance.random() < 0.01 else min(limit, 4096)) + chance.choice((-16, -1, 0, 1)))
@@ -217,14 +217,14 @@ class Mutants:
 
 
 class Liar:
-    """Writes MessagePack that is sometimes wrong, and sometimes right in an odd way."""
+    """Writes MessagePack that is sometimes wrong and sometimes valid but unusual."""
 
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance
         self._lies = 0.0
 
     def write(self, value: Any) -> bytes:
-        """Write a value: most of them truly."""
+        """Write a value, in most cases correctly."""
         self._lies = self._chance.choice((0.0, 0.0, 0.0, 0.1))  # how often a header is not the usual one
         parts: list[bytes] = []
         self._put(value, parts)
@@ -270,12 +270,12 @@ class Liar:
 
 
 def _items(value: Any) -> list[Any]:
-    """What is in a list or a map."""
+    """Return the items of a list or a map."""
     return list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
 
 
 def _copy(value: Any) -> Any:
-    """A copy, all the way down."""
+    """Return a deep copy."""
     if isinstance(value, list):
         return [_copy(item) for item in value]
     return {key: _copy(item) for key, item in value.items()} if isinstance(value, dict) else value

@@ -81,7 +81,7 @@ PEERS = (
         *(noted("refused"), told("flood", "frames")),
     ),
 )
-"""Who does not belong."""
+"""Cases of peers that do not belong to the session."""
 
 DEVICES = (
     Case(
@@ -132,7 +132,7 @@ DEVICES = (
         cut="left",
     ),
 )
-"""What a device may do wrong."""
+"""Device cases."""
 
 MACHINES = (
     Case(
@@ -176,4 +176,4 @@ MACHINES = (
         alone=True,
     ),
 )
-"""Clocks and disks."""
+"""Clock and disk cases."""

@@ -43,7 +43,7 @@ def _case(name: str, setup: Setup, done: str, expected: str, act: Act, *checks: 
 
 
 def _stopped(process: str, name: str, seconds: float, setup: Setup, expected: str, *checks: Check) -> Case:
-    """A process that stands still for a while: 1 s is in the short form."""
+    """Return a case that suspends a process for a while [s]; the short form keeps the 1 s cases."""
     time = f"{seconds:g} s" if seconds >= 1.0 else f"{seconds * 1e3:g} ms"
     done = f"SIGSTOP of {_ARTICLES[process]} {name} for {time}"
     act = stand_still(process, seconds)
@@ -118,4 +118,4 @@ PROCESSES = (
         *_UNSEEN,
     ),
 )
-"""The table."""
+"""Process cases."""

@@ -30,18 +30,18 @@ Place: TypeAlias = tuple[str, int]
 """Address and port."""
 
 STALL_NS = 200_000_000
-"""TCP waits so long at least before it sends a lost packet again [ns]."""
+"""Shortest TCP retransmission timeout [ns]."""
 
 CHUNK_BYTES = 65_536
 MOST_BYTES = 2**20
-"""Of a sender with so many bytes under way no more is taken [bytes]."""
+"""Bytes in transit above which the relay takes no more from a sender [bytes]."""
 
 CONNECT_SECONDS = 1.0
 PRIORITY = 45
-"""SCHED_FIFO priority of the thread, below those who wait for what it passes."""
+"""SCHED_FIFO priority of the thread, below the processes that it serves."""
 
 _RESET = struct.pack("ii", 1, 0)
-"""SO_LINGER that makes closing a reset."""
+"""SO_LINGER value with which closing sends a reset."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ FAIR = Weather()
 
 
 class Flow:
-    """One direction of one connection: bytes on their way, each with the time it comes out."""
+    """One direction of a connection: bytes in transit, each with its release time."""
 
     def __init__(self, source: net.socket, sink: net.socket, double: net.socket | None, seed: int) -> None:
         self.source, self.sink, self.double = source, sink, double
@@ -80,21 +80,21 @@ class Flow:
 
     @property
     def due_ns(self) -> float:
-        """When the next byte comes out; never without one [ns]."""
+        """Return when the next byte is released, or infinity [ns]."""
         return self._queue[0][0] if self._queue else inf
 
     @property
     def open(self) -> bool:
-        """Whether more may be taken."""
+        """Return whether the flow accepts more bytes."""
         return not self.ended and self.bytes < MOST_BYTES
 
     @property
     def over(self) -> bool:
-        """Whether everything has come out that ever will."""
+        """Return whether all bytes have been released and no more will come."""
         return self.ended and not self._queue
 
     def take(self, weather: Weather, now: int) -> None:
-        """Take what the source has sent."""
+        """Read what the source has sent."""
         data = self.source.recv(CHUNK_BYTES)
         if data:
             self._queue.append((self._arrival(weather, len(data), now), data))
@@ -103,7 +103,7 @@ class Flow:
             self.ended = True
 
     def give(self, now: int) -> None:
-        """Let out what is due, as far as the sink takes it."""
+        """Release what is due, as far as the sink takes it."""
         while self._queue and self._queue[0][0] <= now:
             due, data = self._queue.popleft()
             try:
@@ -119,7 +119,7 @@ class Flow:
                 return
 
     def _arrival(self, weather: Weather, size: int, now: int) -> int:
-        """When a chunk comes out: after the one before it, whatever happens."""
+        """Return when a chunk is released, never before the one ahead of it [ns]."""
         seconds = weather.delay + weather.jitter * self._random.random() + size / weather.rate
         arrival = max(now + round(seconds * 1e9), self._last_ns + round(size / weather.rate * 1e9))
         since = (now - self._taken_ns) * 1e-9 if self._taken_ns else 0.0
@@ -131,14 +131,14 @@ class Flow:
 
 @dataclass(frozen=True, eq=False)
 class Connection:
-    """A peer's connection through the relay, and what doubles it."""
+    """A peer's connection through the relay, and its duplicate."""
 
     up: Flow
     down: Flow
 
     @property
     def sockets(self) -> tuple[net.socket, ...]:
-        """Every socket of it."""
+        """Return all its sockets."""
         ends = (self.up.source, self.up.sink, self.up.double)
         return tuple(end for end in ends if end is not None)
 
@@ -175,26 +175,26 @@ class Relay:
             socket.close()
 
     def weather(self, up: Weather = FAIR, down: Weather = FAIR) -> None:
-        """Change what happens to bytes from now on: to the server, and from it."""
+        """Change the delay, jitter and stalls from now on: to the server, and from it."""
         self._up, self._down = up, down
 
     def hold(self) -> None:
-        """Let nothing pass; nothing is lost either."""
+        """Hold all bytes without losing any."""
         self._holding = True
         self._wake()
 
     def cut(self) -> None:
-        """Reset all connections, and whatever connects, until mended."""
+        """Reset all connections, old and new, until `mend`."""
         self._cutting = True
         self._wake()
 
     def mend(self) -> None:
-        """Hold and cut no more."""
+        """End `hold` and `cut`."""
         self._holding = self._cutting = False
         self._wake()
 
     def double(self, wanted: bool) -> None:
-        """Let whoever connects from now on be heard by the server twice, or no more."""
+        """Turn the duplication of new connections on or off."""
         self._doubling = wanted
 
     def _wake(self) -> None:
@@ -211,7 +211,7 @@ class Relay:
         self._drop(_reset, *self._connections)
 
     def _wait(self) -> set[net.socket]:
-        """Wait for whatever comes first, let in who connects, and return who has sent something."""
+        """Wait for activity, accept new connections, and return the sockets that are readable."""
         readers: list[net.socket] = [self._woken, *self._listeners]
         writers: list[net.socket] = []
         due = inf
@@ -257,7 +257,7 @@ class Relay:
         self._connections.append(connection)
 
     def _serve(self, connection: Connection, readable: set[net.socket]) -> None:
-        """Pass on what there is in both directions; at the end of one, the other ends too."""
+        """Pass bytes on in both directions; when one end closes, close the other."""
         if self._holding:
             return
         over = False
@@ -283,7 +283,7 @@ class Relay:
 
 
 def between(peer_to: Place) -> Relay:
-    """Make the relay of a peer, whose port is then `Relay.port`."""
+    """Return the relay of a peer, whose port is then `Relay.port`."""
     host, port = peer_to
     return Relay([(host, port + channel) for channel in range(CHANNELS)])
 
@@ -295,13 +295,13 @@ def _listen(place: Place) -> net.socket:
 
 
 def _reset(socket: net.socket) -> None:
-    """Close a connection as if its cable had been cut: what was under way is lost."""
+    """Close a connection with a reset, losing the bytes in transit."""
     socket.setsockopt(net.SOL_SOCKET, net.SO_LINGER, _RESET)
     socket.close()
 
 
 def _hurry() -> None:
-    """Ask that this thread passes things on before whoever can wait."""
+    """Ask for real-time priority for this thread."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError as error:

@@ -26,26 +26,26 @@ from netboard.nodes.operator.launcher import free_port
 from netboard.nodes.operator.operator import Operator
 
 PATIENCE = 120.0
-"""Nothing here takes this long unless it is broken [s]."""
+"""Timeout of every wait; only a broken process takes this long [s]."""
 
 ANSWER_SECONDS = 0.2
 LOOK_SECONDS = 0.02
 
 ACTIVE = ("levelling", "running", "holding")
-"""Phases in which there are forces, and that last."""
+"""Lasting phases in which forces are rendered."""
 
 FELT_ROWS = 50
-"""Both devices have been handed so many different forces in a row when a trial counts as felt [1]."""
+"""Different forces in a row at both devices from which a trial counts as felt [1]."""
 
 
 def _paused(status: Status) -> int:
-    """Attempts of the block that ended neither in a success nor in a failure: those that were paused [1]."""
+    """Return the attempts of the block that were paused, so neither successes nor failures [1]."""
     return status.outcomes - status.successes - status.failures
 
 
 @dataclass(frozen=True)
 class Way:
-    """How a process gets to the server."""
+    """How a process reaches the server."""
 
     host: str
     port: int
@@ -94,7 +94,7 @@ class Rig:
         self._stack.close()
 
     def end(self) -> None:
-        """Kill whatever still runs."""
+        """Kill every process that still runs."""
         for process in self.running.values():
             process.kill()
             process.wait()
@@ -102,7 +102,7 @@ class Rig:
 
     @property
     def operator(self) -> Operator:
-        """Whoever talks to the server for this rig; a new one after the server has ended."""
+        """Return the operator of this rig, a new one after the server has ended."""
         if self._operator is None:
             self._operator = Operator(self.config.network, self._line.enter_context(sockets.open_context()))
         return self._operator
@@ -133,7 +133,7 @@ class Rig:
         self.start_stations(displays)
 
     def start_stations(self, displays: bool = False) -> None:
-        """Start what belongs to the two stations."""
+        """Start the processes of both stations."""
         for side in SIDES:
             self.start_agent(side)
             if displays:
@@ -144,7 +144,7 @@ class Rig:
         return self.start(f"{side} agent", "agent", "--side", side)
 
     def until(self, what: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
-        """Wait for a status that answers a description."""
+        """Wait for a status that meets a condition."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not self._lost_server():
             status = self.operator.ask(ANSWER_SECONDS)
@@ -156,18 +156,18 @@ class Rig:
         )
 
     def _lost_server(self) -> bool:
-        """Whether this rig's server has ended, though nobody asked it to."""
+        """Return whether this rig's server has ended unasked."""
         return "server" in self.running and self.running["server"].poll() is not None
 
     def do(self, command: str) -> None:
-        """Have the server do something."""
+        """Send the server a command."""
         self.until(lambda status: True)
         reply = self.operator.do(command)
         if not reply.accepted:
             raise NetboardError(f"{command}: refused: {reply.reason}")
 
     def ask_to_end(self) -> None:
-        """Have the server end the session; its answer may be lost with the link."""
+        """Ask the server to end the session; the link may lose its answer."""
         self.until(lambda status: True)
         self.operator.command("end")
 
@@ -181,7 +181,7 @@ class Rig:
         return self.until(felt, seconds)
 
     def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
-        """Wait until both hands have felt a trial for so long without a pause; how often a pause came between [s]."""
+        """Wait until both hands have felt a trial without a pause for this long [s]; return the pauses before."""
         pauses = 0
         end = time.monotonic() + patience
         while True:
@@ -195,19 +195,19 @@ class Rig:
                 raise NetboardError(f"waited {patience:g} s: no trial goes on for {seconds:g} s; {after.notice}")
 
     def _look_after(self) -> None:
-        """Give up if a process has ended."""
+        """Raise if a process has ended."""
         for name, process in self.running.items():
             if process.poll() is not None:
                 raise NetboardError(f"the {name} has ended: {self._last_words(name)}")
 
     def _feels(self, side: Side) -> bool:
-        """Whether the device of a side is handed forces that change."""
+        """Return whether the device of a side is handed changing forces."""
         agent = self.running[f"{side} agent"].pid
         forces = read_trace(trace_file(self.folder, side, agent), FELT_ROWS)["fz"].tolist()
         return len(forces) == FELT_ROWS and 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
 
     def said(self, name: str) -> str:
-        """What a process has said so far."""
+        """Return the output of a process so far."""
         return self._words(name).read_text(errors="replace") if self._words(name).exists() else ""
 
     def _last_words(self, name: str) -> str:
@@ -218,19 +218,19 @@ class Rig:
         self.running[name].send_signal(number)
 
     def kill(self, name: str) -> None:
-        """Kill a process the hard way."""
+        """Kill a process with SIGKILL."""
         process = self.running.pop(name)
         process.send_signal(signal.SIGKILL)
         process.wait()
         self._forget(name)
 
     def stop(self, name: str, number: signal.Signals = signal.SIGTERM) -> int:
-        """Ask a process to stop; its exit code."""
+        """Ask a process to stop; return its exit code."""
         self.running[name].send_signal(number)
         return self.wait(name)
 
     def wait(self, name: str) -> int:
-        """Wait until a process has ended by itself; its exit code."""
+        """Wait until a process has ended by itself; return its exit code."""
         try:
             code = self.running[name].wait(PATIENCE)
         except subprocess.TimeoutExpired as error:
@@ -240,13 +240,13 @@ class Rig:
         return code
 
     def _forget(self, name: str) -> None:
-        """Nobody answers any more whom the operator has greeted."""
+        """Forget the operator's connection to a server that has ended."""
         if name == "server":
             self._line.close()
             self._operator = None
 
     def finish(self) -> list[Path]:
-        """Shut the session down in order; the recordings."""
+        """Shut the session down in order; return the recordings."""
         self.ask_to_end()
         for name in ("server", "logger"):
             if self.wait(name) != 0:
@@ -254,7 +254,7 @@ class Rig:
         return self.recordings()
 
     def recordings(self) -> list[Path]:
-        """The finished recordings, oldest first."""
+        """Return the finished recordings, oldest first."""
         return sorted(Path(self.config.recording.directory).glob("*.mcap"))
 
     def _words(self, name: str) -> Path:
@@ -271,7 +271,7 @@ def _by_way(config: Config, way: Way) -> Config:
 
 
 def tampered(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Settings and environment that give a rig in this folder devices that can be tampered with."""
+    """Return the settings and the environment that give a rig in this folder tampered devices."""
     settings = [
         setting
         for side in SIDES

@@ -30,13 +30,13 @@ at any time; and hands that nothing holds at rest, read in no steps, so that no 
 the safety chain is changed."""
 
 START_S = 300.0
-"""A site is at work within this time, kernels compiled, on whatever machine [s]."""
+"""Timeout for a site to start, including kernel compilation [s]."""
 
 GUESTS = "guests"
-"""Folder of a dyad with keys for others than its own processes."""
+"""Name of the folder with a dyad's keys for outside processes."""
 
 DISK_BYTES = 300_000_000
-"""Size of a small disk: little more than what a logger asks for to begin [bytes]."""
+"""Size of a small disk, slightly above what a logger needs to begin [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Setup:
     keyed: bool = False
 
     def refusal(self) -> str:
-        """Why there can be no such site on this machine, or nothing."""
+        """Return why this machine cannot provide such a site, or an empty string."""
         asked: list[tuple[bool, Callable[[], str]]] = [
             (self.spaces, links.refusal),
             (self.wall_clock, wall_clock.refusal),
@@ -74,7 +74,7 @@ class Setup:
 
 @dataclass
 class Site:
-    """A rig and what is around it."""
+    """A rig and its surroundings."""
 
     setup: Setup
     rig: Rig
@@ -86,7 +86,7 @@ class Site:
 
     @property
     def rigs(self) -> list[Rig]:
-        """All dyads."""
+        """Return the rigs of all dyads."""
         return [self.rig] if self.neighbour is None else [self.rig, self.neighbour]
 
     def start(self) -> None:
@@ -99,7 +99,7 @@ class Site:
             rig.until_felt(START_S)
 
     def start_again(self, process: str) -> None:
-        """Start a process of the dyad that is harmed, or the server of all dyads."""
+        """Restart a process of the harmed dyad, or the server of all dyads."""
         match process.split():
             case ["server"]:
                 others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
@@ -115,11 +115,11 @@ class Site:
         return ("logger",) if self.setup.follow else ("logger", "--once")
 
     def sleep(self, seconds: float, quick: float | None = None) -> None:
-        """Let time pass, less of it if that is wanted [s]."""
+        """Sleep, for a shorter time in the short form [s]."""
         time.sleep(quick if self.quick and quick is not None else seconds)
 
     def end(self) -> None:
-        """Kill whatever still runs."""
+        """Kill every process that still runs."""
         for rig in self.rigs:
             rig.end()
 
@@ -137,7 +137,7 @@ class Site:
 
 @contextmanager
 def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
-    """Make a site; nothing in it runs yet."""
+    """Create a site in which nothing runs yet."""
     (folder / "a").mkdir(parents=True)
     settings, environment = tampered((folder / "a").resolve())
     with ExitStack() as stack:
@@ -161,7 +161,7 @@ def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
 
 
 def _keys(folder: Path) -> Path:
-    """Make keys for everybody in a dyad's folder, and others as good for guests of it."""
+    """Create the keys of a dyad, and equally valid ones for guests."""
     made = (folder / "keys").resolve()
     keys.init(made)
     for place in (made, folder / GUESTS):
@@ -180,20 +180,20 @@ def _neighbour(folder: Path) -> Rig:
 
 
 def _address(spaces: links.Spaces | None) -> tuple[str, ...]:
-    """Settings for a server that others than this machine shall reach."""
+    """Return the settings of a server that other hosts can reach."""
     if spaces is None:
         return ()
     return f"network.host={links.SERVER}", f"network.bind={links.SERVER}", "network.curve=off"
 
 
 def side_of(process: str) -> Side:
-    """Whose process it is, by its name: ``left agent`` is of the left side."""
+    """Return the side of a process from its name: ``left agent`` is on the left."""
     return cast("Side", process.split(maxsplit=1)[0])
 
 
 @contextmanager
 def _mounted(place: Path) -> Iterator[None]:
-    """A small disk, in memory."""
+    """Mount a small disk in memory."""
     place.mkdir()
     _system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
     try:
@@ -203,7 +203,7 @@ def _mounted(place: Path) -> Iterator[None]:
 
 
 def _disk_refusal() -> str:
-    """Why no small disk can be mounted here, or nothing."""
+    """Return why no small disk can be mounted here, or an empty string."""
     tried = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
     return "disks cannot be mounted here" if tried.returncode else ""
 

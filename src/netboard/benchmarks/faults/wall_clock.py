@@ -59,7 +59,7 @@ time_t time(time_t *now) {
 
 
 def refusal() -> str:
-    """Why there can be no such clock on this machine, or nothing."""
+    """Return why this machine cannot provide such a clock, or an empty string."""
     return "" if shutil.which("cc") else "there is no C compiler"
 
 
@@ -78,6 +78,6 @@ class WallClock:
         self.environment = {"LD_PRELOAD": str(library), "NETBOARD_WALL_CLOCK": str(self._file)}
 
     def set(self, seconds: int) -> None:
-        """Put the clock so much before the machine's [s]."""
+        """Set the wall clock ahead of the machine's by this time [s]."""
         with self._file.open("r+b") as file:
             file.write(struct.pack("<q", seconds))

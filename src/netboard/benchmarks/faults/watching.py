@@ -1,4 +1,4 @@
-"""Looks after processes that are to withstand something: whether they run, and what they hold."""
+"""Watches the processes under attack: whether they run, and how much memory they use."""
 
 from pathlib import Path
 
@@ -7,23 +7,23 @@ from netboard.benchmarks.faults.rigs import Rig
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
 GROWN = 32e6
-"""No process may hold so much more than before, in bytes [1]."""
+"""Largest growth of a process's memory, in bytes [1]."""
 
 
 def look(rig: Rig) -> None:
-    """See that all processes of a rig are there."""
+    """Raise unless all processes of a rig run."""
     for name, process in rig.running.items():
         if (code := process.poll()) is not None:
             raise NetboardError(f"the {name} ended with exit code {code}:\n{rig.said(name)[-2000:]}")
 
 
 def memory(rig: Rig) -> dict[str, float]:
-    """Memory that each process of a rig holds, in bytes [1]."""
+    """Return the memory of each process of a rig, in bytes [1]."""
     return {name: resident(process.pid) for name, process in rig.running.items()}
 
 
 def resident(process: int | str = "self") -> float:
-    """Memory that a process holds, in bytes [1]; not a number on a system that does not tell."""
+    """Return the resident memory of a process, in bytes [1]; NaN on a system that does not report it."""
     status = Path("/proc") / str(process) / "status"
     if not status.exists():
         return float("nan")
@@ -32,7 +32,7 @@ def resident(process: int | str = "self") -> float:
 
 
 def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
-    """Write down what processes held before and after."""
+    """Tabulate the memory of the processes before and after."""
     rows: list[tuple[Value, ...]] = [
         (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
         for process in before

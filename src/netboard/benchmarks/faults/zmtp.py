@@ -17,46 +17,46 @@ MORE, LONG, COMMAND = 1, 2, 4
 
 CONNECT_SECONDS = 5.0
 MOST_WAITING = 2**18
-"""A line takes nothing more while so much is still to be sent [bytes]."""
+"""Bytes waiting to be sent above which a line accepts no more [bytes]."""
 
 Place: TypeAlias = tuple[str, int]
 """Address and port."""
 
 Stream: TypeAlias = tuple[bytes, ...]
-"""What is said in one connection, one after the other."""
+"""Parts sent in one connection, in order."""
 
 
 def greeting(mechanism: bytes = b"NULL", major: int = 3, minor: int = 0) -> bytes:
-    """First 64 bytes of a connection."""
+    """Return the first 64 bytes of a connection."""
     return b"\xff" + bytes(8) + b"\x7f" + bytes([major, minor]) + mechanism.ljust(20, b"\0")[:20] + bytes(32)
 
 
 def framed(body: bytes, flags: int = 0) -> bytes:
-    """A frame."""
+    """Return a frame."""
     if len(body) < 256:
         return bytes([flags, len(body)]) + body
     return struct.pack(">BQ", flags | LONG, len(body)) + body
 
 
 def command(name: bytes, body: bytes = b"") -> bytes:
-    """A command."""
+    """Return a command frame."""
     return framed(bytes([len(name)]) + name + body, COMMAND)
 
 
 def ready(kind: bytes, identity: bytes = b"") -> bytes:
-    """The command that ends a handshake without keys."""
+    """Return the command that ends a handshake without keys."""
     properties = ((b"Socket-Type", kind), (b"Identity", identity))
     body = b"".join(bytes([len(name)]) + name + struct.pack(">I", len(value)) + value for name, value in properties)
     return command(b"READY", body)
 
 
 def message(parts: Sequence[bytes]) -> bytes:
-    """A message of some parts."""
+    """Return a message of several parts."""
     return b"".join(framed(part, MORE * (i + 1 < len(parts))) for i, part in enumerate(parts))
 
 
 class Line:
-    """A connection to a socket of ZeroMQ, made anew whenever the other end cuts it."""
+    """A connection to a ZeroMQ socket, renewed whenever the peer cuts it."""
 
     def __init__(self, place: Place, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
         self.made = 0
@@ -67,7 +67,7 @@ class Line:
         self._waiting = b""
 
     def offer(self, *parts: bytes) -> bool:
-        """Send a message as soon as may be; False if there is too much before it."""
+        """Queue a message; return False if too much is waiting."""
         self._flush()
         if len(self._waiting) > MOST_WAITING:
             return False
@@ -76,7 +76,7 @@ class Line:
         return True
 
     def close(self) -> None:
-        """Hang up; with the next message the connection is made anew."""
+        """Close the connection; the next message opens a new one."""
         if self._socket is not None:
             self._socket.close()
         self._socket, self._waiting = None, b""
@@ -98,7 +98,7 @@ class Line:
             self.close()
 
     def _connect(self) -> net.socket:
-        """Shake hands: what is said before the other end is ready is taken for part of it."""
+        """Connect and shake hands; bytes sent before the peer is ready would count as handshake."""
         socket = net.create_connection(self._place, CONNECT_SECONDS)
         socket.sendall(self._handshake)
         heard = b""
@@ -157,13 +157,13 @@ def _odd_command(chance: random.Random) -> Stream:
 
 
 def _endless(chance: random.Random) -> Stream:
-    """A frame that is longer than any may be, or much longer than what follows."""
+    """Return a frame longer than any limit, or with a length far beyond its content."""
     size = chance.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
     return _handshake(chance), struct.pack(">BQ", LONG | chance.choice((0, MORE, COMMAND)), size) + _noise(chance)
 
 
 def _unfinished(chance: random.Random) -> Stream:
-    """Parts of a message of which the last never comes."""
+    """Return parts of a message whose last part never comes."""
     return _handshake(chance), framed(_noise(chance), MORE) * chance.choice((1, 10, 300))
 
 
@@ -207,7 +207,7 @@ _STREAMS: tuple[Callable[[random.Random], Stream], ...] = (
 
 
 class Talk:
-    """Connections in which streams are said, each a part at a time; the oldest are hung up."""
+    """Connections that send streams part by part; the oldest are closed."""
 
     def __init__(self, kept: int, seed: int) -> None:
         self._kept = kept
@@ -215,12 +215,12 @@ class Talk:
         self._open: deque[tuple[net.socket, deque[bytes]]] = deque()
 
     def take(self, connection: net.socket) -> None:
-        """Begin to talk in a connection."""
+        """Start a stream in a connection."""
         connection.setblocking(False)
         self._open.append((connection, deque(next(self._streams))))
 
     def turn(self) -> None:
-        """Say the next part in each."""
+        """Send the next part in each connection."""
         for connection, parts in self._open:
             with suppress(OSError):  # the other end may have hung up, or take no more
                 connection.send(parts.popleft() if parts else b"")
@@ -228,6 +228,6 @@ class Talk:
             self._open.popleft()[0].close()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         while self._open:
             self._open.popleft()[0].close()

@@ -1,4 +1,4 @@
-"""What machine a study ran on, for the head of its results: timings mean little without it."""
+"""The machine that a study ran on, for the head of its results: timings mean little without it."""
 
 import os
 import platform
@@ -9,7 +9,7 @@ from pathlib import Path
 from llvmlite.binding import get_host_cpu_features
 
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
-"""Those whose version can change a figure."""
+"""Libraries whose version can change a figure."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Machine:
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """Return the same for people."""
+        """Return the same as lines of text."""
         return [
             f"{self.cpu}, {self.cores} cores, {self.vectors}, load {self.load:.2f}",
             f"{self.system}, Python {self.python}",
@@ -44,7 +44,7 @@ class Machine:
 
 
 def describe() -> Machine:
-    """Return what machine this is, now."""
+    """Return the description of this machine now."""
     return Machine(
         system=platform.platform(),
         cpu=_cpu(),
@@ -65,7 +65,7 @@ def _version(library: str) -> str:
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

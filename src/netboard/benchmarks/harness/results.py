@@ -1,4 +1,4 @@
-"""What a study found: tables with verdicts, on the screen and in a folder that no other study has written to.
+"""Results of a study: tables with verdicts, on the screen and in a folder of its own.
 
 A verdict is a claim and whether the numbers beside it bear it out; it is computed where the numbers are, never here.
 """
@@ -23,7 +23,7 @@ Value = str | float | int | bool
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim, and what was found."""
+    """A claim, and the result that supports or refutes it."""
 
     claim: str
     holds: bool
@@ -49,7 +49,7 @@ class Part:
 
     @property
     def holds(self) -> bool:
-        """Whether every verdict holds."""
+        """Return whether every verdict holds."""
         return all(verdict.holds for verdict in self.verdicts)
 
 
@@ -94,7 +94,7 @@ class Folder:
 
 
 def _plain(value: Any) -> Any:
-    """Return the same in what JSON knows: what is not finite as text."""
+    """Return a value as JSON types, with non-finite numbers as text."""
     if isinstance(value, dict):
         return {name: _plain(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -103,7 +103,7 @@ def _plain(value: Any) -> Any:
 
 
 def new_folder(name: str) -> Path:
-    """Return a folder here that is not there yet."""
+    """Return a new folder name in the working directory."""
     number = 1
     while (path := Path(f"{name}-{number}")).exists():
         number += 1
@@ -111,7 +111,7 @@ def new_folder(name: str) -> Path:
 
 
 def show(console: Console, part: Part) -> None:
-    """Print a part: table, and verdicts."""
+    """Print a part: its table and its verdicts."""
     head, *others = part.columns
     table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
     for row in part.rows:
@@ -120,19 +120,19 @@ def show(console: Console, part: Part) -> None:
 
 
 def _counted(part: Part, column: str) -> bool:
-    """Tell whether there are only numbers in a column."""
+    """Return whether a column holds only numbers."""
     place = part.columns.index(column)
     return all(isinstance(row[place], int | float) for row in part.rows)
 
 
 def _line(verdict: Verdict) -> Text:
-    """Write a verdict."""
+    """Format a verdict."""
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
 
 
 def shown(value: Value) -> str:
-    """Write a value with three digits."""
+    """Format a value with three digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -15,17 +15,17 @@ from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 
 Tell = Callable[[str, float], object]
-"""Hears what is being done, and which share of it is."""
+"""Callback for progress: the current step, and the share done [1]."""
 
 WIDTH = 160
-"""Tables are this wide at the least [characters]."""
+"""Minimum width of tables [characters]."""
 
 
 class Study(Protocol):
-    """What is run: it makes its parts one after the other, and may leave files in the folder of its results."""
+    """A study, which yields its parts one by one and may save files in the folder of its results."""
 
     def __call__(self, folder: Folder, tell: Tell, *, quick: bool) -> Iterable[Part]:
-        """Make the parts; in the short form if it is to be quick."""
+        """Yield the parts, of the short form if `quick`."""
 
 
 def run_named(

@@ -23,7 +23,7 @@ from netboard.network.protocol.fixed import FORCE, STYLUS
 from netboard.network.transport import authenticator, channels, endpoints, sockets
 
 PATIENCE_MS = 10_000
-"""An echo that takes longer ends the benchmark [ms]."""
+"""Timeout of an echo, after which the benchmark ends [ms]."""
 
 Order = dict[str, Any]
 
@@ -50,7 +50,7 @@ def echo(router: endpoints.Router, door: authenticator.Door | None, order: Order
 
 
 def _greet(router: endpoints.Router, door: authenticator.Door | None, count: int) -> None:
-    """Answer so many frames, and attend to the door meanwhile."""
+    """Answer a number of frames, and authenticate their senders meanwhile."""
     while count > 0:
         if door is not None:
             door.attend()

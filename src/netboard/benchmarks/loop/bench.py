@@ -37,25 +37,25 @@ from netboard.benchmarks.loop.usage import Costs, add_costs
 from netboard.stage.stage import make_stage
 
 SECONDS, QUICK_SECONDS = 60.0, 8.0
-"""Netboard, the echo and the timer are each measured for so long, unless told otherwise [s]."""
+"""Default measurement time of netboard, the echo and the timer, each [s]."""
 
 TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
-"""They take turns of about this length [s]."""
+"""Approximate length of a turn [s]."""
 
 MINUTES, QUICK_MINUTES = 30.0, 0.5
-"""A soak takes so long, unless told otherwise [min]."""
+"""Default duration of a soak test [min]."""
 
 MOST_DYADS = 256
 
 WIDTH = 140
-"""Tables are this wide at the least [characters]."""
+"""Minimum width of tables [characters]."""
 
 Transport = Literal["tcp", "ipc"]
 
 
 @dataclass(frozen=True)
 class Setting:
-    """In what setting netboard is measured."""
+    """The setting in which netboard is measured."""
 
     transport: Transport = "tcp"
     curve: bool = False
@@ -65,7 +65,7 @@ class Setting:
 
     @property
     def config(self) -> Config:
-        """What it makes of the configuration."""
+        """Return the configuration for this setting."""
         plain = Config()
         return replace(
             plain,
@@ -79,7 +79,7 @@ class Setting:
 
 
 def read_dyads(words: str | None) -> tuple[int, ...]:
-    """Read the numbers of dyads, as in ``1,2,4``."""
+    """Parse the numbers of dyads, as in ``1,2,4``."""
     try:
         numbers = tuple(int(word) for word in words.split(",")) if words else ()
     except ValueError:
@@ -109,7 +109,7 @@ class Study:
         self._parts: list[Part] = []
 
     def add(self, part: Part) -> None:
-        """Add one part of the results, and show it."""
+        """Add one part of the results and print it."""
         self._parts.append(part)
         if part.on_screen:
             show(self._console, part)
@@ -169,7 +169,7 @@ def loop(
 def _add_crowded(
     study: Study, crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, *, skips: bool
 ) -> None:
-    """Measure what takes many peers, or other ones than a lab has."""
+    """Measure with many simulated peers, or with peers that a lab does not have."""
     if dyads:
         found = measure_scale(config, crowd, dyads, seconds, study.tell)
         study.add(scale_part(found))
@@ -200,7 +200,7 @@ def soak(
 
 @contextmanager
 def _study(name: str, setting: Setting, output: Path | None, *, force: bool) -> Iterator[Study]:
-    """Begin a study: say where it runs, and show how far it is."""
+    """Begin a study: report the machine, and show progress."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("what processes use is read from /proc, which this system does not have")
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)

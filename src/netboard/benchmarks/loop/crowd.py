@@ -39,17 +39,17 @@ from netboard.nodes.agent.agent import phase_shift
 from netboard.task.trials.state_machine import is_active
 
 HEIGHT, FREQUENCY = 0.005, 0.5
-"""A hand that moves goes so far up and down, so often [m, Hz]."""
+"""Amplitude and frequency of a moving hand [m, Hz]."""
 
 TAKE_NS = 400_000
-"""An agent looks for its force so long after it has sent its sample [ns]."""
+"""Delay between sending a sample and looking for its force [ns]."""
 
 HELLO_NS = 500_000_000
 LOOK_NS = 2_000_000
-"""Loggers and displays look for something new this often [ns]."""
+"""Interval at which loggers and displays poll [ns]."""
 
 PLENTY = 10**12
-"""Free space that a logger here tells of, in bytes [1]."""
+"""Free space that these loggers report, in bytes [1]."""
 
 _SEND, _TAKE = 0, 1
 _STYLUS_AT = len(fixed.STYLUS.head)
@@ -92,7 +92,7 @@ class LightAgent:
         frame["force_tick"] = -1
 
     def greet(self) -> None:
-        """Say hello."""
+        """Send the greeting."""
         sockets.send(self._socket, self._hello)
 
     def send(self, z: float, vz: float) -> None:
@@ -104,7 +104,7 @@ class LightAgent:
         sockets.send(self._socket, frame.tobytes())
 
     def take(self, counts: Counter[str]) -> None:
-        """Take what has come."""
+        """Process what has arrived."""
         while (frame := sockets.receive(self._socket)) is not None:
             if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
                 tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
@@ -146,7 +146,7 @@ class LightDyad:
                 agent.send(z, vz)
 
     def take(self, counts: Counter[str]) -> int:
-        """Take what has come for both; how much later the next samples shall be sent [ns]."""
+        """Process what has arrived for both agents; return the phase delay of the next samples [ns]."""
         for agent in self._agents:
             agent.take(counts)
         return phase_shift(min(agent.lead_ns for agent in self._agents))
@@ -187,7 +187,7 @@ def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[s
 
 
 def _awaited(due_ns: int) -> int:
-    """Sleep until a time, if it is not over yet, and return what time it is then [ns]."""
+    """Sleep until a time unless it has passed; return the time on waking [ns]."""
     now = now_ns()
     if now >= due_ns:
         return now
@@ -196,7 +196,7 @@ def _awaited(due_ns: int) -> int:
 
 
 class LightLogger:
-    """A logger that keeps nothing but how late ticks were."""
+    """A logger that keeps only the lateness of ticks."""
 
     def __init__(self, config: Config, context: sockets.Context) -> None:
         where = keys.reach(config.network, "logger")
@@ -207,7 +207,7 @@ class LightLogger:
         self._greeted_ns = -HELLO_NS
 
     def look(self, now: int, counts: Counter[str]) -> None:
-        """Take what has come."""
+        """Process what has arrived."""
         if not self._welcomed and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             sockets.send(self._socket, encode(self._hello))
@@ -269,7 +269,7 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
 
 
 def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
-    """Sum up how all ticks from a moment on kept their time."""
+    """Summarise the timing of all ticks since a moment."""
     late_ns, never, active = [], 0, []
     for logger in loggers:
         rows = np.concatenate([np.empty((0, 3), np.int64), *logger.late])

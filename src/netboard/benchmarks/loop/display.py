@@ -32,26 +32,26 @@ from netboard.windows.participant.client import DisplayClient
 from netboard.windows.participant.window import BoardWindow, application, work
 
 SECONDS, QUICK_SECONDS = 30.0, 3.0
-"""Each of the ways is measured for so long, unless told otherwise [s]."""
+"""Default measurement time of each way [s]."""
 
 WAVES = ((0.020, 0.7), (0.003, 2.2), (0.0002, 9.0))
-"""How a hand moves: amplitudes and frequencies of its aim, its corrections, its tremor [m, Hz]."""
+"""Hand motion: amplitudes and frequencies of aim, corrections and tremor [m, Hz]."""
 
 ALIVE_TICKS = 50
-"""Views that show nothing new are sent this often [1]."""
+"""Ticks between views that show nothing new [1]."""
 
 WARM_UP = 0.5
-"""Frames are noted only so long after the first view [s]."""
+"""Time after the first view before frames are noted [s]."""
 
 Frame = tuple[int, int, int, float]
-"""Tick of the view, when it came and was painted, and where the right end was drawn: [1, ns, ns, m]."""
+"""Tick of the view, times of its arrival and painting, and drawn height of the right end [1, ns, ns, m]."""
 
 SPARE = 2.0
-"""Views are sent for so much longer than frames are noted, so that the end of them is not measured [s]."""
+"""Time for which views continue after the last noted frame, so that their end is not measured [s]."""
 
 LOOK_SECONDS = 0.01
 PATIENCE_NS = 60_000_000_000
-"""Whoever sends views waits so long for somebody to look [ns]."""
+"""Timeout of the view sender for the first subscriber [ns]."""
 
 WIDTH = 130
 
@@ -80,7 +80,7 @@ class Shown:
 
 
 def height_at(time_ns: int) -> tuple[float, float]:
-    """Where the right hand is at a time, and how fast it moves [m, m/s]."""
+    """Return the height and the velocity of the right hand at a time [m, m/s]."""
     t = time_ns * 1e-9
     z = sum(size * sin(2 * pi * hz * t) for size, hz in WAVES)
     return z, sum(2 * pi * hz * size * cos(2 * pi * hz * t) for size, hz in WAVES)
@@ -150,7 +150,7 @@ def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[
 
 
 def _note(client: DisplayClient, frames: list[Frame]) -> None:
-    """Note what has just been painted: tick of the view, when it came, when it was painted, where the right end was."""
+    """Note the frame just painted: tick of its view, arrival, painting, and height of the right end."""
     report, picture = client.tally.report(), client.window.board.picture
     if report is not None and report.shown and picture is not None and picture.handles:
         frames.append((*report.shown[-1], picture.handles[1][1]))

@@ -25,10 +25,10 @@ from netboard.recording.files.reader import Recording
 BASELINES = "netboard.benchmarks.loop.baselines"
 
 LEAD_NS = 50_000_000
-"""Baselines begin together, so long after they were told [ns]."""
+"""Lead time between the order and the common start of the baselines [ns]."""
 
 GREETINGS = 100
-"""Frames that go to and fro before an echo is measured [1]."""
+"""Frames exchanged before an echo is measured [1]."""
 
 
 @dataclass
@@ -78,7 +78,7 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Tell:
-    """Return what tells how far one of several rounds is."""
+    """Return a function that reports progress within one of several rounds."""
     return lambda text, share: tell(f"round {number + 1} of {rounds}: {text}", (number + share) / rounds)
 
 
@@ -102,16 +102,16 @@ class Baselines:
 
     @property
     def echo_ns(self) -> dict[str, Times]:
-        """Of each peer: from waking to the answer [ns]."""
+        """Return the time from waking to the answer, for each peer [ns]."""
         return {name: np.array(took, np.int64) for name, took in self._took.items()}
 
     @property
     def timer(self) -> Punctuality:
-        """How the timer kept its time."""
+        """Return the timing of the timer."""
         return punctuality(np.array(self._late, np.int64), self._moved_ns // TICK_NS)
 
     def run_echo(self) -> None:
-        """Have the echo's turn."""
+        """Run the echo's turn."""
         processes = {"echo": self._echo, **self._peers}
         before = {name: read_usage(worker.process_id) for name, worker in processes.items()}
         found = self._exchange(self._count)
@@ -120,7 +120,7 @@ class Baselines:
             self._took[name] += took
 
     def run_timer(self) -> None:
-        """Have the timer's turn."""
+        """Run the timer's turn."""
         self._timer.order(count=self._count, start_ns=now_ns() + LEAD_NS)
         found = self._timer.answer()
         self._late += found["late_ns"]

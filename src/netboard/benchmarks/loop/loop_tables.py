@@ -17,20 +17,20 @@ from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Cost, Costs, 
 from netboard.recording.format.summary import spread
 
 MOST_MEDIAN, MOST_P99 = 1.5, 2.0
-"""The loop may take so many times as long as an echo, at 50 and 99 % [1]."""
+"""Largest ratios of the loop to an echo, at the median and the 99th percentile [1]."""
 
 MANY = 100_000
 MOST_MISSED = 1.0
 """Of so many ticks, so many may be missed beyond what the timer misses [1]."""
 
 MOST_SERVER = 0.2
-"""A server of one dyad, with a logger and two displays, may use so much of a core [1]."""
+"""Largest share of a core for a server of one dyad with a logger and two displays [1]."""
 
 LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
 
 
 def loop_series(found: Measured) -> list[dict[str, Times]]:
-    """Return what is to be seen as histograms: the loop and the echo, the ticks and the timer."""
+    """Return the series for histograms: the loop and the echo, the ticks and the timer."""
     late_ns = found.played.ticks.late_ns
     return [
         {LOOP_NAME: _together(found.played.took_ns), ECHO_NAME: _together(found.echo_ns)},
@@ -102,7 +102,7 @@ def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) ->
 
 
 def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
-    """Return what every process uses."""
+    """Return the resource use of every process."""
     rows: list[tuple[Value, ...]] = []
     for name, cost in costs.items():
         whole, percent = total(cost.spent.values()), 100 / cost.seconds
@@ -133,7 +133,7 @@ def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
 
 
 def server_verdict(server: Cost, echo: Cost, displays: int) -> Verdict:
-    """Hold the server of one dyad against what it may use; what a bare echo uses is told beside it."""
+    """Judge the CPU use of a one-dyad server, with that of a bare echo for comparison."""
     share, least = (total(cost.spent.values()).seconds / cost.seconds for cost in (server, echo))
     claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
     found = f"{share:.1%}, with a logger, displays: {displays}; the bare echo {least:.1%}"

@@ -18,12 +18,12 @@ from netboard.benchmarks.loop.spreads import Times
 from netboard.task.trials.state_machine import Phase, is_active
 
 UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the tick", "tick, way back and rendering"
-"""The parts of a loop."""
+"""Parts of a sample-to-force latency."""
 
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How ticks kept their time.
+    """Timing of ticks.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Punctuality:
 
     @property
     def ticks(self) -> int:
-        """How many there were, those that were passed over not counted [1]."""
+        """Return the number of ticks, without those passed over [1]."""
         return self.late_ns.size
 
     def missed_of(self, many: int) -> float:
@@ -48,13 +48,13 @@ class Punctuality:
 
 
 def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
-    """Count what was late."""
+    """Count deadline misses."""
     missed = int(np.count_nonzero(late_ns > TICK_NS)) + passed_over
     return Punctuality(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
 
 
 def passed_over(time_ns: Times) -> int:
-    """Count the ticks that never were: their time passed while the loop stood still [1]."""
+    """Return the number of ticks passed over while the loop stood still [1]."""
     return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
 
 
@@ -77,7 +77,7 @@ class Played:
 
 
 def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
-    """Read what a dyad did from its recording."""
+    """Read a dyad's timing from its recording."""
     inside = within(ticks["time_ns"], times)
     felt = inside & np.isin(ticks["phase"], [phase for phase in Phase if is_active(phase)])
     closed: dict[str, NDArray[np.bool_]] = {side: closed_loops(ticks[f"{side}_loop_ns"]) & felt for side in SIDES}
@@ -94,7 +94,7 @@ def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
 
 
 def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Tell what lies within some stretches of time."""
+    """Return which times lie within some stretches."""
     inside: NDArray[np.bool_] = np.zeros(time_ns.shape, np.bool_)
     for start, end in times:
         inside |= (time_ns >= start) & (time_ns < end)
@@ -102,7 +102,7 @@ def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_
 
 
 def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
-    """Tell at which ticks a loop is told for the first time: an agent repeats the newest until the next is closed."""
+    """Return the ticks that first report a loop; an agent repeats the newest until the next is closed."""
     new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
     return new
 

@@ -28,19 +28,19 @@ from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import is_active
 
 TRIALS = 10_000
-"""More than anybody will see [1]."""
+"""More trials than any benchmark reaches [1]."""
 
 ANSWER_SECONDS = 0.2
 START_SECONDS = 120.0
 END_SECONDS = 60.0
 SETTLE_SECONDS = 2.0
-"""After a block has begun or gone on, agents find their phase and forces ramp up before anything is measured [s]."""
+"""Settling time after a block begins or resumes, in which agents adjust their phase and forces ramp up [s]."""
 
 LOOK_SECONDS = 1.0
-"""While something is measured, the processes are looked after this often [s]."""
+"""Interval at which the processes are checked during a measurement [s]."""
 
 ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phase))
-"""Phases in which there are forces."""
+"""Phases in which forces are rendered."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Rig:
         time.sleep(SETTLE_SECONDS)
 
     def _until(self, operator: Operator, ready: Callable[[Status], bool]) -> None:
-        """Ask a server for its status until it is as wanted."""
+        """Poll a server's status until it meets a condition."""
         until = time.monotonic() + START_SECONDS
         while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
             self.look()
@@ -113,7 +113,7 @@ class Rig:
             time.sleep(ANSWER_SECONDS)
 
     def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
-        """Let it run for a while."""
+        """Run for a while and return the measured stretch."""
         before, start_ns = self.usage(), now_ns()
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
@@ -122,15 +122,15 @@ class Rig:
         return Stretch(start_ns, now_ns(), before, self.usage())
 
     def usage(self) -> dict[str, Usage]:
-        """Look at what every process uses."""
+        """Return the resource use of every process."""
         return {name: read_usage(pid) for name, pid in self._pids.items()}
 
     def halt(self) -> None:
-        """Stop all processes where they are."""
+        """Suspend all processes."""
         self._signal(signal.SIGSTOP)
 
     def go_on(self) -> None:
-        """Let them go on."""
+        """Resume all processes."""
         self._signal(signal.SIGCONT)
 
     def finish(self) -> list[Path]:
@@ -151,7 +151,7 @@ class Rig:
         return [path for (path,) in found]
 
     def look(self) -> None:
-        """Look after the processes."""
+        """Check that the processes still run."""
         if (ended := self._launcher.ended()) is not None:
             raise NetboardError(str(ended))
 

@@ -1,4 +1,4 @@
-"""Many dyads in one server process on one core: what they cost and how late ticks are as they grow, until it breaks.
+"""Many dyads in one server process on one core: CPU cost and tick lateness by number of dyads, up to the limit.
 
 Every dyad is in a trial with forces on and a logger; all peers are on another core. Then dyads that wait: with agents
 but no trial, and with nobody at all.
@@ -22,13 +22,13 @@ MOST_LATE, LEAST_ACTIVE = 0.02, 0.99
 """A server holds its dyads while no more of its ticks begin half a tick late, and so many of them are in trials [1]."""
 
 MANY_DYADS = 8
-"""One core should hold so many [1]."""
+"""Dyads that one core should hold [1]."""
 
 MOST_GROWTH = 1.2
-"""Cost grows linearly if no dyad among many costs more than so many times what one alone does [1]."""
+"""Largest ratio of the cost per dyad among many to that of one alone; up to it, cost counts as linear [1]."""
 
 MOST_IDLE = 0.01
-"""A dyad that has nobody should cost less of a core [1]."""
+"""Largest share of a core for a dyad without peers [1]."""
 
 
 def on_cores(config: Config) -> Config:
@@ -38,17 +38,17 @@ def on_cores(config: Config) -> Config:
 
 
 def holds(served: Served) -> bool:
-    """Tell whether a server held its dyads."""
+    """Return whether a server held its dyads."""
     return served.ticks.late <= MOST_LATE * served.ticks.ticks and served.active >= LEAST_ACTIVE
 
 
 def core_share(served: Served) -> float:
-    """Return how much of a core a server used [1]."""
+    """Return the share of a core that a server used [1]."""
     return total(served.cost.spent.values()).seconds / served.cost.seconds
 
 
 def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: float, tell: Tell) -> dict[int, Served]:
-    """Let more and more dyads play at one server, until it holds them no more."""
+    """Add dyads to one server until it no longer holds them."""
     found: dict[int, Served] = {}
     for step, count in enumerate(sorted(dyads)):
         tell(f"dyads at one server: {count}", step / len(dyads))
@@ -59,7 +59,7 @@ def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: f
 
 
 def scale_part(found: Mapping[int, Served]) -> Part:
-    """Return what many dyads cost."""
+    """Tabulate the cost of many dyads."""
     rows: list[tuple[Value, ...]] = []
     for count, served in found.items():
         share, seconds = core_share(served), served.cost.seconds
@@ -120,11 +120,11 @@ WAITING = {
     "agents, loggers, no trial": Company(trial=False),
     "nobody": Company(agents=False, loggers=False, trial=False),
 }
-"""Dyads that wait, by who is there."""
+"""Kinds of waiting dyads, by the peers that are present."""
 
 
 def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
-    """Let dyads wait."""
+    """Measure dyads that wait."""
     found = {}
     for step, (name, company) in enumerate(WAITING.items()):
         tell(f"dyads that wait: {name}", step / len(WAITING))
@@ -133,7 +133,7 @@ def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, te
 
 
 def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
-    """Return what dyads that wait cost."""
+    """Tabulate the cost of waiting dyads."""
     rows: list[tuple[Value, ...]] = [
         (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
     ]

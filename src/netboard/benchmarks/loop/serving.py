@@ -28,7 +28,7 @@ from netboard.nodes.operator.operator import Operator
 CROWD = "netboard.benchmarks.loop.crowd"
 
 WARM_SECONDS = 4.0
-"""Sessions get so long to begin their trials, and agents to find their phase, before anything is counted [s]."""
+"""Time for sessions to begin their trials and for agents to adjust their phase, before counting starts [s]."""
 
 START_SECONDS = 120.0
 ANSWER_SECONDS = 0.2
@@ -36,7 +36,7 @@ ANSWER_SECONDS = 0.2
 
 @dataclass(frozen=True)
 class Company:
-    """What is there besides the server."""
+    """The peers of a server."""
 
     agents: bool = True
     loggers: bool = True
@@ -47,7 +47,7 @@ class Company:
 
 @dataclass(frozen=True)
 class Served:
-    """What a server did.
+    """Resource use and timing of a server.
 
     Attributes
     ----------

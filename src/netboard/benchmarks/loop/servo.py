@@ -33,7 +33,7 @@ from netboard.devices.touch.shim import ShimServo, Watch, shim
 from netboard.recording.format.summary import spread
 
 SECONDS, QUICK_SECONDS = 30.0, 2.0
-"""Each of the six is measured for so long, unless told otherwise [s]."""
+"""Default measurement time of each of the six variants [s]."""
 
 BARE, PYTHON, C = "bare tick", "python", "c"
 KINDS = (BARE, PYTHON, C)

@@ -64,10 +64,10 @@ QUICK_PROBLEMS = 3
 """A quick run leaves the last one out [1]."""
 
 BUDGET, QUICK_BUDGET = 1.0, 0.1
-"""Who has taken this long has no further turn [s]."""
+"""Time after which a solver gets no further repetition [s]."""
 
 WIDTH = 132
-"""Tables are this wide at the least [characters]."""
+"""Minimum width of tables [characters]."""
 
 Say = Callable[[str], object]
 
@@ -143,13 +143,7 @@ def main(
 
 
 def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
-    """Choose who takes part.
-
-    Parameters
-    ----------
-    asked : sequence of str or None
-        Names; None for all that are installed and, in a quick run, quick.
-    """
+    """Choose the solvers under comparison."""
     for name in asked or ():
         if name not in PEERS:
             raise ConfigError(f'--peers: found "{name}", expected some of {", ".join(PEERS)}')
@@ -161,7 +155,7 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
 
 
 def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], list[Part]]:
-    """Do everything."""
+    """Run all parts of the study."""
     references, rows = {}, []
     for problem in wanted.problems:
         say(f"{problem.name}: reference")
@@ -197,13 +191,7 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
 
 
 def find_reference(problem: Problem) -> Checked:
-    """Solve a problem as well as can be, and once more.
-
-    Returns
-    -------
-    Checked
-        With 80 bits by heyoka if that is installed, by DOP853 otherwise; checked by the other, or by our own dop853.
-    """
+    """Solve a problem as accurately as possible, and once more as a check."""
     states = tight(problem)
     if peer_heyoka.available():
         reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
@@ -215,7 +203,7 @@ def find_reference(problem: Problem) -> Checked:
 
 
 def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:
-    """Return all who take part in a problem."""
+    """Return all solvers compared on a problem."""
     found = one_step_contenders(problem, wanted.quick) + collocation_contenders(problem, wanted.quick)
     found += multistep_contenders(problem, wanted.quick)
     for name in wanted.peers:
@@ -232,7 +220,7 @@ def _version(package: str) -> str:
 
 
 def _who(wanted: Wanted) -> list[str]:
-    """Say who takes part, and who cannot."""
+    """List the solvers that take part, and those that cannot."""
     here = ", ".join(f"{PEERS[name].package} {_version(PEERS[name].package)}" for name in wanted.peers)
     missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available())
     lines = [f"peers: {here or 'none'}"]
@@ -242,7 +230,7 @@ def _who(wanted: Wanted) -> list[str]:
 
 
 def about(wanted: Wanted) -> dict[str, object]:
-    """Say what was asked for, for the head of the results."""
+    """Return the settings of the run, for the head of the results."""
     return {
         "study": "physics",
         "quick": wanted.quick,

@@ -1,4 +1,4 @@
-"""``netboard bench recording``: what it costs to record a dyad, and to read an hour of it again.
+"""``netboard bench recording``: the cost of recording a dyad, and of reading an hour of its recording.
 
 A real session with displays is run first; its recording is the matter of everything after it.
 """
@@ -36,18 +36,18 @@ LOAD_SECONDS, QUICK_LOAD_SECONDS = 6.0, 2.0
 RATES, QUICK_RATES = (1, 5, 10, 15, 20, 30, 40, 60, 80), (1, 20)
 
 COLUMNS_SECONDS, TRIAL_SECONDS, HOUR_GB = 5.0, 0.05, 0.25
-"""What is asked for: an hour into columns [s], a trial out of it [s], and its size [GB]."""
+"""Targets: reading an hour into columns [s], reading one trial of it [s], and its size [GB]."""
 
 TURNS = 3
-"""The columns are read so many times, and the median counts [1]."""
+"""Repetitions of reading the columns, of which the median counts [1]."""
 
 GROWTH_MB = 64.0
-"""A writer whose memory does not grow may still do so by the lists of what is in the file [MB]."""
+"""Memory growth allowed to a writer for its lists of the file's contents [MB]."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured.
+    """The amount of measuring.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
-    """Say what takes how many bytes."""
+    """Tabulate the bytes that each kind of record takes."""
     tell("bytes by channel", 0.5)
     found = bytes_by_channel(session, folder, ticks)
     single = write_messages(session, folder / "single.mcap", min(ticks, len(session.rows))) / min(
@@ -118,7 +118,7 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
 
 
 def writing_part(written: Written) -> Part:
-    """Say what writing takes, and how long the writer waits for the disk."""
+    """Tabulate the cost of writing, and the time the writer waits for the disk."""
     waits = [1e3 * float(value) for value in np.percentile(written.flushes, (50, 99, 99.9))]
     waited = float(written.flushes.sum())
     return Part(
@@ -150,7 +150,7 @@ def writing_part(written: Written) -> Part:
 
 
 def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
-    """Read a long recording in several ways."""
+    """Measure several ways of reading a long recording."""
     tell("reading", 0.9)
     trial, length = read_trial(path)
     whole, four = (float(np.median([read_columns(path, names) for _ in range(TURNS)])) for names in ((), FOUR))

@@ -16,7 +16,7 @@ from netboard.recording.format.summary import find_gaps
 from netboard.recording.recovery.recover import Report, recover
 
 LONGEST_STRETCH = 4096
-"""A destroyed stretch is at most so long, in bytes: a sector of a disk [1]."""
+"""Longest destroyed stretch, in bytes: one disk sector [1]."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Harm:
 
 @dataclass(frozen=True)
 class Found:
-    """What came of one damaged file.
+    """Result for one damaged file.
 
     Attributes
     ----------
@@ -53,20 +53,20 @@ class Found:
 
 
 def cuts_of_last_chunk(whole: Specimen, step: int) -> Iterator[Harm]:
-    """Cut it at the bytes of its last chunk with ticks, every one or one in so many."""
+    """Yield copies cut within the last chunk with ticks, at every byte or every `step` bytes."""
     piece = [piece for piece in whole.pieces if piece.ticks[1]][-1]
     for at in range(piece.start, piece.stop, step):
         yield _cut(whole, at)
 
 
 def cuts(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
-    """Cut it anywhere."""
+    """Yield copies cut at random places."""
     for at in chance.integers(len(MAGIC), len(whole.data), count):
         yield _cut(whole, int(at))
 
 
 def flips(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
-    """Change a byte anywhere."""
+    """Yield copies with one byte changed at random."""
     for at in chance.integers(0, len(whole.data), count):
         data = bytearray(whole.data)
         data[at] ^= int(chance.integers(1, 256))
@@ -74,7 +74,7 @@ def flips(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[
 
 
 def zeroed(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
-    """Let a stretch anywhere be zeros."""
+    """Yield copies with a random stretch set to zero."""
     for at in chance.integers(0, len(whole.data), count):
         stop = min(len(whole.data), int(at) + int(chance.integers(1, LONGEST_STRETCH)))
         yield Harm(whole.data[:at] + bytes(stop - at) + whole.data[stop:], int(at), stop)
@@ -85,7 +85,7 @@ def _cut(whole: Specimen, at: int) -> Harm:
 
 
 def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
-    """Recover a damaged file, and check everything about it."""
+    """Recover a damaged file and check the result completely."""
     source, output = folder / "harmed.mcap.part", folder / "recovered.mcap"
     output.unlink(missing_ok=True)
     source.write_bytes(harm.data)
@@ -110,7 +110,7 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
 
 
 def _read(whole: Specimen, output: Path, faults: list[str]) -> "set[int]":
-    """Read what was recovered: its ticks are those that were written, to the bit."""
+    """Read a recovered file, and check that its ticks equal those written, bit for bit."""
     with Recording(output) as recording:
         recording.check()
         rows = recording.ticks()
@@ -123,7 +123,7 @@ def _read(whole: Specimen, output: Path, faults: list[str]) -> "set[int]":
 
 
 def _judge(whole: Specimen, harm: Harm, report: Report, numbers: "set[int]", faults: list[str]) -> None:
-    """Check that what was not touched is there, and that what is missing is said."""
+    """Check that the undamaged part is present and that every loss is reported."""
     for piece in whole.pieces:
         touched = piece.start < harm.stop and harm.start < piece.stop
         there = numbers.issuperset(range(*piece.ticks))
@@ -138,7 +138,7 @@ def _judge(whole: Specimen, harm: Harm, report: Report, numbers: "set[int]", fau
 
 
 def _told(piece: Piece, harm: Harm, report: Report) -> bool:
-    """Whether the loss of a chunk was told: by its offset and length, or as an end that is missing."""
+    """Return whether the loss of a chunk was reported, by its offset and length or as a missing end."""
     end = min(piece.stop, len(harm.data))
     if end <= piece.start:
         return not report.finished

@@ -32,11 +32,11 @@ from netboard.recording.recovery.spill import Spill
 
 START_SECONDS = 60.0
 RING = 400_000
-"""Records that the ring holds [1]."""
+"""Records that the ring buffer holds [1]."""
 
 
 def live_log(ticks: int) -> list[list[bytes]]:
-    """Make the records of some milliseconds of a session: the tick, and what else comes in the same millisecond."""
+    """Return the records of a session by millisecond: each tick, and the other records of that millisecond."""
     log = []
     for k, row in enumerate(movement(ticks)):
         records: list[TickRecord | EventRecord | ClockRecord | FrameRecord] = [TickRecord(row.tobytes())]
@@ -54,15 +54,7 @@ def live_log(ticks: int) -> list[list[bytes]]:
 
 
 class Feeder:
-    """A port that feeds one logger, a process of its own.
-
-    Attributes
-    ----------
-    ticks : int
-        Milliseconds said so far, at the rate of one dyad [1].
-    behind_ns : int
-        How far the feeding itself fell behind at most [ns].
-    """
+    """Feeds one logger process through a port."""
 
     def __init__(self, folder: Path, log: list[list[bytes]]) -> None:
         self.folder = folder
@@ -79,7 +71,7 @@ class Feeder:
 
     @property
     def config(self) -> Config:
-        """Rig and experiment."""
+        """Return the configuration of rig and experiment."""
         return self._config
 
     def __enter__(self) -> Self:
@@ -105,7 +97,7 @@ class Feeder:
         self._stack.close()
 
     def wait_for_logger(self) -> None:
-        """Wait until the logger has come and asked for records."""
+        """Wait until the logger has connected and asked for records."""
         end = now_ns() + round(START_SECONDS * 1e9)
         while not self.port.loggers:
             self.port.pump(now_ns())
@@ -115,7 +107,7 @@ class Feeder:
             time.sleep(TICK_SECONDS)
 
     def feed(self, seconds: float, rate: int = 1, look: Callable[[], object] = lambda: None) -> None:
-        """Say the records of some time, as they come up."""
+        """Send the records of a period as they become due."""
         due = now_ns()
         for _ in range(round(seconds * 1e3)):
             due += TICK_NS
@@ -129,7 +121,7 @@ class Feeder:
             look()
 
     def end(self) -> None:
-        """Say that no record follows, and wait until the logger has finished its file."""
+        """Announce the end of the log, and wait until the logger has finished its file."""
         self.port.end()
         end = now_ns() + round(START_SECONDS * 1e9)
         while self.process.poll() is None:

@@ -1,4 +1,4 @@
-"""How many dyads' records one logger takes: a real process over real sockets, at a rate that is stepped up.
+"""The number of dyads that one logger can record: a real process over real sockets, at increasing rates.
 
 A rate is sustained if nothing is lost, what is not on disk at the end is no more than a flush and a moment hold, and it
 has not grown since the middle. The feeding side must have kept up too, or the rate says nothing about the logger.
@@ -15,22 +15,22 @@ from netboard.benchmarks.recording.feeding import Feeder
 from netboard.recording.files.reader import Recording
 
 TARGET = 20
-"""So many times one dyad's rate are asked for [1]."""
+"""Target rate, as a multiple of one dyad's [1]."""
 
 SETTLE_SECONDS = 1.0
 BACKLOG_SECONDS = 1.0
-"""A logger that keeps up has no more than so long not on disk: the flush interval and some slow syncs [s]."""
+"""Largest backlog of a logger that keeps up: the flush interval and some slow syncs [s]."""
 
 GROWTH_SECONDS = 0.3
-"""And no more than this more than in the middle [s]."""
+"""Largest growth of that backlog since the middle of the run [s]."""
 
 FEEDER_BEHIND_NS = 200_000_000
-"""The feeding side kept up if it was never further behind [ns]."""
+"""Largest delay of a feeder that keeps up [ns]."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """What came of a rate.
+    """Result at one rate.
 
     Attributes
     ----------
@@ -49,13 +49,13 @@ class Load:
 
     @property
     def sustained(self) -> bool:
-        """Whether the logger kept up."""
+        """Return whether the logger kept up."""
         kept_up = self.backlog < BACKLOG_SECONDS and self.backlog < self.halfway + GROWTH_SECONDS
         return kept_up and not self.lost and self.feeder_behind * 1e9 < FEEDER_BEHIND_NS
 
 
 def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float) -> Load:
-    """Feed a logger at a rate."""
+    """Feed a logger at one rate and return the result."""
     each_second = sum(map(len, log)) / len(log) * 1e3 * rate
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()
@@ -76,13 +76,7 @@ def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float
 
 
 def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> Part:
-    """Step the rate up until the logger does not keep up.
-
-    Parameters
-    ----------
-    rates : sequence of int
-        The rates to try, in order; the first is one dyad's [1].
-    """
+    """Raise the rate until the logger no longer keeps up."""
     loads: list[Load] = []
     for rate in rates:
         tell(f"a logger at {rate} times the live rate", 0.4)

@@ -1,4 +1,4 @@
-"""An hour of one dyad, made of a short real recording that is repeated, written and read in the ways people do.
+"""An hour of one dyad: a short real recording, repeated, then written and read in the usual ways.
 
 The ticks are those of the session with new numbers and times, and everything else that came with them; so columns,
 noise and rates are true, and only what happens is the same again and again.
@@ -33,14 +33,14 @@ from netboard.recording.format.channels import CHANNELS, IDS, Record
 Numbered = EventRecord | ClockRecord | FrameRecord
 
 HOUR = 3_600_000
-"""Ticks of an hour [1]."""
+"""Ticks in an hour [1]."""
 
 FOUR = ("tick", "theta", "p", "late_ns")
-"""The columns read where four are [1]."""
+"""Columns for the measurement that reads four."""
 
 
 class Session:
-    """A real recording, to be repeated."""
+    """A real recording that can be repeated."""
 
     def __init__(self, path: Path) -> None:
         with Recording(path) as recording:
@@ -58,7 +58,7 @@ class Session:
             self._others.setdefault(at, []).append(record)
 
     def records(self, ticks: int) -> Iterator[Record]:
-        """Repeat it until so many ticks are there, with numbers that go on."""
+        """Repeat the recording up to a number of ticks, with continuous numbers."""
         rows, seqs = self.rows.copy(), Counter[type[Numbered]]()
         for start in range(0, ticks, len(rows)):
             rows["tick"] = start + np.arange(len(rows))
@@ -92,7 +92,7 @@ class Written:
 
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
-    """Write an hour, with a sync wherever the logger has one."""
+    """Write an hour, with a sync wherever the logger makes one."""
     config = Config()
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
     metadata = provenance(welcome, config, 1, OPENED_NS, 0)
@@ -116,7 +116,7 @@ def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
 
 
 def read_columns(path: Path, names: tuple[str, ...]) -> float:
-    """Time to read columns of a recording, all of them if none is named [s]."""
+    """Return the time to read columns of a recording, all if none is named [s]."""
     began = time.perf_counter()
     with Recording(path) as recording:
         recording.columns(*names)
@@ -124,7 +124,7 @@ def read_columns(path: Path, names: tuple[str, ...]) -> float:
 
 
 def read_trial(path: Path) -> tuple[float, int]:
-    """Time to open a recording and read the attempt in its middle [s], and how many ticks that is [1]."""
+    """Return the time to open a recording and read its middle attempt [s], and the ticks in it [1]."""
     began = time.perf_counter()
     with Recording(path) as recording:
         attempts = recording.attempts()
@@ -134,7 +134,7 @@ def read_trial(path: Path) -> tuple[float, int]:
 
 
 def walk(path: Path) -> float:
-    """Time to walk all messages with the upstream reader and msgpack [s]."""
+    """Return the time to read all messages with the upstream reader and msgpack [s]."""
     began = time.perf_counter()
     with path.open("rb") as file:
         for _, _, message in make_reader(file).iter_messages(log_time_order=False):
@@ -143,7 +143,7 @@ def walk(path: Path) -> float:
 
 
 def decode_upstream(path: Path) -> float:
-    """Time to get all columns as FORMAT.md says it is done without netboard [s]."""
+    """Return the time to read all columns as FORMAT.md describes without netboard [s]."""
     began = time.perf_counter()
     with path.open("rb") as file:
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
@@ -158,7 +158,7 @@ def decode_upstream(path: Path) -> float:
 
 
 def write_messages(session: Session, path: Path, ticks: int) -> int:
-    """Write the ticks alone as one message each, as format 2 did, with the upstream writer; bytes of the file [1]."""
+    """Write ticks as one message each, as format 2 did, with the upstream writer; return its size in bytes [1]."""
     with path.open("wb") as file:
         writer: Any = Writer(file, chunk_size=65_536, compression=CompressionType.ZSTD)
         writer.start(profile="", library="")
@@ -172,7 +172,7 @@ def write_messages(session: Session, path: Path, ticks: int) -> int:
 
 
 def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
-    """Bytes that each channel takes in the file for a tick, found by writing it alone with the upstream writer."""
+    """Return the bytes per tick of each channel, found by writing it alone with the upstream writer."""
     whole = folder / "whole.mcap"
     write_hour(session, whole, ticks, lambda text, share: None)
     found: dict[str, float] = {}
@@ -188,7 +188,7 @@ def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, fl
 
 
 def _size_alone(messages: list[Any], path: Path) -> int:
-    """Bytes of the compressed chunks of some messages, one for each fifth of a second."""
+    """Return the size of some messages in compressed chunks of 0.2 s, in bytes [1]."""
     with path.open("wb") as file:
         writer: Any = Writer(file, chunk_size=2**62, compression=CompressionType.ZSTD)
         writer.start(profile="", library="")

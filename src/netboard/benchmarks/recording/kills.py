@@ -1,4 +1,4 @@
-"""Kills a real logger while it is fed at the rate of a session, and looks at what is left."""
+"""Kills a real logger while it records at the rate of a session, and checks the remaining file."""
 
 import hashlib
 import signal
@@ -17,7 +17,7 @@ from netboard.recording.format.summary import find_gaps
 from netboard.recording.recovery.recover import recover
 
 SHORTEST, LONGEST = 0.05, 1.5
-"""A logger is killed at a random time between these after the first record [s]."""
+"""Shortest and longest time from the first record to the kill, which is random [s]."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def kill_one(folder: Path, log: list[list[bytes]], chance: np.random.Generator) 
 
 
 def _look_at(part: Path, log: list[list[bytes]], made: int, acknowledged: int) -> Killed:
-    """Recover a part, and check it."""
+    """Recover a part and check it."""
     faults = []
     before = hashlib.sha256(part.read_bytes()).digest()
     began = time.perf_counter()
@@ -83,7 +83,7 @@ def _look_at(part: Path, log: list[list[bytes]], made: int, acknowledged: int) -
 
 
 def _row_of(records: list[bytes]) -> bytes:
-    """Take the tick of a millisecond."""
+    """Return the tick of a millisecond."""
     record = decode(records[0])
     assert isinstance(record, TickRecord)
     assert len(record.row) == TICK.itemsize

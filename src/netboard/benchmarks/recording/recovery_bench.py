@@ -21,12 +21,12 @@ from netboard.benchmarks.recording.specimen import Specimen, make_specimen
 from netboard.nodes.ports.log_port import BATCH_RECORDS
 
 TICKS, QUICK_TICKS = 1250, 650
-"""Length of the recording that is damaged [1]."""
+"""Ticks of the recording that is damaged, in full and short form [1]."""
 
 CASES, QUICK_CASES = 1000, 60
 KILLS, QUICK_KILLS = 100, 4
 QUICK_STEP = 400
-"""In the short form, cuts of the last chunk are so many bytes apart [1]."""
+"""Distance between cuts of the last chunk in the short form, in bytes [1]."""
 
 SEED = 7
 _MEMORY = Path("/dev/shm")
@@ -52,7 +52,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
-    """Damage a file in four ways, and recover each."""
+    """Damage a file in four ways, and recover each copy."""
     whole = make_specimen(scratch / "whole.mcap", QUICK_TICKS if quick else TICKS)
     count, chance = QUICK_CASES if quick else CASES, np.random.default_rng(SEED)
     ways: dict[str, Callable[[], Iterator[Harm]]] = {
@@ -88,14 +88,14 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
 
 
 def _chunk_verdict(whole: Specimen, rows: list[tuple[Value, ...]]) -> Verdict:
-    """Whether a cut or a changed byte costs no more than a chunk."""
+    """Judge whether a cut or a changed byte costs at most one chunk."""
     longest = max(stop - first for first, stop in (piece.ticks for piece in whole.pieces)) * TICK_SECONDS * 1e3
     worst = max(float(row[6]) for row in rows[:3])
     return Verdict("a cut or a changed byte costs one chunk at most", worst <= longest, f"{worst:g} of {longest:g} ms")
 
 
 def kills_part(folder: Path, tell: Tell, count: int) -> Part:
-    """Kill loggers."""
+    """Kill loggers, and tabulate the ticks lost."""
     log, chance = live_log(round(2e3 * LONGEST)), np.random.default_rng(SEED)
     found = []
     for number in range(count):
@@ -141,5 +141,5 @@ def _kill_row(name: str, found: list[Killed]) -> tuple[Value, ...]:
 
 
 def _spreads(lost: "np.ndarray", seconds: list[float]) -> tuple[float, ...]:
-    """Median and largest of both [ms]."""
+    """Return the median and the largest of both [ms]."""
     return tuple(1e3 * float(f(values)) for values in (lost, np.array(seconds)) for f in (np.median, np.max))

@@ -37,20 +37,20 @@ from netboard.physics.stability.step_matrix import (
 
 ALLOWED = {"verlet": 0.08}
 USUALLY_ALLOWED = 0.04
-"""Theory and runs may differ by so much [1]."""
+"""Largest relative difference between theory and runs [1]."""
 
 FOLLOWED = 0.1
-"""In longer steps no method follows hands of 3 Hz: there theory and runs are not compared [s]."""
+"""Step above which no method follows 3 Hz hand motion, so theory and runs are not compared [s]."""
 
 TILT = math.radians(10.0)
 
 MOST_SCALE = 1e4
-"""Scales are tried up to here [1]."""
+"""Largest scale that is tried [1]."""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """What a map is over."""
+    """The plane of scales that a map covers."""
 
     name: str
     across: str
@@ -62,7 +62,7 @@ PLANES = (Plane("coupling", "k_h", "c_h"), Plane("inertia", "M", "I"))
 
 @dataclass(frozen=True)
 class Cell:
-    """One scene and one method.
+    """One scene with one method.
 
     Attributes
     ----------
@@ -78,17 +78,17 @@ class Cell:
 
     @property
     def difference(self) -> float:
-        """What runs allow more than theory, as a share of it; NaN if theory has no limit [1]."""
+        """Return the relative excess of the limit in runs over theory; NaN if theory has no limit [1]."""
         return self.nonlinear / self.theory - 1.0 if math.isfinite(self.theory) else math.nan
 
     @property
     def counts(self) -> bool:
-        """Whether theory and runs can be compared."""
+        """Return whether theory and runs can be compared."""
         return self.theory <= FOLLOWED
 
     @property
     def agrees(self) -> bool:
-        """Whether theory and runs are as close as they should be."""
+        """Return whether theory and runs agree within the tolerance."""
         return abs(self.difference) <= ALLOWED.get(self.method, USUALLY_ALLOWED)
 
 
@@ -98,7 +98,7 @@ def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
 
 
 def theoretical_step(physics: Physics, method: str) -> float:
-    """Return the largest stable step, in theory.
+    """Return the largest stable step in theory.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def make_map(
 
 
 def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
-    """Say what a map shows: all of it, and a summary with verdicts."""
+    """Return the parts of a map: all cells, and a summary with verdicts."""
     over = f"{plane.across}, {plane.down}"
     heads = (
         "method",
@@ -163,7 +163,7 @@ def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
 
 
 def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Verdict]:
-    """Say what a map shows of a method."""
+    """Summarise a map for one method."""
     own = [cell for cell in cells if cell.method == method]
     first, smallest = own[0], min(cell.nonlinear for cell in own)
     limited = [cell for cell in own if cell.counts]
@@ -192,7 +192,7 @@ def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Ver
 
 
 def largest_scale(stable: Callable[[float], bool]) -> float:
-    """Return the scale up to which all are stable, by theory."""
+    """Return the scale up to which theory predicts stability."""
     good = 1.0
     for scale in np.geomspace(1.0, MOST_SCALE, 161):
         if not stable(float(scale)):
@@ -248,7 +248,7 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
 
 
 def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callable[[float], bool]:
-    """Return what tells whether a scale is stable in steps of a tick."""
+    """Return a function that tells whether a scale is stable in steps of one tick."""
     return lambda scale: is_stable(method, board_matrix(scaled(Physics(), **factors(scale))), TICK_SECONDS)
 
 
@@ -280,7 +280,7 @@ def draw_map(plane: Plane, cells: Sequence[Cell]) -> Any:
 
 
 def _draw_steps(ax: Any, steps: Any, norm: Any) -> None:
-    """Draw one heat map, its values in milliseconds written in."""
+    """Draw one heat map with its values in milliseconds."""
     ax.imshow(np.minimum(steps, 1.0), origin="lower", norm=norm, cmap="viridis", aspect="auto")
     for (i, j), h in np.ndenumerate(steps):
         text = "any" if math.isinf(h) else f"{h * 1e3:.3g}"

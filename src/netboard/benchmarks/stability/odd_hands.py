@@ -20,24 +20,24 @@ from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
 REST, WHOLE = 1200, 4000
-"""The hands rest for so many ticks of all [1]."""
+"""Ticks for which the hands rest, and ticks in all [1]."""
 
 SPOILT = slice(2500, 3000)
 AFTER = slice(3500, 4000)
 
 AGE_NS = 300_000
-"""Samples are this old when a tick begins [ns]."""
+"""Age of the samples when a tick begins [ns]."""
 
 LEFT = 1e-6
-"""Of a disturbance no more may be left, in height and tilt [m, rad]."""
+"""Largest remainder of a disturbance in height and tilt [m, rad]."""
 
 Rows = NDArray[Any]
 Spoil = Callable[[Rows], None]
-"""Changes the rows of the spoilt time."""
+"""Function that corrupts the rows of the disturbed time."""
 
 
 def smooth_rows() -> Rows:
-    """Return ticks with samples of hands that rest and then move smoothly."""
+    """Return ticks with samples of hands that rest, then move smoothly."""
     rows = np.zeros(WHOLE, TICK)
     rows["tick"] = np.arange(WHOLE)
     rows["time_ns"] = rows["tick"] * TICK_NS + 10**9
@@ -147,7 +147,7 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
 
 
 def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
-    """Play odd hands."""
+    """Run all kinds of odd hands and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
     rows: list[tuple[Value, ...]] = []
@@ -185,18 +185,18 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
 
 
 def _named(kinds: Sequence[str]) -> str:
-    """Name those that are not so."""
+    """Name the kinds that fail."""
     return f"not with {', '.join(kinds)}" if kinds else "with all"
 
 
 def _not_finite(rows: Rows) -> int:
-    """Count numbers in states and outputs that are not finite."""
+    """Count the non-finite numbers in states and outputs."""
     names = [name for name in (*(STATE.names or ()), *(OUTPUT.names or ())) if TICK[name].kind == "f"]
     return sum(int(np.count_nonzero(~np.isfinite(rows[name]))) for name in names)
 
 
 def _forces(fixed: Rows, rolling: Rows, config: Config) -> tuple[float, float]:
-    """Return the largest force of a coupling, and how large the used samples may make it [N].
+    """Return the largest coupling force, and its bound from the samples used [N].
 
     Coupling and board are passive: the board's ends go no farther and no faster than twice what moves them. No two
     samples a tick apart tell of more than the whole range in that tick.

@@ -28,10 +28,10 @@ HEAVED: State = (0.005, 0.0, 0.0, 0.0)
 TILTED: State = (0.005, 0.0, math.radians(10.0), 0.0)
 
 DENORMAL = 2.2250738585072014e-308
-"""Numbers smaller than this, but for 0, take a processor many times as long [1]."""
+"""Smallest normal number; a processor takes many times as long for nonzero numbers below it [1]."""
 
 KEPT = 0.02
-"""A change that counts as none: that of symplectic methods goes up and down by more, and is seen by samples [1]."""
+"""Energy change below which energy counts as conserved; that of symplectic methods oscillates [1]."""
 
 
 # --- no damping --------------------------------------------------------------------------------------------------
@@ -58,7 +58,7 @@ def energies(method: str, start: State, steps: int) -> Array:
 def energy_drift(
     steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
 ) -> Part:
-    """See which methods take energy from an undamped board, and which add some."""
+    """Determine which methods remove energy from an undamped board, and which add energy."""
     heave = board_matrix(UNDAMPED)[:2, :2]
     rows: list[tuple[Value, ...]] = []
     verdicts = []
@@ -91,7 +91,7 @@ def energy_drift(
 
 
 def _word(change: float, nothing: float) -> str:
-    """Say what a change of energy amounts to."""
+    """Describe a change of energy in a word."""
     if abs(change) <= nothing:
         return "keeps"
     return "adds" if change > 0.0 or math.isnan(change) else "takes"
@@ -120,7 +120,7 @@ def _drift(energy: Array) -> float:
 
 
 def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
-    """See that a board at rest, whose numbers die away to nothing, is stepped as quickly as one that moves."""
+    """Check that a step takes no longer when the state of a board at rest decays to zero."""
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS
@@ -152,7 +152,7 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
 
 
 def _quickest(go: Callable[[], object]) -> float:
-    """Return the shortest of a few times [s]."""
+    """Return the shortest of several run times [s]."""
 
     def once() -> float:
         start = perf_counter()
