@@ -1,16 +1,13 @@
 """A study beside the paper: what the paper says, what stands beside it, and what is said of the two."""
 
-from io import StringIO
 from math import isnan
 
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 from scipy import stats
 
 from made_study import SMALL, Block, made_study, random_blocks, times
-from netboard.analysis.report.comparison import comparison_table
 from netboard.analysis.results.everything import PAPER, results_of
 from netboard.analysis.results.paper import COMPARISON, REMINDER, REPORTED, Kind, Reported, compare
 from netboard.analysis.results.result import RESULTS
@@ -124,16 +121,6 @@ def test_what_a_study_does_not_have_is_said() -> None:
     alone = compared[compared["group"].str.startswith("bimanual")]
     assert (alone["verdict"] == "not in this study").all()
     assert (alone["note"] != "").all()
-
-
-def test_the_table_for_the_terminal_has_all_rows(compared: pd.DataFrame) -> None:
-    table = comparison_table(compared)
-    assert len(table.rows) == len(REPORTED)
-    console = Console(width=200, file=StringIO(), record=True)
-    console.print(table)
-    text = console.export_text().replace("\N{NO-BREAK SPACE}", " ")
-    assert "5.71 ± 4.48 s" in text
-    assert "sign test: p" in " ".join(text.split())
 
 
 def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_clocks import MS, SECOND, PeerClock, Route, motion, pings, scattered
 
-from netboard.network.protocol.admission import NEVER_NS, ClockEstimator
+from netboard.network.protocol.clock_estimator import NEVER_NS, ClockEstimator
 
 ROUNDING_NS = 2  # stamps are whole nanoseconds
 SAME_HOST = Route(40_000, 40_000, 20_000, 0.01)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_clocks import BEGIN_NS, MS, SECOND, Exchange, PeerClock, Route, motion, pings, scattered
 
-from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.protocol.clock_estimator import ClockEstimator
 
 Probes = Callable[[PeerClock, Route, random.Random, int], Iterator[Exchange]]
 

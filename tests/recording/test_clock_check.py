@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import proofs
-from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord
 from netboard.recording.integrity.clock_check import check_clocks, contradicts, line_through, stepped
 from netboard.recording.integrity.severity import Grade, worst

@@ -16,10 +16,7 @@ from typer.testing import CliRunner
 
 import netboard
 import proofs
-from made_study import SMALL, made_study, random_blocks
 from netboard import services
-from netboard.analysis.report.comparison import comparison_table
-from netboard.analysis.results.paper import compare
 from netboard.base.finding import Finding
 from netboard.base.terminal import GAP, WIDEST_NAMES, FittedTable
 from netboard.benchmarks.harness.results import Part, show
@@ -151,7 +148,6 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         printing(identified_table("Touch", Identified(*[ESTIMATE] * 6, 1e-5, 0.05, 7))),
         printing(placement_table("Touch", Placement())),
         printing(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),
-        printing(comparison_table(compare(made_study(random_blocks(), *SMALL)))),
         shown_part,
         running("info", recording),
         running("sessions", str(folder / "rec")),

@@ -16,7 +16,7 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.finding import Finding
 from netboard.base.tables.rig import Network
 from netboard.network import keys
-from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.transport import channels, poller, sockets
 
 LOOPBACK = "127.0.0.1"

@@ -17,7 +17,8 @@ import numpy as np
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import WireError
 from netboard.network.protocol import fixed
-from netboard.network.protocol.admission import ClockEstimator, admit
+from netboard.network.protocol.admission import admit
+from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import Message

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from math import nan
 from typing import Protocol
 
-from netboard.network.protocol.admission import NEVER_NS, ClockEstimator
+from netboard.network.protocol.clock_estimator import NEVER_NS, ClockEstimator
 from netboard.network.protocol.joining import Hello, Ping, Pong
 from netboard.network.protocol.records import ClockRecord, connection_name
 

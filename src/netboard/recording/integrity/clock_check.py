@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
-from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.recording.integrity.severity import Finding, Grade
 

@@ -1,0 +1,198 @@
+"""Offset of a peer's clock from clock probes, with a bound on its error.
+
+Nothing here reads a clock, so the same estimate is made live, in an integrity check and in a test. An impossible stamp
+is counted and is no error.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+NEVER_NS = 2**63 - 1
+"""Age of a peer that was never heard, and error bound of a clock that was never probed [ns]."""
+
+FAR_NS = 2**61
+"""Clock offsets beyond this (73 years) are invalid; below it, every number of an estimate fits 64 bits [ns]."""
+
+_MILLION = 1_000_000
+
+_SPANS = 8
+_POINT_NS = 4_000_000_000
+_POINTS = 64
+_DRIFT_KNOWN_PPM = 10.0
+
+
+class _Span(NamedTuple):
+    """Tightest limits of the offset from the probes of an eighth of the window, extrapolated back to time 0."""
+
+    until_ns: int
+    upper: int
+    lower: int
+    round_trip_ns: int
+
+
+class _Point(NamedTuple):
+    """The estimate at a time."""
+
+    at_ns: int
+    offset_ns: int
+    bound_ns: int
+
+
+_NOTHING = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
+
+
+class ClockEstimator:
+    """Offset of a peer's clock with a bound on its error, from the four stamps of an exchange.
+
+    The server sends at t0, the peer receives at t1 and sends at t2, the server receives at t3; t0 and t3 are on the
+    server's clock, t1 and t2 on the peer's. No message takes a negative time, so t1 - t0 is an upper limit of the
+    offset (peer minus server) and t2 - t3 a lower one. Both loosen with age, by the largest assumed skew between two
+    clocks: the upper limit from t0 on, the lower one from t3 on, however late the answer. The estimate is the middle
+    between the tightest limits in the window, which may be of two probes, and the bound is half their distance. With a
+    single probe this is NTP's delay/2 plus dispersion (RFC 5905). All limits loosen alike, so the tightest stays the
+    tightest.
+
+    A probe whose limits contradict the earlier ones proves that a clock was stepped, suspended or ran away: the
+    estimate starts anew. A step smaller than the delay can go undetected. Until the window has passed, the error may
+    then exceed the bound, at most by the shortest one-way delay since the step.
+
+    The drift is the slope between two estimates of the last minutes. Its bound is the sum of their bounds over the time
+    between them, and holds for the mean rate. It never tightens the bound of the offset, because a rate may change.
+
+    Parameters
+    ----------
+    window_ns : int
+        Window of the probes in use; some are dropped up to a quarter of it sooner [ns].
+    skew_ppm : int
+        Largest skew between two clocks: 100 allows 50 parts per million to each [1e-6].
+
+    Attributes
+    ----------
+    offset_ns : int
+        Estimated peer clock minus server clock; 0 before the first probe [ns].
+    bound_ns : int
+        Largest possible error of the offset at the newest probe; `NEVER_NS` before the first [ns].
+    round_trip_ns : int
+        Shortest round trip of the probes in the window; `NEVER_NS` before the first [ns].
+    drift_ppm : float
+        Rate of the peer's clock minus that of the server's; NaN until it is known to 10e-6 [1e-6].
+    drift_bound_ppm : float
+        Largest possible error of the drift; infinite before the first estimate [1e-6].
+    accepted, rejected : int
+        Probes used, and impossible ones: a negative round trip, or an answer before its question [1].
+    restarts : int
+        Times the estimate started anew [1].
+    """
+
+    def __init__(self, window_ns: int = 2_000_000_000, skew_ppm: int = 100) -> None:
+        self.offset_ns = 0
+        self.bound_ns = self.round_trip_ns = NEVER_NS
+        self.accepted = self.rejected = self.restarts = 0
+        self._window_ns = window_ns
+        self._skew_ppm = skew_ppm
+        self._spans: deque[_Span] = deque()
+        self._points: deque[_Point] = deque(maxlen=_POINTS)
+        self._upper: int
+        self._lower: int
+        self._span_upper: int
+        self._span_lower: int
+        self._span_round_trip_ns: int
+        self._forget()
+
+    @property
+    def known(self) -> bool:
+        """Whether there has been a probe."""
+        return self.accepted > 0
+
+    def add(self, t0_ns: int, t1_ns: int, t2_ns: int, t3_ns: int) -> bool:
+        """Take one exchange; return False if it is impossible.
+
+        Parameters
+        ----------
+        t0_ns : int
+            Sent by the server, on its clock [ns].
+        t1_ns : int
+            Received by the peer, on its clock [ns].
+        t2_ns : int
+            Sent by the peer, on its clock [ns].
+        t3_ns : int
+            Received by the server, on its clock [ns].
+        """
+        highest, lowest = t1_ns - t0_ns, t2_ns - t3_ns
+        if t2_ns < t1_ns or not -FAR_NS < lowest <= highest < FAR_NS:  # which also rules out t3 before t0
+            self.rejected += 1
+            return False
+        self.accepted += 1
+        age = t3_ns * self._skew_ppm // _MILLION + 1  # rounded up: how much an upper limit has loosened since time 0
+        upper = highest - t0_ns * self._skew_ppm // _MILLION
+        lower = lowest + age - 1
+        if upper + 2 * age < self._lower or lower - 2 * age > self._upper:
+            self._forget()
+            self.restarts += 1
+        if t3_ns >= self._turn_ns:
+            self._turn(t3_ns)
+        if upper < self._span_upper:
+            self._span_upper = upper
+            self._upper = min(self._upper, upper)
+        if lower > self._span_lower:
+            self._span_lower = lower
+            self._lower = max(self._lower, lower)
+        if highest - lowest < self._span_round_trip_ns:
+            self._span_round_trip_ns = highest - lowest
+            self.round_trip_ns = min(self.round_trip_ns, highest - lowest)
+        self.offset_ns = (self._upper + self._lower) // 2
+        self.bound_ns = (self._upper - self._lower) // 2 + age + 1  # 1 for the rounding of both halves
+        if t3_ns >= self._point_ns:
+            self._measure_drift(t3_ns)
+        return True
+
+    def to_server(self, peer_ns: int) -> int:
+        """Convert a stamp of the peer's clock to server time [ns].
+
+        Parameters
+        ----------
+        peer_ns : int
+            The stamp [ns].
+        """
+        return peer_ns - self.offset_ns
+
+    def _forget(self) -> None:
+        """Forget all probes."""
+        self._spans.clear()
+        self._points.clear()
+        self._turn_ns = self._point_ns = -NEVER_NS
+        self._begin(_NOTHING)
+        self.drift_ppm, self.drift_bound_ppm = math.nan, math.inf
+
+    def _begin(self, best: _Span) -> None:
+        """Begin an empty span; `best` is the best of the earlier ones."""
+        self._upper, self._lower, self.round_trip_ns = best.upper, best.lower, best.round_trip_ns
+        self._span_upper, self._span_lower = _NOTHING.upper, _NOTHING.lower
+        self._span_round_trip_ns = _NOTHING.round_trip_ns
+
+    def _turn(self, now_ns: int) -> None:
+        """Close the current span, drop the spans that have left the window, and begin a new one."""
+        length = self._window_ns // _SPANS
+        self._spans.append(_Span(self._turn_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
+        while self._spans and self._spans[0].until_ns < now_ns - (_SPANS - 2) * length:
+            self._spans.popleft()
+        _, uppers, lowers, round_trips = zip(_NOTHING, *self._spans, strict=True)
+        self._begin(_Span(0, min(uppers), max(lowers), min(round_trips)))
+        self._turn_ns = now_ns + length
+
+    def _measure_drift(self, now_ns: int) -> None:
+        """Take the slope from the earlier estimate that gives the smallest bound."""
+        self._point_ns = now_ns + _POINT_NS
+        new = _Point(now_ns, self.offset_ns, self.bound_ns)
+        if self._points:
+            doubt, slope = min(_slope(old, new) for old in self._points)
+            self.drift_bound_ppm = doubt
+            self.drift_ppm = slope if doubt <= _DRIFT_KNOWN_PPM else math.nan
+        self._points.append(new)
+
+
+def _slope(old: _Point, new: _Point) -> tuple[float, float]:
+    """Return the bound of the mean rate between two estimates, and the rate itself [1e-6]."""
+    per_million = _MILLION / (new.at_ns - old.at_ns)
+    return (new.bound_ns + old.bound_ns) * per_million, (new.offset_ns - old.offset_ns) * per_million
