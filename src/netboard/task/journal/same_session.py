@@ -21,7 +21,7 @@ def require_same_plan(header: Header, now: Header, source: str) -> None:
     Raises
     ------
     RecordingError
-        If the headers differ in plan or participants; the message has one line per difference.
+        If the headers differ in session, plan or participants; the message has one line per difference.
     """
     words = {
         "dyad": "dyad",
