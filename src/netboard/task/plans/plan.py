@@ -123,7 +123,7 @@ class Plan:
         return tuple(block for session in self.sessions for block in session.blocks)
 
 
-# --- making ------------------------------------------------------------------------------------------------------
+# --- making a plan -----------------------------------------------------------------------------------------------
 
 
 def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("right", "right")) -> Plan:

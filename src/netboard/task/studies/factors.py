@@ -95,7 +95,7 @@ def _units() -> dict[str, str]:
     return {f"{name}.{key.name}": key.unit for name, of in CHANGED.items() for one in tables(of) for key in one.keys}
 
 
-# --- of a block that was done ------------------------------------------------------------------------------------
+# --- recorded blocks ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -201,7 +201,7 @@ def _found(value: object) -> str:
     return to_toml(value) if isinstance(value, str | bool | int | float) else f"a {type(value).__name__}"
 
 
-# --- what goes together ------------------------------------------------------------------------------------------
+# --- contradictions ----------------------------------------------------------------------------------------------
 
 
 def _contradictions(study: Study) -> Iterator[str]:

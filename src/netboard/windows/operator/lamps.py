@@ -217,7 +217,7 @@ def _form(status: Status) -> Lamp:
     return Lamp("Session", Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}.")
 
 
-# --- what must not be overlooked ----------------------------------------------------------------------------------
+# --- alarm --------------------------------------------------------------------------------------------------------
 
 
 def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:

@@ -98,7 +98,7 @@ class ConsoleWindow(QWidget):
         self._connect()
         self.show_state(self.state)
 
-    # --- what is shown -----------------------------------------------------------------------------------------
+    # --- display -----------------------------------------------------------------------------------------------
 
     def show_state(self, state: State) -> None:
         """Show a state; widgets that have not changed are left alone."""
@@ -167,7 +167,7 @@ class ConsoleWindow(QWidget):
         else:
             self.setFocus()
 
-    # --- what is wished ----------------------------------------------------------------------------------------
+    # --- commands ----------------------------------------------------------------------------------------------
 
     def press(self, wish: Wish) -> None:
         """Execute the command of a key or button, or show why it is not possible."""

@@ -212,7 +212,7 @@ class DisplayClient(QObject):
         if frames is not None and sockets.send(self._control, encode(frames)):
             self.tally.clear()
 
-    # --- by the clock ------------------------------------------------------------------------------------------
+    # --- periodic work -----------------------------------------------------------------------------------------
 
     def look_after(self) -> None:
         """Do the periodic work: drain the sockets, send `Hello`, report frames, detect a lost link."""
