@@ -220,7 +220,7 @@ class Brain:
         return ball, speed
 
     def _share_done(self, seen: Percept, when: float) -> float:
-        """Estimate, from the own hands, the completed share at `when` of the tilt change under way when seen [1]."""
+        """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
         shown = seen.glimpse.time - self._lag
         moves = [(abs(i.turn), i.move) for i in self._intents]
         going = [(size, m.progress(shown), m.progress(when - self._lag)) for size, m in moves]

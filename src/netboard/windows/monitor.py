@@ -19,6 +19,8 @@ from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import application
 
 READ_MS, DRAW_MS = 4, 33
+"""Interval between two readings, and between two redraws [ms]."""
+
 SECONDS = 10.0
 """Time span of the plots [s]."""
 

@@ -30,7 +30,11 @@ from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import application
 
 POLL_MS = 66
+"""Interval between two polls of the server [ms]."""
+
 WATCH_MS = 50
+"""Interval of the checks for a stop request and for the screenshot [ms]."""
+
 RENEW_S = 1.0
 """Delay before reconnecting after a refusal [s]."""
 

@@ -158,7 +158,7 @@ class ConsoleWindow(QWidget):
         _say(self.reply, line)
 
     def fill_in(self, wanted: bool) -> None:
-        """Show or hide the session's form; while it is shown, Space is not the emergency stop but ticks and writes."""
+        """Show or hide the session's form; in the form, Space types and ticks instead of being the emergency stop."""
         self.middle.setCurrentWidget(self.form if wanted else self.live)
         self._space.setEnabled(not wanted)
         if wanted:

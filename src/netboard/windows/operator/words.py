@@ -156,7 +156,7 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
     if not unwell:
         return Line("", Tone.QUIET)
-    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first one of the worst
+    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first of equal severity
     others = f"   (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
     named = f"{where.upper()} {lamp.name.lower()}".strip()
     return Line(f"{named}: {lamp.words}. {lamp.tip}{others}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)

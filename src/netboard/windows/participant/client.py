@@ -40,8 +40,13 @@ from netboard.windows.participant.window import BoardWindow, application
 log = logging.getLogger(__name__)
 
 ROUND_MS = 50
+"""Interval of the periodic work [ms]."""
+
 HELLO_NS = 500_000_000
+"""Interval between two `Hello` messages while the display is not connected [ns]."""
+
 REPORT_NS = 500_000_000
+"""Interval between two reports of frames [ns]."""
 
 Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
 """A function that makes the player of a side."""

@@ -32,6 +32,8 @@ from netboard.windows.participant.words import Words
 log = logging.getLogger(__name__)
 
 DEFAULT_REFRESH_HZ = 60.0
+"""Refresh rate that is assumed if the screen does not report one [Hz]."""
+
 SOON = 0.15
 """A frame due within this share of a refresh period is painted at once [1]."""
 

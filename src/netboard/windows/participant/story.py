@@ -51,7 +51,7 @@ def follow(story: Story | None, view: View) -> Story:
 
 
 def _result(before: View, view: View) -> str:
-    """How an attempt ended between two views; empty if none did."""
+    """Return how an attempt ended between two views; empty if none did."""
     if view.phase in (SUCCEEDED, FAILED):
         return view.phase if view.phase != before.phase else ""
     if view.failures > before.failures and before.phase != FAILED:

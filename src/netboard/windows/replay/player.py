@@ -32,6 +32,8 @@ from netboard.windows.participant.window import BoardWindow, application
 from netboard.windows.replay.timebar import TimeBar
 
 FRAME_MS = 16
+"""Interval between two frames while playing [ms]."""
+
 STEP, LONG_STEP = 1.0, 10.0
 """Distance that the arrow keys seek [s]."""
 

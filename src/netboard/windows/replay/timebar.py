@@ -100,7 +100,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         edges = [pg.PlotDataItem(times, target + edge) for edge in (-half, half)]
         self.addItem(pg.FillBetweenItem(*edges, brush=pg.mkBrush(self._colours.target)), ignoreBounds=True)
         bottom, top = (lanes - 1 - which) / lanes, 1 / lanes
-        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success hides the trial that follows
+        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success covers the next trial
             colour, style, (low, high) = MARKS[mark.kind]
             span = bottom + low * top, bottom + high * top
             pen = pg.mkPen(colour, width=1.5, style=style)
