@@ -378,7 +378,7 @@ class Hand:
             swing_on_cables(self.state, self.end, self.arm, self.cables, self.course, origin, *force, white)
 
     def noise(self, steps: int) -> NDArray[np.float64]:
-        """Return the next normal numbers. They are drawn in batches, since single draws take longer than the steps.
+        """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
 
         Parameters
         ----------

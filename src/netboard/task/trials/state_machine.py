@@ -45,7 +45,7 @@ class Cause(IntEnum):
     LEFT = 3  # it left the target again
     HELD = 4  # it stayed inside for the hold time
     FELL = 5  # the ball fell off the board
-    TIMED_OUT = 6  # the trial exceeded its time limit
+    TIMED_OUT = 6  # the attempt exceeded the time limit
     NEXT = 7  # another trial follows
     LAST = 8  # the block is over: all its trials are done, or its time has passed
     START = 9  # operator; the stage accepts this cause and all below as commands
@@ -149,7 +149,7 @@ RULES = np.dtype(
         ("fall_distance", "<f8"),  # [m]
         ("level_ticks", "<i8"),  # ticks for which the board must be level
         ("hold_ticks", "<i8"),  # ticks for which the ball must stay in the target
-        ("limit_ticks", "<i8"),  # time limit of a trial, in ticks; 0: none
+        ("limit_ticks", "<i8"),  # time limit of an attempt from the release, in ticks; 0: none
         ("trials", "<i8"),  # trials in the block
         ("block_ticks", "<i8"),  # ticks of the block after which no trial begins; 0: no limit
     ]
