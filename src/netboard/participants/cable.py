@@ -1,10 +1,12 @@
-"""Cables that give: motors and encoders on one side of them, the stylus and the hand that holds it on the other.
+"""Compliant cables of a haptic device: motors and encoders on one side, stylus and hand on the other.
 
-Each axis is two masses with a spring-damper between them. The motors push, the mechanism rubs and the encoder counts on
-the one side; the arm pulls on the other, which moves where the encoder does not. With 10 g on either side of 1 N/mm the
-two swing at some 70 Hz, with 1 g and 100 N/mm at 2 kHz, so all that is linear is stepped by the implicit midpoint rule:
-stable for every stiffness and step, and it neither damps nor feeds what swings. Coulomb friction is implicit in the
-velocity at the step's end, as without cables (Moreau's time stepping), so what friction holds is at rest to the bit.
+Each axis is two masses with a spring-damper between them. Motor force, friction and encoder act on the motor side, the
+arm on the stylus side. So the stylus can move without the encoder (a non-collocated resonance). With 10 g on either
+side of 1 N/mm the resonance is at some 70 Hz, with 1 g and 100 N/mm at 2 kHz.
+
+All linear terms are integrated with the implicit midpoint rule: it is stable for every stiffness and step, and neither
+damps nor excites oscillations. Coulomb friction is implicit in the velocity at the end of the step, as without cables
+(Moreau's time stepping), so a mass held by friction is exactly at rest.
 """
 
 from typing import Any
@@ -17,41 +19,41 @@ from netboard.participants.device_models import DeviceModel
 
 CABLES = np.dtype(
     [
-        ("step", "<f8"),  # of time [s]
-        ("stiffness", "<f8"),  # of a cable [N/m]
-        ("damping", "<f8"),  # of a cable [N s/m]
+        ("step", "<f8"),  # length of a time step [s]
+        ("stiffness", "<f8"),  # cable stiffness [N/m]
+        ("damping", "<f8"),  # cable damping [N s/m]
         ("pull", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
-        ("keep_motor", "<f8"),  # mass on the motors' side less what half a step's damping takes [kg]
-        ("keep_tip", "<f8"),  # the same on the stylus' side [kg]
-        ("across", "<f8"),  # what the step's matrix has off its diagonal [kg]
-        ("tip", "<f8"),  # what it has on it for the stylus' side [kg]
-        ("motor", "<f8"),  # and for the motors' side, with the other one eliminated [kg]
-        ("grip", "<f8"),  # momentum that friction takes in a step at the most [N s]
-        ("stop", "<f8"),  # mechanical stop of the motors' side [m]
+        ("keep_motor", "<f8"),  # mass on the motor side minus half a step of its damping [kg]
+        ("keep_tip", "<f8"),  # the same on the stylus side [kg]
+        ("across", "<f8"),  # off-diagonal element of the step's 2 x 2 matrix [kg]
+        ("tip", "<f8"),  # its diagonal element of the stylus side [kg]
+        ("motor", "<f8"),  # that of the motor side, after eliminating the stylus side [kg]
+        ("grip", "<f8"),  # largest momentum that friction can take in a step [N s]
+        ("stop", "<f8"),  # mechanical stop of the motor side [m]
     ]
 )
-"""The constants of cables as the kernel reads them."""
+"""Constants of the cables, as one record for the kernel."""
 
 TIP = np.dtype([(name, "<f8") for name in ("x", "y", "z", "vx", "vy", "vz")])
-"""State of the stylus' side: position [m] and velocity [m/s]."""
+"""State of the stylus side: position [m] and velocity [m/s]."""
 
 
 def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[Any]:
-    """Constants of cables, for the kernel.
+    """Pack the constants of compliant cables for the kernel.
 
     Parameters
     ----------
     device : DeviceModel
-        The device; its cables are not rigid.
+        The device; its cable stiffness is not zero.
     arm : ndarray of ARM, shape (1,)
-        Device and arm as they are with rigid cables.
+        Constants of device and arm with rigid cables.
     step : float
         Length of a step [s].
 
     Returns
     -------
     ndarray of CABLES, shape (1,)
-        The packed record, SI units.
+        The packed record, in SI units.
     """
     k, c, half = device.cable_stiffness, device.cable_damping, 0.5 * step
     motor = device.mass * (1.0 - device.tip_share)
@@ -73,27 +75,27 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
 def stretch(
     x: float, v: float, tip: float, rate: float, push: float, load: float, rest: float, cables: Any
 ) -> tuple[float, float, float, float]:
-    """Move both sides of one axis by one step.
+    """Advance both sides of one axis by one step.
 
     Parameters
     ----------
     x, v : float
-        Position and velocity of the motors' side [m, m/s].
+        Position and velocity of the motor side [m, m/s].
     tip, rate : float
-        Those of the stylus' side [m, m/s].
+        Position and velocity of the stylus side [m, m/s].
     push : float
         Force of the motors [N].
     load : float
-        Force of the arm, but for its spring [N].
+        Force of the arm without its spring force [N].
     rest : float
-        Where that spring is at rest [m].
+        Equilibrium point of the arm's spring [m].
     cables : record of CABLES
         The constants.
 
     Returns
     -------
     x, v, tip, rate : float
-        What they are after the step [m, m/s, m, m/s].
+        The same quantities after the step [m, m/s, m, m/s].
     """
     h, apart = cables["step"], rate - v
     tension = cables["stiffness"] * (tip - x + 0.25 * h * apart) + 0.5 * cables["damping"] * apart

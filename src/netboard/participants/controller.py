@@ -1,13 +1,13 @@
-"""The controller of a simulated person: an intermittent, predictive, delayed PD controller of the ball.
+"""Controller of a simulated participant: an intermittent, predictive, delayed PD controller of the ball.
 
-Every 10 ms the brain looks one visual delay into the past, extrapolates the ball, and asks which tilt would bring it to
-rest in the target. It acts only where the tilt it expects anyway is off by more than a threshold and a refractory time
-has passed, and then by one ballistic submovement of each own hand, which turns the board and lifts it towards its
-neutral height. A brain with one hand expects its partner to mirror most of its turning and to share its lifting, unless
-the force on its hand says otherwise; a brain with both hands moves both.
+Every 10 ms the controller takes the ball as it was one visual delay ago, extrapolates it, and computes the tilt that
+would bring it to rest in the target. It acts only if the expected tilt differs from this by more than a threshold and
+the refractory time has passed. The action is one ballistic submovement of each own hand, which tilts the board and
+moves it towards its neutral height. With one hand, the controller expects the partner to mirror most of its tilting and
+to share its lifting, unless the force on its hand shows otherwise. In a bimanual block it moves both hands.
 
-Rule 1: the brain sees `Glimpse`, feels its own force, and knows the scene's constants; nothing else.
-Rule 2: time is an argument and randomness comes from the generator handed in, so a brain can be repeated.
+Rule 1: the inputs are `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
+Rule 2: time is an argument and the random generator is passed in, so that results are reproducible.
 """
 
 from dataclasses import dataclass
@@ -24,47 +24,47 @@ from netboard.participants.senses import BALL_FREE, Glimpse, Percept, Senses, Wa
 from netboard.participants.submovement import Submovement
 
 THINK_EVERY = 0.010
-"""Time between two decisions [s]."""
+"""Interval between two decisions [s]."""
 
 FELT_AHEAD = 0.100
-"""The partner's height is extrapolated over this time from what was felt [s]."""
+"""Horizon over which the partner's height is extrapolated from the force [s]."""
 
 FELT_SPAN = 0.030
-"""The partner's velocity is judged over this time [s]."""
+"""Window over which the partner's velocity is estimated [s]."""
 
 TOUCH_TIME = 0.5
-"""Correlation time of the error of a height that is inferred from a force [s]."""
+"""Correlation time of the error of a height inferred from force [s]."""
 
 MIRROR = 0.65
-"""Share of one's own turning that one expects of the partner. With all of it two people who disagree about the tilt
-would answer each other's absence for ever: each takes back what the other did not mirror [1]."""
+"""Share of one's own tilting that one expects the partner to mirror [1]. With a share of 1, two participants who
+disagree about the tilt would oscillate for ever, because each takes back what the other did not mirror."""
 
 REACTION_CV = 0.2
-"""Variability of the reaction time [1]."""
+"""Coefficient of variation of the reaction time [1]."""
 
 FORESIGHT_STEPS = 6
-"""Steps in which the ball's way is thought ahead [1]."""
+"""Number of integration steps of the ball's prediction [1]."""
 
 LARGEST_THRESHOLD = 0.95
-"""No threshold is more than this share of the largest tilt asked for. One in some two thousand would be so large that
-no tilt is ever off by more, and it is drawn anew only by acting: the person would watch ball after ball fall [1]."""
+"""Largest threshold, as a share of the largest commanded tilt [1]. Without this limit, about one drawn threshold in two
+thousand could never be exceeded. As only an action draws a new one, the participant would never act again."""
 
 LEVEL_MARGIN = 0.7
-"""When levelling, a person corrects what is off by more than this share of the limit [1]."""
+"""Share of the levelling limits above which a participant corrects tilt or height [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Intent:
-    """A submovement as it was meant: what the brain expects of it until it is seen.
+    """An intended submovement: its expected effect until it becomes visible.
 
     Attributes
     ----------
     move : Submovement
-        The movement, without the noise of its execution.
+        The movement without motor noise.
     turn : float
-        The part of its displacement that turns the board; the rest lifts it [m].
+        Part of the displacement that tilts the board; the rest lifts it [m].
     echo : float
-        How far the partner's hand is thought to go the other way to turn the board too [m].
+        Expected displacement of the partner's hand in the opposite direction, which tilts the board too [m].
     """
 
     move: Submovement
@@ -73,20 +73,20 @@ class _Intent:
 
 
 class Brain:
-    """One person's controller.
+    """Controller of one simulated participant.
 
     Parameters
     ----------
     person : Participant
-        The person's parameters.
+        Parameters of the participant.
     physics : Physics
-        The scene, as the person has got to know it.
+        Constants of the scene, which the participant knows.
     task : Task
-        The rules, as the person has been told them.
+        Rules of the task, which the participant knows.
     sides : tuple of {"left", "right"}
-        The hands of this person: one in a dyad, both in a bimanual block.
+        Hands of the participant: one in a dyad, both in a bimanual block.
     rng : numpy.random.Generator
-        Source of the person's variability.
+        Source of the participant's variability.
     """
 
     def __init__(
@@ -113,40 +113,40 @@ class Brain:
         self._phase = ""
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Look, feel, and perhaps decide; may be called as often as one likes.
+        """Run `think` if `THINK_EVERY` has passed since the last decision; may be called at any rate.
 
         Parameters
         ----------
         now : float
-            The time [s].
+            Present time [s].
         glimpse : Glimpse or None
-            The newest glimpse of the own display, None before the first.
+            Newest glimpse of the participant's own display; None before the first.
         felt : float or None
-            Vertical force on the own hand, + = up; None where no force is rendered, and with two hands [N].
+            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
 
         Returns
         -------
         tuple of Submovement
-            What to do, empty most of the time.
+            New submovements; empty most of the time.
         """
         return () if now - self._thought < THINK_EVERY else self.think(now, glimpse, felt)
 
     def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Do the same now: for whoever keeps the time between two decisions, `THINK_EVERY`, by itself.
+        """Take in display and force, and decide. The caller keeps the interval `THINK_EVERY` between two calls.
 
         Parameters
         ----------
         now : float
-            The time, later than that of the decision before [s].
+            Present time, later than in the previous call [s].
         glimpse : Glimpse or None
-            The newest glimpse of the own display, None before the first.
+            Newest glimpse of the participant's own display; None before the first.
         felt : float or None
-            Vertical force on the own hand, + = up; None where no force is rendered, and with two hands [N].
+            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
 
         Returns
         -------
         tuple of Submovement
-            What to do, empty most of the time.
+            New submovements; empty most of the time.
         """
         dt = min(now - self._thought, 1.0)
         self._thought = now
@@ -169,12 +169,12 @@ class Brain:
 
     @property
     def _lag(self) -> float:
-        """Time by which a hand follows what is asked of it: both muscle lags and the arm's own [s]."""
+        """Delay from a planned movement to the hand: two muscle lags and the lag of the arm [s]."""
         p = self._person
         return 2.0 * p.muscle_lag + p.arm_damping / p.arm_stiffness
 
     def _notice(self, seen: Percept) -> None:
-        """Take a reaction time when the ball is seen to be released."""
+        """Wait for a reaction time once the release of the ball is seen."""
         phase = seen.glimpse.phase
         if phase in BALL_FREE and self._phase not in BALL_FREE:
             p = self._person
@@ -183,14 +183,14 @@ class Brain:
         self._phase = phase
 
     def _draw_threshold(self) -> float:
-        """Tilt error that triggers the next submovement; log-normal, but never too large to be reached [rad]."""
+        """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
         p = self._person
         spread = float(np.sqrt(np.log1p(p.threshold_cv**2)))
         drawn = p.threshold_deg * float(np.exp(spread * self._rng.standard_normal()))
         return radians(min(drawn, LARGEST_THRESHOLD * p.max_tilt_deg))
 
     def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
-        """Steer the ball."""
+        """Return the submovements that steer the ball; none if the tilt error is below the threshold."""
         expected = self._expected_tilt(now, seen)
         error = self._wanted_tilt(seen, expected) - expected
         if abs(error) <= self._threshold:
@@ -199,7 +199,7 @@ class Brain:
         return self._act(now, error, lift)
 
     def _wanted_tilt(self, seen: Percept, expected: float) -> float:
-        """Tilt that takes the predicted ball to the target [rad]."""
+        """Return the tilt that takes the predicted ball to the target: the PD law [rad]."""
         p, g = self._person, self._physics.g
         if g == 0.0:
             return 0.0
@@ -208,7 +208,7 @@ class Brain:
         return min(max((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most), most)
 
     def _foresee(self, seen: Percept, expected: float) -> tuple[float, float]:
-        """Position and velocity of the ball `lookahead` visual delays after it was seen, if nothing new is done."""
+        """Predict the ball `lookahead` visual delays after it was seen, without new actions [m, m/s]."""
         p = self._person
         dt = p.lookahead * p.visual_delay / FORESIGHT_STEPS
         ball, speed = seen.p, seen.v
@@ -220,7 +220,7 @@ class Brain:
         return ball, speed
 
     def _share_done(self, seen: Percept, when: float) -> float:
-        """Share of the change of tilt under way when seen that is done at a later time, judged by the own hands [1]."""
+        """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
         shown = seen.glimpse.time - self._lag
         moves = [(abs(i.turn), i.move) for i in self._intents]
         going = [(size, m.progress(shown), m.progress(when - self._lag)) for size, m in moves]
@@ -228,7 +228,7 @@ class Brain:
         return sum(size * (then - before) for size, before, then in going) / left if left > 0.0 else 1.0
 
     def _expected_tilt(self, now: float, seen: Percept) -> float:
-        """Tilt the board will have when all that is under way is done [rad]."""
+        """Return the tilt of the board once all movements under way are complete [rad]."""
         lever = 2.0 * self._physics.l
         own = {side: self._under_way(side, seen) for side in self._sides}
         tilt = seen.theta + sum(SIGN[side] * rise for side, rise in own.items()) / lever
@@ -242,18 +242,18 @@ class Brain:
         return tilt - SIGN[side] * other / lever
 
     def _under_way(self, side: Side, seen: Percept) -> float:
-        """How far an own hand will still move from where it was seen [m]."""
+        """Return the remaining displacement of an own hand from where it was seen [m]."""
         when = seen.glimpse.time - self._lag
         moves = [i.move for i in self._intents if i.move.side == side]
         return sum(m.displacement * (1.0 - m.progress(when)) for m in moves)
 
     def _turning(self, side: Side, seen: Percept) -> float:
-        """The part of that movement that is meant to turn the board; the rest is meant to lift it [m]."""
+        """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
         when = seen.glimpse.time - self._lag
         return sum(i.turn * (1.0 - i.move.progress(when)) for i in self._intents if i.move.side == side)
 
     def _other_rise(self, now: float, seen: Percept, side: Side, guess: float) -> float:
-        """How far the partner's hand will have moved from where it was seen: a guess, corrected by what is felt [m]."""
+        """Estimate the displacement of the partner's hand since it was seen: a guess, corrected by the force [m]."""
         p, physics = self._person, self._physics
         then = now - p.haptic_delay
         late, early = self._senses.force(then), self._senses.force(then - FELT_SPAN)
@@ -273,18 +273,18 @@ class Brain:
         return (1.0 - p.haptic_gain) * guess + p.haptic_gain * rise
 
     def _moved(self, side: Side, seen: Percept, when: float) -> float:
-        """How far an own hand has moved from where it was seen to where it was at a later time [m]."""
+        """Return the displacement of an own hand from where it was seen to a later time [m]."""
         shown = seen.glimpse.time - self._lag
         moves = [i.move for i in self._intents if i.move.side == side]
         return sum(m.displacement * (m.progress(when - self._lag) - m.progress(shown)) for m in moves)
 
     @staticmethod
     def _own_height(seen: Percept, side: Side) -> float | None:
-        """Height of an own hand as seen [m]."""
+        """Return the height of an own hand as seen [m]."""
         return seen.glimpse.left if side == "left" else seen.glimpse.right
 
     def _height(self, seen: Percept) -> float:
-        """Height of the middle between the hands when the lifting under way is done, by all hands alike [m]."""
+        """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
         heights = []
         for side in self._sides:
             shown = self._own_height(seen, side)
@@ -294,7 +294,7 @@ class Brain:
         return sum(heights) / len(heights) if heights else seen.glimpse.z
 
     def _level(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
-        """Make the board horizontal, at the height asked for."""
+        """Return the submovements that level the board at its neutral height; none if it is level."""
         task = self._task
         error = -self._expected_tilt(now, seen)
         height = self._height(seen)
@@ -307,7 +307,7 @@ class Brain:
         return moves
 
     def _act(self, now: float, turn: float, lift: float) -> tuple[Submovement, ...]:
-        """Turn and lift the board by one submovement of each own hand."""
+        """Return one submovement of each own hand that tilts and lifts the board [rad, m]."""
         p = self._person
         self._threshold = self._draw_threshold()
         duration = p.movement_time * float(np.exp(p.movement_cv * self._rng.standard_normal()))

@@ -1,9 +1,9 @@
-"""Haptic devices as numbers: what the simulated device can stand for.
+"""Parameters of haptic devices, for the simulated device.
 
-A device is one mass on each axis, with friction, damping, motors that saturate and get warm, encoders with a step, and
-cables that give. Real ones differ from axis to axis and from place to place in their workspace; these are the makers'
-figures at the usual place, and where a maker says nothing an estimate, which `DeviceModel.estimates` names. None was
-measured by this project: who needs a device's true numbers measures them and writes them into ``[virtual]``.
+A device is one mass per axis, with friction, damping, motors that saturate and heat up, quantised encoders, and
+compliant cables. Real devices differ between axes and over their workspace. These are the makers' figures at the usual
+place; `DeviceModel.estimates` names those that no maker publishes and that are estimated. This project has measured
+none of them: to use the true values of a device, measure them and write them into ``[virtual]``.
 """
 
 from collections.abc import Mapping
@@ -14,12 +14,12 @@ from netboard.base.tables.simulated import VirtualDevice
 
 @dataclass(frozen=True, slots=True)
 class DeviceModel:
-    """Numbers of one device.
+    """Parameters of one haptic device.
 
     Attributes
     ----------
     name : str
-        What its maker calls it.
+        Name that the maker gives it.
     mass : float
         Apparent mass at the stylus [kg].
     friction : float
@@ -27,25 +27,25 @@ class DeviceModel:
     damping : float
         Viscous damping of the mechanism [N s/m].
     resolution : float
-        Size of one encoder step at the stylus, 0 for none [m].
+        Encoder resolution at the stylus; 0 for no quantisation [m].
     max_force : float
-        Largest force the motors give for a short time [N].
+        Peak force of the motors [N].
     continuous_force : float
-        Largest force they give for ever [N].
+        Largest continuous force of the motors [N].
     workspace : float
         Radius of the workspace [m].
     cable_stiffness : float
-        Stiffness between motors and stylus, 0 for rigid [N/m].
+        Stiffness between motors and stylus; 0 for rigid cables [N/m].
     cable_damping : float
         Damping between motors and stylus [N s/m].
     tip_share : float
-        Share of the mass that is on the stylus' side of the cables [1].
+        Share of the mass that is on the stylus side of the cables [1].
     thermal_time : float
-        Time constant of the motors' temperature, 0 for motors that stay cool [s].
+        Thermal time constant of the motors; 0 for motors that do not heat up [s].
     source : str
-        Where the numbers come from.
+        Source of the values.
     estimates : tuple of str
-        Those of them that nobody has published.
+        Names of the parameters that are estimates, because no source publishes them.
     """
 
     name: str
@@ -65,7 +65,7 @@ class DeviceModel:
 
 
 _ALWAYS = ("damping", "cable_damping", "tip_share", "thermal_time")
-"""What no maker publishes."""
+"""Parameters that no maker publishes."""
 
 _SHEET = "maker's data sheet, as commonly quoted; max_force, workspace: CHAI3D's device table"
 
@@ -170,23 +170,23 @@ MODELS: Mapping[str, DeviceModel] = {
         estimates=("mass", "friction", *_ALWAYS),
     ),
 }
-"""The devices, by the names of ``virtual.model``."""
+"""Devices, by their names in ``virtual.model``."""
 
 _OWN = frozenset(field.name for field in fields(VirtualDevice)) & {field.name for field in fields(DeviceModel)}
 
 
 def resolved(device: VirtualDevice) -> DeviceModel:
-    """Numbers of the simulated device: those that are written, and its model's where none is.
+    """Return the parameters of the simulated device: values of the configuration override those of its model.
 
     Parameters
     ----------
     device : VirtualDevice
-        The table ``virtual``.
+        The table ``[virtual]`` of the configuration.
 
     Returns
     -------
     DeviceModel
-        Its model, with what is written in its place.
+        The model with the configured values.
     """
     model = MODELS[device.model]
     written = {key: value for key in _OWN if (value := getattr(device, key)) != "model"}

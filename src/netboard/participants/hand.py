@@ -1,13 +1,13 @@
-"""A simulated hand holding a stylus: arm and device mechanics, integrated in steps of 0.25 ms.
+"""Simulated hand on a stylus: mechanics of arm and device, integrated in steps of 0.25 ms.
 
-The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the submovements
-asked for, low-passed by two muscle lags. The device adds its mass, its viscous damping and its Coulomb friction, and
-its motors push; where its cables give, `netboard.participants.cable` is between motors and arm. Tremor is coloured
-force noise, handed in as white numbers so that the kernel stays deterministic.
+The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
+submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
+force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
+white noise is an argument, so the kernel is deterministic.
 
-Rule 1: time is what was asked for: `Hand.advance` covers whole steps and knows no clock.
-Rule 2: friction is solved implicitly, so a hand that friction can hold is at rest exactly, not creeping.
-Rule 3: what is felt and seen is not known here; that is the brain's business.
+Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
+Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
+Rule 3: this module knows nothing of perception; see `netboard.participants.senses`.
 """
 
 from collections.abc import Iterable
@@ -29,40 +29,40 @@ STEP = STEP_NS * 1e-9
 """Length of an integration step [s]."""
 
 AHEAD = 1000
-"""Steps for which the tremor's noise is drawn in one go [1]."""
+"""Number of steps for which the noise of the tremor is drawn at once [1]."""
 
 CAPACITY = 32
-"""Submovements a hand can have under way at once [1]."""
+"""Most submovements that a hand can have under way at once [1]."""
 
 TREMOR_TIME = 0.1
 """Correlation time of the arm's force noise [s]."""
 
 FOREARM = 0.30
-"""Elbow to stylus: a hand that is swung up or down by z comes nearer by about z^2 / (2 FOREARM) [m]."""
+"""Distance from elbow to stylus: a hand at height z is nearer to the body by about z^2 / (2 FOREARM) [m]."""
 
 GRASP = 0.002
-"""Standard deviation of where across its line a person holds the stylus, along x and y [m]."""
+"""Standard deviation of the stylus' rest position along x and y, across its vertical path [m]."""
 
 FRICTION_SKILL = 0.8
-"""Share of the device's friction that a person used to it makes up for while moving on purpose [1]."""
+"""Share of the device's friction that a practised participant compensates during intended movements [1]."""
 
 PURPOSE = 0.005
-"""Speed of the equilibrium point from which a movement counts as made on purpose [m/s]."""
+"""Speed of the equilibrium point at which friction compensation is complete [m/s]."""
 
 ARM = np.dtype(
     [
-        ("mass", "<f8"),  # arm and device [kg]
-        ("stiffness", "<f8"),  # towards the equilibrium point [N/m]
-        ("damping", "<f8"),  # arm and device [N s/m]
-        ("friction", "<f8"),  # Coulomb friction on each axis [N]
-        ("skill", "<f8"),  # force with which the arm makes up for it [N]
-        ("lag", "<f8"),  # decay of a muscle stage in one step [1]
-        ("calm", "<f8"),  # decay of the tremor in one step [1]
-        ("tremor", "<f8"),  # what a standard normal number adds to it [N]
-        ("stop", "<f8"),  # mechanical stop on each axis [m]
+        ("mass", "<f8"),  # mass of arm and device [kg]
+        ("stiffness", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
+        ("damping", "<f8"),  # damping of arm and device [N s/m]
+        ("friction", "<f8"),  # Coulomb friction of each axis [N]
+        ("skill", "<f8"),  # largest force with which the arm compensates friction [N]
+        ("lag", "<f8"),  # decay factor of a muscle stage per step [1]
+        ("calm", "<f8"),  # decay factor of the tremor per step [1]
+        ("tremor", "<f8"),  # tremor force per standard normal number [N]
+        ("stop", "<f8"),  # mechanical stop of each axis [m]
     ]
 )
-"""The constants of a hand as the kernel reads them."""
+"""Constants of a hand, as one record for the kernels."""
 
 HAND = np.dtype(
     [
@@ -72,18 +72,18 @@ HAND = np.dtype(
         ("vx", "<f8"),  # velocity [m/s]
         ("vy", "<f8"),
         ("vz", "<f8"),
-        ("rest_x", "<f8"),  # where the arm would hold it across the line [m]
+        ("rest_x", "<f8"),  # rest position of the arm across the vertical path [m]
         ("rest_y", "<f8"),
         ("tremor_x", "<f8"),  # force noise [N]
         ("tremor_y", "<f8"),
         ("tremor_z", "<f8"),
-        ("aim", "<f8"),  # equilibrium height after all submovements that are over [m]
-        ("muscle", "<f8"),  # first lag's output [m]
-        ("equilibrium", "<f8"),  # second lag's output: the equilibrium height now [m]
-        ("moves", "<i8"),  # submovements under way or planned
+        ("aim", "<f8"),  # equilibrium height after all completed submovements [m]
+        ("muscle", "<f8"),  # output of the first muscle lag [m]
+        ("equilibrium", "<f8"),  # output of the second lag: the present equilibrium height [m]
+        ("moves", "<i8"),  # number of submovements under way or planned
     ]
 )
-"""The state of a hand."""
+"""State of a hand."""
 
 
 def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
@@ -92,39 +92,39 @@ def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generat
     Parameters
     ----------
     participant : Participant
-        The simulated person.
+        Parameters of the simulated participant.
     device : VirtualDevice
-        The device held.
+        The device.
     rng : numpy.random.Generator
-        Source of the tremor, and of where the stylus is held.
+        Source of the tremor and of the rest position across the vertical path.
     held : bool
-        False for a stylus that nobody holds: the device alone.
+        False for a released stylus: the device alone.
 
     Returns
     -------
     Hand
-        The hand, with cables between it and the motors if the device's are not rigid.
+        The hand, with compliant cables if the device has them.
     """
     arm, own = pack_arm(participant, device, held), resolved(device)
     return Hand(arm, rng, pack_cables(own, arm, STEP) if own.cable_stiffness > 0.0 else None)
 
 
 def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True) -> NDArray[Any]:
-    """Constants of a hand, for the kernel.
+    """Pack the constants of a hand for the kernels.
 
     Parameters
     ----------
     participant : Participant
-        The simulated person.
+        Parameters of the simulated participant.
     device : VirtualDevice
-        The device held.
+        The device.
     held : bool
-        False for a stylus that nobody holds: the device alone.
+        False for a released stylus: the device alone.
 
     Returns
     -------
     ndarray of ARM, shape (1,)
-        The packed record, SI units.
+        The packed record, in SI units.
     """
     arm, own = np.zeros(1, ARM), resolved(device)
     arm["mass"] = own.mass
@@ -144,7 +144,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 
 @numba.njit(cache=True)
 def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
-    """Move one axis by one step; damping and friction implicitly (Moreau's time stepping), then the stop."""
+    """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
     grip = STEP * arm["friction"] / arm["mass"]
     v += STEP * force / arm["mass"]
     v = max(v - grip, 0.0) if v > 0.0 else min(v + grip, 0.0)
@@ -159,7 +159,7 @@ def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
-    """Height asked for at a time; a submovement that is over becomes part of the settled aim."""
+    """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     asked = s["aim"]
     kept = 0
     for i in range(s["moves"]):
@@ -176,7 +176,7 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
 
 @numba.njit(cache=True)
 def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64]) -> tuple[float, float]:
-    """Move the equilibrium point and the tremor by one step.
+    """Advance equilibrium point and tremor by one step.
 
     Parameters
     ----------
@@ -194,9 +194,9 @@ def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArr
     Returns
     -------
     effort : float
-        Force with which the arm makes up for friction, along z [N].
+        Force with which the arm compensates friction, along z [N].
     nearer : float
-        Where the arm holds the stylus now, along x [m].
+        Present rest position of the arm along x [m].
     """
     asked = _aim(s, plan, when)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
@@ -220,7 +220,7 @@ def swing(
     fz: float,
     white: NDArray[np.float64],
 ) -> None:
-    """Advance a hand under a constant force of the motors, one step for each row of `white`.
+    """Advance a hand under a constant motor force, one step per row of `white`.
 
     Parameters
     ----------
@@ -231,9 +231,9 @@ def swing(
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     origin : float
-        Time of the state handed in, on the clock of the submovements [s].
+        Time of the initial state, on the clock of the submovements [s].
     fx, fy, fz : float
-        Force of the motors on the stylus [N].
+        Motor force on the stylus [N].
     white : ndarray, shape (steps, 3)
         Standard normal numbers that drive the tremor [1].
     """
@@ -260,24 +260,24 @@ def swing_on_cables(
     fz: float,
     white: NDArray[np.float64],
 ) -> None:
-    """Do what `swing` does, with cables that give: the state is then that of the motors' side.
+    """Advance a hand as `swing` does, with compliant cables; `state` is then that of the motor side.
 
     Parameters
     ----------
     state : ndarray of HAND, shape (1,)
         The state, changed in place.
     tip : ndarray of TIP, shape (1,)
-        State of the stylus' side, changed in place.
+        State of the stylus side, changed in place.
     constants : ndarray of ARM, shape (1,)
         The constants.
     cables : ndarray of CABLES, shape (1,)
-        Those of the cables.
+        Constants of the cables.
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     origin : float
-        Time of the state handed in, on the clock of the submovements [s].
+        Time of the initial state, on the clock of the submovements [s].
     fx, fy, fz : float
-        Force of the motors [N].
+        Motor force [N].
     white : ndarray, shape (steps, 3)
         Standard normal numbers that drive the tremor [1].
     """
@@ -293,25 +293,25 @@ def swing_on_cables(
 
 
 class Hand:
-    """One hand on one stylus.
+    """One simulated hand on one stylus.
 
     Parameters
     ----------
     arm : ndarray of ARM, shape (1,)
         Constants, from `pack_arm`.
     rng : numpy.random.Generator
-        Source of the tremor, and of where the stylus is held.
+        Source of the tremor and of the rest position across the vertical path.
     cables : ndarray of CABLES, shape (1,), or None
-        Constants of cables that give, from `netboard.participants.cable.pack_cables`; None for rigid ones.
+        Constants of compliant cables, from `netboard.participants.cable.pack_cables`; None for rigid cables.
 
     Attributes
     ----------
     state : ndarray of HAND, shape (1,)
-        The state; with cables, of the motors' side.
+        The state; with compliant cables, that of the motor side.
     end : ndarray of TIP, shape (1,)
-        With cables: state of the stylus' side.
+        With compliant cables, the state of the stylus side.
     course : ndarray, shape (CAPACITY, 3)
-        Start, duration and displacement of the submovements that are not over [s, s, m].
+        Start, duration and displacement of the submovements that are not complete [s, s, m].
     """
 
     def __init__(self, arm: NDArray[Any], rng: np.random.Generator, cables: NDArray[Any] | None = None) -> None:
@@ -335,7 +335,7 @@ class Hand:
         Parameters
         ----------
         moves : iterable of Submovement
-            What to do; a start in the past counts from then.
+            The submovements; a start may be in the past.
 
         Raises
         ------
@@ -350,26 +350,26 @@ class Hand:
             self._record["moves"] = count + 1
 
     def put(self, z: float) -> None:
-        """Be at a height, at rest.
+        """Set the height, at rest.
 
         Parameters
         ----------
         z : float
-            The height [m].
+            New height [m].
         """
         self._record["z"], self._record["vz"] = z, 0.0
 
     def advance(self, steps: int, origin: float, force: tuple[float, float, float]) -> None:
-        """Let time pass under a constant force.
+        """Advance the hand under a constant force.
 
         Parameters
         ----------
         steps : int
-            How many steps of `STEP` [1].
+            Number of steps of length `STEP` [1].
         origin : float
-            Time now, before the steps, on the clock of the submovements [s].
+            Time before the steps, on the clock of the submovements [s].
         force : tuple of float
-            Force of the motors on the stylus, x, y, z [N].
+            Motor force on the stylus along x, y, z [N].
         """
         white = self.noise(steps)
         if self.cables is None:
@@ -378,12 +378,12 @@ class Hand:
             swing_on_cables(self.state, self.end, self.arm, self.cables, self.course, origin, *force, white)
 
     def noise(self, steps: int) -> NDArray[np.float64]:
-        """Take the next normal numbers from those drawn ahead: drawing a few at a time takes longer than the steps.
+        """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
 
         Parameters
         ----------
         steps : int
-            For how many steps [1].
+            Number of steps [1].
 
         Returns
         -------
@@ -399,7 +399,7 @@ class Hand:
 
     @property
     def tip(self) -> tuple[float, float, float]:
-        """Position x, y, z of the stylus itself, which encoders behind cables do not see [m]."""
+        """Position x, y, z of the stylus; with compliant cables it differs from that at the encoders [m]."""
         if self.cables is None:
             return self.position
         t = self.end[0]

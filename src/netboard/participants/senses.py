@@ -1,8 +1,8 @@
-"""What a simulated person perceives: the display and the own force, late and noisy.
+"""Perception of a simulated participant: display and rendered force, with delay and noise.
 
-Rule 1: nothing enters but what the station's display was sent (`Glimpse`) and what the own device rendered.
-Rule 2: what happened after ``now - delay`` is not known yet.
-Rule 3: the ball's velocity is not shown; it is estimated from what was seen of its position.
+Rule 1: the only inputs are the views of the station's display (`Glimpse`) and the force rendered by its device.
+Rule 2: nothing after ``now - delay`` is known yet.
+Rule 3: the ball's velocity is not displayed; it is estimated from the positions seen.
 """
 
 from collections import deque
@@ -17,25 +17,25 @@ NOISE_TIME = 0.2
 """Correlation time of perceptual noise [s]."""
 
 VELOCITY_SPAN = 0.05
-"""The ball's velocity is judged over this time [s]."""
+"""Window over which the ball's velocity is estimated [s]."""
 
 MEMORY = 1.0
-"""Older impressions are forgotten [s]."""
+"""Time for which glimpses and forces are kept [s]."""
 
 BALL_FREE = ("running", "holding")
-"""Phases in which the ball rolls, as a display names them."""
+"""Phases in which the ball is free, as a view names them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Glimpse:
-    """What a station's display shows at one moment.
+    """What a station's display shows at one time.
 
     Attributes
     ----------
     time : float
-        When it was shown [s].
+        Time of display [s].
     phase : str
-        Name of the trial's phase, lower case.
+        Name of the trial's phase, in lower case.
     z : float
         Height of the board's centre [m].
     theta : float
@@ -45,7 +45,7 @@ class Glimpse:
     target : float
         Centre of the target along the board [m].
     left, right : float or None
-        Height of the left and right hand; None where it is hidden [m].
+        Height of the left and right hand; None if hidden [m].
     """
 
     time: float
@@ -65,13 +65,13 @@ class Percept:
     Attributes
     ----------
     glimpse : Glimpse
-        What was shown, one visual delay ago.
+        The glimpse shown one visual delay ago.
     theta : float
         Perceived tilt [rad].
     p : float
-        Perceived ball position, 0 without a ball [m].
+        Perceived ball position; 0 without a ball [m].
     v : float
-        Perceived ball velocity, 0 while the ball is fixed [m/s].
+        Perceived ball velocity; 0 while the ball is fixed [m/s].
     """
 
     glimpse: Glimpse
@@ -86,7 +86,7 @@ class Wander:
     Parameters
     ----------
     deviation : float
-        Standard deviation, in the unit of what it is added to.
+        Standard deviation, in the unit of the quantity that the noise is added to.
     time : float
         Correlation time [s].
     rng : numpy.random.Generator
@@ -100,17 +100,17 @@ class Wander:
         self.value = deviation * float(rng.standard_normal())
 
     def step(self, dt: float) -> float:
-        """Let time pass.
+        """Advance the noise in time.
 
         Parameters
         ----------
         dt : float
-            How much time [s].
+            Elapsed time [s].
 
         Returns
         -------
         float
-            The new value [unit of the deviation].
+            New value [unit of the deviation].
         """
         keep = exp(-dt / self._time)
         kick = self._deviation * sqrt(1.0 - keep * keep)
@@ -119,12 +119,12 @@ class Wander:
 
 
 class Senses:
-    """Eyes and the sense of force of one person.
+    """Vision and force perception of one simulated participant.
 
     Parameters
     ----------
     person : Participant
-        Delays and noise.
+        Delays and noise of the participant.
     rng : numpy.random.Generator
         Source of the noise.
     """
@@ -138,16 +138,16 @@ class Senses:
         self._theta = Wander(float(np.radians(person.tilt_noise_deg)), NOISE_TIME, rng)
 
     def take(self, now: float, glimpse: Glimpse | None, felt: float | None) -> None:
-        """Remember what the display shows and the hand feels now.
+        """Store what the display shows and what the hand feels now.
 
         Parameters
         ----------
         now : float
-            The time [s].
+            Present time [s].
         glimpse : Glimpse or None
-            Newest glimpse, None if nothing has been shown yet.
+            Newest glimpse; None if nothing has been displayed yet.
         felt : float or None
-            Vertical force on the own hand, + = up; None where no force is rendered [N].
+            Vertical force on the participant's hand, + = up; None without haptic feedback [N].
         """
         if glimpse is not None and (not self._seen or glimpse.time > self._seen[-1].time):
             self._seen.append(glimpse)
@@ -161,19 +161,19 @@ class Senses:
             self._felt.popleft()
 
     def look(self, now: float, dt: float) -> Percept | None:
-        """Perceive the display.
+        """Return what is perceived of the display now.
 
         Parameters
         ----------
         now : float
-            The time [s].
+            Present time [s].
         dt : float
-            Time since the last look [s].
+            Time since the last call [s].
 
         Returns
         -------
         Percept or None
-            What was shown one visual delay ago; None if nothing was.
+            Percept of the glimpse shown one visual delay ago; None if there was none.
         """
         dp, dv, dtheta = self._p.step(dt), self._v.step(dt), self._theta.step(dt)
         reached = self._reached(now - self._person.visual_delay)
@@ -187,7 +187,7 @@ class Senses:
         return Percept(g, g.theta + dtheta, g.p + dp, _velocity(reached) + dv)
 
     def force(self, when: float) -> float | None:
-        """Force on the own hand at a time in the past; None if none was rendered then.
+        """Return the force on the participant's hand at a time in the past.
 
         Parameters
         ----------
@@ -197,7 +197,7 @@ class Senses:
         Returns
         -------
         float or None
-            Force on the hand, + = up [N].
+            Force on the hand, + = up; None if none was rendered then [N].
         """
         for time, felt in reversed(self._felt):
             if time <= when:
@@ -205,7 +205,7 @@ class Senses:
         return None
 
     def _reached(self, until: float) -> list[Glimpse]:
-        """Return what was shown by a time and at most `VELOCITY_SPAN` before the newest of that, newest first."""
+        """Return the glimpses up to a time, as far back as `VELOCITY_SPAN` before the newest, newest first."""
         reached: list[Glimpse] = []
         for g in reversed(self._seen):
             if g.time <= until:
@@ -216,7 +216,7 @@ class Senses:
 
 
 def _velocity(seen: list[Glimpse]) -> float:
-    """Velocity of the free ball from its last positions, newest first [m/s]; 0 as long as there is only one."""
+    """Return the velocity of the free ball from its last positions, newest first; 0 with only one [m/s]."""
     last = seen[0]
     first = last
     for g in seen:

@@ -1,7 +1,7 @@
-"""The unit of a simulated person's action: one minimum-jerk movement of one hand.
+"""The unit of action of a simulated participant: one minimum-jerk movement of one hand.
 
-A brain makes submovements, a hand carries them out. They add up: where two overlap in time, the hand's aim is the sum
-of both. This module knows neither brains nor hands.
+A `Brain` plans submovements, a `Hand` executes them. Submovements that overlap in time add up. This module knows
+neither of the two.
 """
 
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ class Submovement:
     side : {"left", "right"}
         The hand that moves.
     start : float
-        When it starts, on the clock the brain was stepped with [s].
+        Start, on the clock of `Brain.step` [s].
     duration : float
-        How long it takes [s].
+        Duration [s].
     displacement : float
-        How far the hand goes, + = up [m].
+        Displacement, + = up [m].
     """
 
     side: Side
@@ -33,12 +33,12 @@ class Submovement:
     displacement: float
 
     def progress(self, when: float) -> float:
-        """Share of the displacement that has been asked for at a time.
+        """Return the share of the displacement that is commanded at a time.
 
         Parameters
         ----------
         when : float
-            A time on the clock of `start` [s].
+            Time on the clock of `start` [s].
 
         Returns
         -------
@@ -50,17 +50,17 @@ class Submovement:
 
 @numba.njit(cache=True)
 def minimum_jerk(s: float) -> float:
-    """Course of the smoothest movement from rest to rest (Flash and Hogan 1985).
+    """Return the minimum-jerk profile of a movement from rest to rest (Flash and Hogan 1985).
 
     Parameters
     ----------
     s : float
-        Share of the movement's duration that has passed; clipped to 0..1 [1].
+        Elapsed share of the duration; clipped to 0..1 [1].
 
     Returns
     -------
     float
-        Share of the displacement covered: ``10 s^3 - 15 s^4 + 6 s^5`` [1].
+        Completed share of the displacement: ``10 s^3 - 15 s^4 + 6 s^5`` [1].
     """
     if s <= 0.0:
         return 0.0

@@ -1,6 +1,6 @@
-"""A device live: position and velocity of the last seconds, buttons, and whether it takes forces.
+"""Live view of one haptic device: position and velocity of the last seconds, buttons, and readiness for forces.
 
-For operators, not for participants: it shows one device of the rig, read here and given no force. Esc or Q closes it.
+It is for operators, not for participants. The device is read in this process and gets no force. Esc or Q closes it.
 """
 
 from collections.abc import Callable
@@ -19,14 +19,16 @@ from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import application
 
 READ_MS, DRAW_MS = 4, 33
+"""Interval between two readings, and between two redraws [ms]."""
+
 SECONDS = 10.0
-"""What the plots show [s]."""
+"""Time span of the plots [s]."""
 
 KEPT = round(SECONDS * 1000 / READ_MS)
-"""Readings remembered [1]."""
+"""Size of the ring buffer, in readings [1]."""
 
 AXIS_WIDTH = 60
-"""Room for the numbers of the plots, so that their times stand one above the other, in pixels [1]."""
+"""Fixed width of the vertical axes, so that the time axes align [pixels]."""
 
 AXES = (("x, out of the screen", "#e69f00"), ("y, right", "#56b4e9"), ("z, up", "#2fc79b"))
 """Name and colour of each axis."""
@@ -56,7 +58,7 @@ class MonitorWindow(QWidget):
         self._timers = [self._every(READ_MS, self.take), self._every(DRAW_MS, self.redraw)]
 
     def take(self) -> None:
-        """Take one reading; a device that fails closes the window."""
+        """Take one reading; close the window if the device fails."""
         try:
             r = self._read()
         except DeviceError as error:
@@ -70,7 +72,7 @@ class MonitorWindow(QWidget):
         self._newest = r
 
     def redraw(self) -> None:
-        """Draw what has been read; the newest reading is at zero seconds."""
+        """Draw all readings; the newest is at zero seconds."""
         if self._newest is None:
             return
         size = min(self._count, KEPT)
@@ -81,21 +83,21 @@ class MonitorWindow(QWidget):
         self.words.setText(in_words(self._newest))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
-        """Close."""
+        """Close the window with Esc or Q."""
         if event.key() in (Qt.Key.Key_Escape, Qt.Key.Key_Q):
             self.close()
         else:
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Read no more, and say that the window is closed."""
+        """Stop the timers and emit `closed`."""
         for timer in self._timers:
             timer.stop()
         super().closeEvent(event)
         self.closed.emit()
 
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
-        """Make a plot with a line for each axis."""
+        """Make a plot with one line per axis."""
         plot = pg.PlotWidget(self, background=COLOURS[Mood.RUN].background)
         plot.setLabel("left", f"{name} [{unit}]")
         plot.setLabel("bottom", "time [s]")
@@ -110,7 +112,7 @@ class MonitorWindow(QWidget):
         return [plot.plot(name=axis, pen=pg.mkPen(colour, width=1.5)) for axis, colour in AXES]
 
     def _every(self, milliseconds: int, do: Callable[[], None]) -> QTimer:
-        """Do something again and again."""
+        """Call a function at a fixed interval [ms]."""
         timer = QTimer(self, interval=milliseconds, timerType=Qt.TimerType.PreciseTimer)
         timer.timeout.connect(do)
         timer.start()
@@ -118,7 +120,7 @@ class MonitorWindow(QWidget):
 
 
 def in_words(reading: Reading) -> str:
-    """Say what a reading is, in one line."""
+    """Format a reading in one line."""
     pressed = [str(bit) for bit in range(reading.buttons.bit_length()) if reading.buttons >> bit & 1]
     place = "  ".join(f"{axis} {value * 1e3:+8.2f}" for axis, value in zip("xyz", reading[1:4], strict=True))
     ready = "ready for forces" if reading.ready else "NOT ready for forces"

@@ -1,1 +1,1 @@
-"""The journal of a session: its entries, the progress they amount to, and whether it is that of the same session."""
+"""The journal of a session: entries, progress, and the check that it belongs to the session to be resumed."""

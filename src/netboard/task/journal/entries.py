@@ -1,10 +1,10 @@
-"""What is written into the journal of a session: one JSON object in a line for everything that a resumed session needs.
+"""Format of a session's journal: one JSON object per line, with everything that is needed to resume the session.
 
-The first line is the `Header`. Every other line is an entry. A line that a power cut has torn can only be the last one;
-it is left out and reported. Anything else that is not as it was written is an error that names file and line.
+The first line is the `Header`; every other line is an entry. A power cut can tear only the last line; a torn line is
+skipped and reported. Any other damage is an error that names file and line.
 
-`netboard.task.journal.progress` tells from entries where a session stands; `netboard.recording.recovery.journal_file`
-keeps the file.
+`netboard.task.journal.progress` derives the progress of the session from the entries;
+`netboard.recording.recovery.journal_file` writes the file.
 """
 
 import json
@@ -17,15 +17,15 @@ from netboard.base.errors import RecordingError
 from netboard.base.settings import NO_EXTRAS
 
 FORMAT = 1
-"""Version of the journal's format; it grows when a reader of the version before would misread a line [1]."""
+"""Version of the journal's format, incremented when an older reader would misread a line [1]."""
 
 Outcome: TypeAlias = Literal["success", "fell", "timed_out", "aborted", "paused", "skipped"]
-"""What becomes of an attempt."""
+"""Outcome of an attempt."""
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a journal is about: its first line.
+    """Header of a journal: its first line.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class Header:
     study : str
         Name of the study.
     study_digest : str
-        SHA-256 of its text, in hexadecimal.
+        SHA-256 of the study's text, in hexadecimal.
     plan_digest : str
-        SHA-256 of what the plan made of it for this dyad.
+        SHA-256 of the plan of this dyad, in hexadecimal.
     seed : int
         Seed of the plan [1].
     dyad : str
@@ -92,12 +92,12 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """Another run of the server goes on with the session.
+    """Another run of the server resumes the session.
 
     Attributes
     ----------
     run : str
-        Its id.
+        Id of that run.
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -106,16 +106,16 @@ class Resumed:
 
 @dataclass(frozen=True, slots=True)
 class BlockBegan:
-    """A block begins, or goes on.
+    """A block begins, or continues.
 
     Attributes
     ----------
     block : int
-        Its number in the plan [1].
+        Number of the block in the plan [1].
     trial, attempt : int
-        With which trial and attempt [1].
+        First trial and attempt from here [1].
     run : str
-        Id of the run of the server, and so of its recordings.
+        Id of the run of the server; its recordings have the same id.
     tick : int
         Tick of that run [1].
     """
@@ -130,12 +130,12 @@ class BlockBegan:
 
 @dataclass(frozen=True, slots=True)
 class AttemptBegan:
-    """An attempt begins: the board is to be levelled. Without an `AttemptEnded` it counts as incomplete.
+    """An attempt begins, with levelling. Without a matching `AttemptEnded` it counts as incomplete.
 
     Attributes
     ----------
     block, trial, attempt : int
-        Its numbers, which no other attempt of the session will have [1].
+        Numbers of the attempt, unique in the session [1].
     run : str
         Id of the run of the server.
     tick : int
@@ -152,28 +152,28 @@ class AttemptBegan:
 
 @dataclass(frozen=True, slots=True)
 class AttemptEnded:
-    """What has become of an attempt.
+    """An attempt has ended.
 
     Attributes
     ----------
     block, trial, attempt : int
-        Its numbers [1].
+        Numbers of the attempt [1].
     outcome : str
         One of `Outcome`.
     completion : float or None
-        Completion time of a success [s].
+        Completion time; None without a success [s].
     flags : tuple of str
-        Why it is doubtful: words of `netboard.task.trials.quality.WORDS`.
+        Flags from `netboard.task.trials.quality.WORDS`.
     repeats : int
-        The trial that it repeats, 0 for none [1].
+        Number of the trial that this one repeats; 0 for none [1].
     again : bool
-        Whether the rule has the trial repeated at the end of the block.
+        Whether the rule repeats the trial at the end of the block.
     run : str
         Id of the run of the server.
     tick : int
-        Tick of that run at which it ended [1].
+        Tick of that run at which the attempt ended [1].
     block_ticks : int
-        Ticks that the block has taken so far [1].
+        Duration of the block so far, in ticks [1].
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -192,12 +192,12 @@ class AttemptEnded:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """An operator wants a trial once more at the end of its block.
+    """An operator requests the repeat of a trial at the end of its block.
 
     Attributes
     ----------
     block, trial : int
-        Which [1].
+        Numbers of the block and the trial [1].
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -207,12 +207,12 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class Veto:
-    """An operator takes the repeat of a trial back.
+    """An operator cancels the repeat of a trial.
 
     Attributes
     ----------
     block, trial : int
-        Which trial's [1].
+        Numbers of the block and the trial [1].
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -227,10 +227,10 @@ class BlockEnded:
     Attributes
     ----------
     block : int
-        Its number [1].
+        Number of the block [1].
     how : str
-        ``finished``: all trials, or the time, are over; ``given_up``: what is left of it will not be done;
-        ``stopped``: it can go on.
+        ``finished``: all trials are done, or the time limit has passed; ``given_up``: the remaining trials will not be
+        done; ``stopped``: the block can continue.
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -245,7 +245,7 @@ class Note:
     Attributes
     ----------
     text : str
-        What it says.
+        Text of the note.
     run : str
         Id of the run of the server.
     tick : int
@@ -260,12 +260,12 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The server ends on purpose. The session can be resumed if blocks are left.
+    """The server ends regularly. The session can be resumed if blocks are left.
 
     Attributes
     ----------
     reason : str
-        Why, for people.
+        Reason, in words.
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -289,7 +289,7 @@ KINDS: dict[str, type[Any]] = {
     "note": Note,
     "ended": Ended,
 }
-"""What the key ``entry`` of a line says, and what the line is then."""
+"""Types of lines, by the value of their key ``entry``."""
 
 _NAMES = {kind: name for name, kind in KINDS.items()}
 
@@ -301,14 +301,14 @@ _WRITER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",",
 
 
 def line_of(entry: Header | Entry, at: str) -> bytes:
-    """Write an entry.
+    """Encode an entry as a line.
 
     Parameters
     ----------
     entry : Header or Entry
-        What to write.
+        The entry.
     at : str
-        When, for people: it means nothing to `read_lines`.
+        Time of writing, for human readers; `read_lines` ignores it.
 
     Returns
     -------
@@ -318,7 +318,7 @@ def line_of(entry: Header | Entry, at: str) -> bytes:
     Raises
     ------
     ValueError
-        If a number is not finite: our own mistake.
+        If a number is not finite, which is a bug of the caller.
     """
     said = {name: getattr(entry, name) for name in type(entry).__slots__}
     text = _WRITER.encode({"entry": _NAMES[type(entry)], "at": at, **said})
@@ -326,18 +326,18 @@ def line_of(entry: Header | Entry, at: str) -> bytes:
 
 
 class Lines(NamedTuple):
-    """What a journal says.
+    """The content of a journal.
 
     Attributes
     ----------
     header : Header
-        What it is about.
+        The header.
     entries : tuple of Entry
-        In order.
+        The entries, in order.
     sound : int
-        Length of what can be read, in bytes [1].
+        Length of the readable part, in bytes [1].
     torn : bytes
-        A last line that was not written to its end.
+        An incomplete last line; empty for none.
     """
 
     header: Header
@@ -347,19 +347,19 @@ class Lines(NamedTuple):
 
 
 def read_lines(data: bytes, source: str) -> Lines:
-    """Read a journal.
+    """Decode a journal.
 
     Parameters
     ----------
     data : bytes
         The whole file.
     source : str
-        Its name, for error messages.
+        Name of the file, for error messages.
 
     Raises
     ------
     RecordingError
-        If a line is damaged that is not the last one, or says something that this version does not know.
+        If a line before the last one is damaged, or a line is unknown to this version.
     """
     lines = data.split(b"\n")
     torn = lines.pop()
@@ -378,7 +378,7 @@ def read_lines(data: bytes, source: str) -> Lines:
 
 
 def _json(line: bytes) -> dict[str, Any] | None:
-    """Read a JSON object; None if it is none."""
+    """Decode a JSON object; return None if the line is none."""
     try:
         said = json.loads(line)
     except ValueError:
@@ -387,7 +387,7 @@ def _json(line: bytes) -> dict[str, Any] | None:
 
 
 def _read(line: bytes, where: str) -> Any:
-    """Read a line."""
+    """Decode a line; raise RecordingError if it is not valid."""
     said = _json(line)
     if said is None:
         raise RecordingError(f"{where}: is damaged: found {_shortened(line)}, expected one JSON object")

@@ -1,8 +1,9 @@
-"""Where a session stands, told from its journal alone.
+"""Derive the progress of a session from its journal alone.
 
-Rules that hold here: a resumed session goes on with the trial after the last that was a success or was skipped; an
-attempt that has begun and not ended is incomplete, and is kept and marked; numbers are never given twice, so the next
-attempt at a trial counts on; and any beginning of a journal tells where the session stood then.
+- A resumed session continues with the trial after the last one that succeeded or was skipped.
+- An attempt that began and did not end is kept, with the outcome ``incomplete``.
+- Attempt numbers are unique: the next attempt at a trial gets the next number.
+- Any prefix of a journal gives the progress at that time.
 """
 
 from collections.abc import Sequence
@@ -26,7 +27,7 @@ from netboard.task.journal.entries import (
 from netboard.task.trials.repeats import Repeats
 
 Row: TypeAlias = tuple[int, int, int, str, float, str, int]
-"""One attempt as in `netboard.network.protocol.control.Outcomes`."""
+"""One attempt, as in `netboard.network.protocol.control.Outcomes`."""
 
 Place: TypeAlias = tuple[int, int, int]
 """Numbers of block, trial and attempt."""
@@ -36,49 +37,49 @@ INCOMPLETE = "incomplete"
 
 
 class PlannedBlock(Protocol):
-    """What is asked of a block of a plan."""
+    """What this module needs of a planned block."""
 
     @property
     def number(self) -> int:
-        """Its number, from 1 [1]."""
+        """Number of the block, from 1 [1]."""
 
     @property
     def trials(self) -> int:
-        """How many trials it has [1]."""
+        """Number of trials [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a session stands.
+    """Progress of a session.
 
     Attributes
     ----------
     blocks : int
-        How many blocks the plan has [1].
+        Number of blocks in the plan [1].
     done : tuple of int
-        Numbers of the blocks that are over [1].
+        Numbers of the finished blocks [1].
     block : int
-        Number of the block that comes next or goes on; 0 if all are over [1].
+        Number of the current or next block; 0 if all are finished [1].
     begun : bool
-        Whether that block has begun.
+        Whether this block has begun.
     trial, attempt : int
-        With which trial and attempt it goes on [1].
+        Next trial and attempt of this block [1].
     successes, failures, skipped : int
-        Successful trials, failed attempts and skipped trials of that block so far [1].
+        Successful trials, failed attempts and skipped trials of this block so far [1].
     repeats : Repeats
-        What is to be done once more in it.
+        Repeats of this block.
     completions : tuple of float
-        Completion times of its successful trials [s].
+        Completion times of the successful trials of this block [s].
     block_ticks : int
-        Ticks that it has taken so far [1].
+        Duration of this block so far, in ticks [1].
     outcomes : tuple of Row
         Every attempt of the session, in order.
     incomplete : tuple of Place
         Attempts that began and never ended.
     under_way : Place or None
-        The last of them, if it was under way at the end of the journal.
+        The incomplete attempt at the end of the journal, if there is one.
     runs : tuple of str
-        Ids of the runs of the server so far.
+        Ids of all runs of the server so far.
     """
 
     blocks: int
@@ -100,12 +101,12 @@ class Progress:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to be done."""
+        """Whether all blocks are finished."""
         return self.block == 0
 
     @property
     def extra(self) -> int:
-        """Trials that were added to the block [1]."""
+        """Number of trials added to the block [1]."""
         return self.repeats.extra
 
     @property
@@ -116,14 +117,14 @@ class Progress:
 
 @dataclass
 class _BlockSoFar:
-    """What a journal has said of a block."""
+    """State of a block after the entries so far."""
 
     repeats: Repeats
     begun: bool = False
     over: bool = False
     stopped: bool = False
     last_done: int = 0
-    attempt: int = 0  # newest at the trial after that
+    attempt: int = 0  # newest attempt at the trial after `last_done`
     failures: int = 0
     skipped: int = 0
     completions: list[float] = field(default_factory=list)
@@ -135,7 +136,7 @@ class _BlockSoFar:
 
 
 class _Reader:
-    """Takes entry after entry; what contradicts those before is a `ValueError`."""
+    """Apply entries one by one; raise ValueError if one contradicts those before."""
 
     def __init__(self, plan_blocks: Sequence[PlannedBlock]) -> None:
         self.blocks = {block.number: _BlockSoFar(Repeats(block.trials)) for block in plan_blocks}
@@ -145,7 +146,7 @@ class _Reader:
         self.runs: list[str] = []
 
     def take(self, entry: Entry) -> None:
-        """Take the next entry."""
+        """Apply the next entry."""
         match entry:
             case Opened(run=run) | Resumed(run=run):
                 self.interrupt()
@@ -175,14 +176,14 @@ class _Reader:
                 self.interrupt()
 
     def interrupt(self) -> None:
-        """Whatever is under way will not end any more."""
+        """Mark an attempt under way as incomplete: it will not end any more."""
         if self.under_way is not None:
             self.incomplete.append(self.under_way)
             self.outcomes.append((*self.under_way, INCOMPLETE, float("nan"), "", 0))
             self.under_way = None
 
     def _begin(self, number: int) -> None:
-        """Begin a block, or go on with it; a block before it that was stopped is given up."""
+        """Begin or continue a block; an earlier block that was stopped is given up."""
         if number not in self.blocks:
             raise ValueError(f"block {number}, and the plan has blocks {min(self.blocks)} to {max(self.blocks)}")
         if self.blocks[number].over:
@@ -201,7 +202,7 @@ class _Reader:
         return so_far
 
     def _number(self, entry: AttemptBegan | AttemptEnded) -> _BlockSoFar:
-        """Take note of the numbers of a new attempt, which never go back."""
+        """Check and store the numbers of a new attempt; they never decrease."""
         so_far = self._present(entry.block)
         expected = so_far.last_done + 1
         skipped = isinstance(entry, AttemptEnded) and entry.outcome == "skipped"
@@ -214,7 +215,7 @@ class _Reader:
         return so_far
 
     def _end(self, entry: AttemptEnded) -> None:
-        """Take the outcome of an attempt."""
+        """Apply the outcome of an attempt."""
         place = (entry.block, entry.trial, entry.attempt)
         if place == self.under_way:
             so_far, self.under_way = self._present(entry.block), None
@@ -237,23 +238,23 @@ class _Reader:
 def progress_of(
     header: Header, entries: Sequence[Entry], plan_blocks: Sequence[PlannedBlock], source: str = "the journal"
 ) -> Progress:
-    """Tell where a session stands.
+    """Return the progress of a session.
 
     Parameters
     ----------
     header : Header
-        The journal's.
+        Header of the journal.
     entries : sequence of Entry
-        Its entries.
+        Entries of the journal.
     plan_blocks : sequence of PlannedBlock
-        The blocks of the plan's session, in order.
+        Blocks of the planned session, in order.
     source : str
-        The journal's name, for error messages.
+        Name of the journal, for error messages.
 
     Raises
     ------
     RecordingError
-        If an entry contradicts the plan or those before it; the message names the line.
+        If an entry contradicts the plan or earlier entries; the message names the line.
     """
     reader = _Reader(plan_blocks)
     for line, entry in enumerate(entries, start=2):
@@ -289,17 +290,17 @@ def progress_of(
 
 
 def resume_words(progress: Progress) -> str:
-    """Say to the operator how a session will go on.
+    """Describe to the operator where a session resumes.
 
     Parameters
     ----------
     progress : Progress
-        Where it stands.
+        Progress of the session.
 
     Returns
     -------
     str
-        One line.
+        One line of text.
     """
     if progress.complete:
         return f"nothing is left to be done: all {progress.blocks} blocks are over"

@@ -1,4 +1,4 @@
-"""Whether a journal is that of the session that is to go on, and what has changed since it was begun."""
+"""Check that a journal belongs to the session to be resumed, and list what has changed since it began."""
 
 from typing import Any
 
@@ -7,21 +7,21 @@ from netboard.task.journal.entries import Header
 
 
 def require_same_plan(header: Header, now: Header, source: str) -> None:
-    """Refuse to go on with another plan, or for others, than a journal was begun with.
+    """Refuse to resume a journal with another plan or other participants.
 
     Parameters
     ----------
     header : Header
-        The journal's.
+        Header of the journal.
     now : Header
-        What a journal would begin with that is made now.
+        Header that a new journal would have now.
     source : str
-        The journal's name, for error messages.
+        Name of the journal, for error messages.
 
     Raises
     ------
     RecordingError
-        If they differ in what makes the plan; the message has a line for every difference.
+        If the headers differ in session, plan or participants; the message has one line per difference.
     """
     words = {
         "dyad": "dyad",
@@ -42,7 +42,7 @@ def require_same_plan(header: Header, now: Header, source: str) -> None:
 
 
 def changes(header: Header, now: Header) -> tuple[str, ...]:
-    """What has changed since a journal was begun and keeps nobody from going on, for the operator.
+    """List changes since a journal began that do not prevent resuming it, for the operator.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        A sentence for each.
+        One sentence per change.
     """
     found = _differences(header, now, {"netboard": "version of netboard", "consent": "consent"})
     if header.config_digest != now.config_digest:
@@ -61,7 +61,7 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
 
 
 def _differences(header: Header, now: Header, words: dict[str, str]) -> list[str]:
-    """Say in which fields two headers differ."""
+    """Describe the fields in which two headers differ."""
     both = [(word, getattr(header, name), getattr(now, name)) for name, word in words.items()]
     return [
         f"{word}: it was begun with {_said(then)}, and this is {_said(new)}" for word, then, new in both if then != new

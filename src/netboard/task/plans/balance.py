@@ -1,10 +1,10 @@
-"""Counting a study's plans anew: trials of each participant, and what could bias.
+"""Balance checks of a study's plans: trials per participant and condition, and counterbalancing over dyads.
 
-What must hold for every dyad is a problem where it does not, and the study is refused: each participant has as many
-trials in every condition of a kind of block, and as many as the study promises. What can only be even over several
-dyads is counted and marked.
+Within each dyad, every participant must have the same number of trials in all conditions of a kind of block, and as
+many as the study promises; otherwise the study is refused. Properties that can only be balanced over several dyads are
+counted, and reported if they are uneven.
 
-This module knows nothing of how plans are made: it counts what is in them.
+The checks are independent of the code that makes plans: they count what a plan contains.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ Cell = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table for people."""
+    """A table to be shown to the user."""
 
     title: str
     columns: tuple[str, ...]
@@ -33,14 +33,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """What was counted.
+    """Result of the balance checks.
 
     Attributes
     ----------
     problems : tuple of str
-        Why the study must be refused, in sentences; none if all counts meet.
+        Reasons to refuse the study, in sentences; empty if there is none.
     uneven : tuple of str
-        What is not even over these dyads; that is no reason to refuse.
+        Properties that are not balanced over these dyads; they are no reason to refuse.
     """
 
     tables: tuple[Table, ...]
@@ -63,7 +63,7 @@ def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
 
 
 def require_balance(study: Study, plan: Plan) -> Plan:
-    """Refuse a plan whose counts do not meet."""
+    """Return a plan if it is balanced; else raise ConfigError."""
     problems = list(_problems(study, [plan]))
     if problems:
         raise ConfigError("\n".join(f"study {study.name}: {problem}" for problem in problems))
@@ -74,7 +74,7 @@ def require_balance(study: Study, plan: Plan) -> Plan:
 
 
 def _cells(study: Study, kind: str, plan: Plan) -> tuple[Cell, ...]:
-    """All conditions of a kind that a dyad should have: of a factor between dyads, its own level alone."""
+    """List the conditions of a kind that a dyad should have; of a between-dyads factor, only the dyad's own level."""
     own = {factor: level for block in plan.blocks for factor, level in block.conditions}
     levels = [
         [own[name]] if factor.order == "between" and name in own else list(factor.levels)
@@ -84,7 +84,7 @@ def _cells(study: Study, kind: str, plan: Plan) -> tuple[Cell, ...]:
 
 
 def _cell(block: PlanBlock) -> Cell:
-    """Name the kind and the levels of a block."""
+    """Return kind and levels of a block."""
     return block.kind, tuple(level for _, level in block.conditions)
 
 
@@ -94,7 +94,7 @@ def _blocks_of(plan: Plan, participant: str) -> list[PlanBlock]:
 
 
 def _problems(study: Study, plans: Sequence[Plan]) -> Iterator[str]:
-    """Find where counts do not meet."""
+    """Find unbalanced counts."""
     for plan, participant in product(plans, PEOPLE):
         blocks = _blocks_of(plan, participant)
         for kind in study.kinds:
@@ -105,7 +105,7 @@ def _problems(study: Study, plans: Sequence[Plan]) -> Iterator[str]:
 
 
 def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock]) -> Iterator[str]:
-    """Find where the counts of one participant's blocks of a kind do not meet."""
+    """Find unbalanced counts in one participant's blocks of a kind."""
     cells = _cells(study, kind, plan)
     trials = {cell: sum(block.count for block in blocks if _cell(block) == cell) for cell in cells}
     times = {cell: sum(block.duration for block in blocks if _cell(block) == cell) for cell in cells}
@@ -119,7 +119,7 @@ def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock])
 
 
 def _counts(study: Study, plans: Sequence[Plan]) -> Iterator[tuple[str, Counter[str]]]:
-    """Count what should be even over dyads; what cannot vary is left out."""
+    """Count what should be balanced over dyads, except properties that do not vary."""
     if len(study.taken()) > 1:
         yield "order", _counted(study.taken(), [plan.order for plan in plans])
     yield "seat of A", _counted(("left", "right"), [plan.seat_a for plan in plans])
@@ -142,7 +142,7 @@ def _counts(study: Study, plans: Sequence[Plan]) -> Iterator[tuple[str, Counter[
 
 
 def _counted(values: Sequence[str], found: Sequence[str]) -> Counter[str]:
-    """Count how often each value was found, also those that were not."""
+    """Count how often each value was found; values that were not found count 0."""
     return Counter({value: sum(one == value for one in found) for value in values})
 
 
@@ -160,7 +160,7 @@ def _firsts(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
 
 
 def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
-    """Trials of each participant in each kind and condition."""
+    """Return the table of trials per participant, kind and condition."""
     cells = [cell for kind in study.kinds for cell in _all_cells(study, kind)]
     rows = []
     for plan, participant in product(plans, PEOPLE):
@@ -174,13 +174,13 @@ def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
 
 
 def _amount(blocks: list[PlanBlock]) -> str:
-    """Trials, or time where that ends the blocks."""
+    """Return the number of trials, or the duration of blocks with a time limit."""
     time = sum(block.duration for block in blocks)
     return f"{time:g} s" if time else str(sum(block.count for block in blocks))
 
 
 def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
-    """What each dyad begins with."""
+    """Return the table of the first condition of each dyad and sequence."""
     sequences = [one for one in sequences_of(study) if study.factors_of(one[0])]
     rows = []
     for plan in plans:
@@ -192,7 +192,7 @@ def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
 
 
 def _practice_table(study: Study, plans: Sequence[Plan]) -> Table:
-    """How much a participant has done before a block of each kind and condition, on average."""
+    """Return the table of mean practice: blocks done before a block of each kind and condition."""
     before: dict[Cell, list[int]] = {}
     for plan, participant in product(plans, PEOPLE):
         for done, block in enumerate(_blocks_of(plan, participant)):
@@ -214,20 +214,20 @@ def _all_cells(study: Study, kind: str) -> tuple[Cell, ...]:
 
 
 def _words(cell: Cell) -> str:
-    """Levels in a few words."""
+    """Format the levels of a condition."""
     return " ".join(cell[1])
 
 
 def _sequence(kind: str, performer: str) -> str:
-    """Name a sequence."""
+    """Return the name of a sequence."""
     return kind if performer == "dyad" else f"{kind} {performer}"
 
 
 def _even(count: Counter[str]) -> bool:
-    """Tell whether everything was found equally often."""
+    """Return whether all values were found equally often."""
     return len(set(count.values())) == 1
 
 
 def _listed(count: Counter[str]) -> str:
-    """Write counts in a few words."""
+    """Format counts in one line."""
     return ", ".join(f"{value} {number}" for value, number in count.items())

@@ -1,4 +1,4 @@
-"""All blocks of a dyad by a study, a configuration each; and fewer of them, for a trial run."""
+"""The configurations of all blocks of a dyad, or of a shortened run."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -9,13 +9,7 @@ from netboard.task.studies.study import Study
 
 
 def blocks_of(config: Config, study: Study, seed: int, dyad: int) -> list[Config]:
-    """Plan the blocks of a dyad, session after session.
-
-    Returns
-    -------
-    list of Config
-        One for each block, with names of the session and the dyad.
-    """
+    """Return the configuration of each block of a dyad, in order, with the names of session and dyad."""
     plan = plan_of(study, seed, dyad, (config.session.hand_a, config.session.hand_b))
     rig = seated(config, plan)
     return [
@@ -30,12 +24,14 @@ def blocks_of(config: Config, study: Study, seed: int, dyad: int) -> list[Config
 
 
 def shortened(blocks: Sequence[Config], most: int | None, trials: int | None) -> Iterator[Config]:
-    """Keep the first blocks only, with fewer trials each.
+    """Yield only the first blocks, with fewer trials each.
 
     Parameters
     ----------
+    most : int or None
+        Number of blocks to keep; None for all [1].
     trials : int or None
-        How many trials each has at most; None for as many as it has [1].
+        Most trials per block; None for no limit [1].
     """
     kept = blocks[:most]
     for config in kept:

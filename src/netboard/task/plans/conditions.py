@@ -1,8 +1,8 @@
-"""What a dyad's number and the seed decide: conditions along each sequence, first targets, catch trials, seats.
+"""Assign conditions, first targets, catch trials and seats from the seed and the number of a dyad.
 
-A *sequence* is the blocks of one kind by one performer (participant A, participant B, or the dyad) in the order in
-which they come. Factors vary along sequences (reading C1), and a sequence goes on where it stopped when another kind
-comes between (C4). This module knows which conditions come when, and `netboard.task.plans.plan` makes blocks of them.
+A *sequence* is all blocks of one kind by one performer (participant A, participant B, or the dyad), in order. Factors
+vary along sequences (reading C1); blocks of another kind in between do not interrupt a sequence (C4). This module
+decides which condition each block has; `netboard.task.plans.plan` makes the blocks.
 """
 
 import math
@@ -26,14 +26,14 @@ from netboard.task.studies.study import Study
 
 Performer = Literal["A", "B", "dyad"]
 Sequence = tuple[str, Performer]
-"""A kind of block, and who performs it."""
+"""A kind of block, and its performer."""
 
 MOST_CATCH = 1000
-"""Catch trials of a block at most [1]."""
+"""Most catch trials in a block [1]."""
 
 
 def sequences_of(study: Study, factor: str = "") -> tuple[Sequence, ...]:
-    """List the sequences along which factors vary: whatever the order, A before B."""
+    """List the sequences (of a factor, if given); A always comes before B."""
     return tuple(
         (name, performer)
         for name, kind in study.kinds.items()
@@ -43,7 +43,7 @@ def sequences_of(study: Study, factor: str = "") -> tuple[Sequence, ...]:
 
 
 class Conditions:
-    """What falls to one dyad."""
+    """The assignments of one dyad."""
 
     def __init__(self, study: Study, seed: int, dyad: int) -> None:
         self._study, self._seed, self._dyad = study, seed, dyad
@@ -68,11 +68,11 @@ class Conditions:
 
     @property
     def seat(self) -> Side:
-        """Where participant A sits if their hands do not decide (reading C5)."""
+        """Seat of participant A if both have the same dominant hand (reading C5)."""
         return SIDES[self._turn.seat]
 
     def at(self, sequence: Sequence, place: int) -> tuple[tuple[str, str], ...]:
-        """Find the conditions of a block; the last factor changes at every block, the first most seldom."""
+        """Return the conditions of a block; the last factor varies fastest, the first slowest."""
         found: list[tuple[str, str]] = []
         for name, factor in reversed(self._study.factors_of(sequence[0]).items()):
             if factor.order == "between":
@@ -84,7 +84,7 @@ class Conditions:
         return tuple(reversed(found))
 
     def _row(self, name: str, factor: Factor, sequence: Sequence, cycle: int) -> tuple[int, ...]:
-        """Order of a factor's levels in one cycle of a sequence."""
+        """Return the order of a factor's levels in one cycle of a sequence."""
         if factor.order == "random":
             which = list(self._study.factors).index(name), self._sequences.index(sequence)
             return shuffled(len(factor.levels), self._seed, self._dyad, Draw.LEVELS, *which, cycle)
@@ -95,10 +95,10 @@ class Conditions:
     def first_targets(
         self, sequence: Sequence, conditions: tuple[tuple[str, str], ...], number: int
     ) -> tuple[Side, ...]:
-        """Draw the first targets of the blocks of a sequence under the same conditions (reading C7).
+        """Draw the first targets of all blocks of a sequence with the same conditions (reading C7).
 
-        If their number is odd, the spare side changes from condition to condition, from sequence to sequence and from
-        dyad to dyad, beginning with a drawn one in every second dyad.
+        If the number of blocks is odd, one side comes once more than the other. That side alternates over conditions,
+        sequences and the two dyads of a pair; each pair of dyads begins with a drawn side.
         """
         cells = list(product(*(factor.levels for factor in self._study.factors_of(sequence[0]).values())))
         cell, which = cells.index(tuple(level for _, level in conditions)), self._sequences.index(sequence)
@@ -121,7 +121,7 @@ class Conditions:
         return catch_trials(number, trials, after, self._seed, self._dyad, Draw.CATCH, place)
 
     def within(self, kind: str, trials: int, place: int) -> dict[str, tuple[str, ...]]:
-        """Draw the levels of the factors that vary within a block: all combinations, each as often as the others."""
+        """Draw the levels of the trial factors of a block; all combinations are equally frequent."""
         factors = self._study.trial_factors_of(kind)
         cells = list(product(*(factor.levels for factor in factors.values())))
         drawn = trial_levels(len(cells), trials, self._seed, self._dyad, Draw.TRIALS, place) if factors else ()

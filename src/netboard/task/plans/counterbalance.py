@@ -1,11 +1,11 @@
-"""How what could bias a study is spread: over dyads by their number, over blocks and trials by the seed.
+"""Counterbalancing over dyads by their number, and randomisation over blocks and trials by the seed.
 
-Over dyads nothing is left to chance: the number of a dyad is written in digits, one for everything that must be spread,
-so that all combinations come up in turn. Within a dyad, what participants must not foresee is drawn. Draws use the raw
-bits of a PCG64 generator alone, whose stream numpy promises not to change, so that a seed means the same plan on any
-machine and in any year.
+Over dyads nothing is random: the number of a dyad is decomposed into mixed-radix digits, one per property to be
+counterbalanced, so that all combinations come up in turn. Within a dyad, what participants must not foresee is random.
+Random draws use only the raw bits of a PCG64 generator, a stream that numpy guarantees not to change. So a seed gives
+the same plan on every computer and with every version of numpy.
 
-This module knows of numbers only; `netboard.task.plans.plan` knows what they stand for.
+This module handles only numbers; `netboard.task.plans.conditions` knows what they stand for.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ Row = tuple[int, ...]
 
 
 class Draw(IntEnum):
-    """What is drawn; each has a stream of its own."""
+    """Purpose of a random draw; each has its own stream."""
 
     LEVELS = 1
     SPARE_SIDES = 2
@@ -29,46 +29,47 @@ class Draw(IntEnum):
 
 
 def bits(number: int, *words: int) -> tuple[int, ...]:
-    """Draw numbers.
+    """Draw 64-bit random numbers.
 
     Parameters
     ----------
     *words : int
-        The seed, and what the draw is for; none negative [1].
+        Entropy: the seed and the purpose of the draw; none negative [1].
     """
     return tuple(int(word) for word in np.random.PCG64(np.random.SeedSequence(words)).random_raw(number))
 
 
 def shuffled(number: int, *words: int) -> Row:
-    """Draw an order of the numbers from 0.
+    """Draw a random permutation of 0 to ``number - 1``.
 
     Parameters
     ----------
     *words : int
-        The seed, and what the draw is for; none negative [1].
+        Entropy: the seed and the purpose of the draw; none negative [1].
 
     Returns
     -------
     tuple of int
-        The numbers in an order of which each is equally likely [1].
+        A permutation; all are equally likely [1].
     """
     drawn = bits(number, *words) if number else ()
     return tuple(sorted(range(number), key=lambda index: drawn[index]))
 
 
 def rows(levels: int, order: str) -> tuple[Row, ...]:
-    """Make the rows in which levels can follow each other.
+    """Return the rows of levels of a counterbalanced order.
 
     Parameters
     ----------
     order : {"alternate", "latin", ...}
-        In turn, from each level; or a latin square in which each level also follows each other equally often
-        (Williams 1949; with an odd number of levels that takes twice as many rows). Any other order has none.
+        ``alternate``: the levels in turn, one row per first level. ``latin``: a balanced Latin square, in which each
+        level follows every other equally often (Williams 1949; an odd number of levels needs twice as many rows). Any
+        other order has no rows.
 
     Returns
     -------
     tuple of tuple of int
-        Rows of level numbers; empty if the order is not by rows [1].
+        Rows of level numbers; empty if the order has none [1].
     """
     if order == "alternate":
         return tuple(tuple((start + step) % levels for step in range(levels)) for start in range(levels))
@@ -81,16 +82,16 @@ def rows(levels: int, order: str) -> tuple[Row, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What falls to one dyad by its number.
+    """The counterbalanced assignments of one dyad.
 
     Attributes
     ----------
     group : int
-        How many dyads with the same order and the same levels between came before it [1].
+        Number of earlier dyads with the same order and the same between-dyads levels [1].
     seat : int
-        0: participant A sits left if their hands do not decide; 1: right [1].
+        Seat of participant A if both have the same dominant hand; 0: left, 1: right [1].
     starts : tuple of tuple of int
-        For each factor that goes by rows, the row with which each of its sequences begins [1].
+        For each factor with rows, the first row of each of its sequences [1].
     """
 
     order: int
@@ -101,18 +102,18 @@ class Turn:
 
 
 def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tuple[int, Sequence[int]]]) -> Turn:
-    """Find what falls to a dyad.
+    """Return the assignments of a dyad.
 
-    The digits, the fastest first: order of blocks; level of each factor between dyads; for each factor that goes by
-    rows, the shift of all its sequences; then, for each of these, how its sequences differ from each other. For the
-    paper (two levels; sequences of A, B and the dyad) dyads 1 to 4 begin with (on, off, on), (off, on, off),
-    (on, off, off), (off, on, on), and 1 to 8 with all combinations (reading C2). Seats follow the sequence of Thue and
-    Morse, two dyads at a time: even after every four, and in step with none of the digits.
+    The digits, fastest first, are: the order of blocks; the level of each between-dyads factor; for each factor with
+    rows, the shift of all its sequences; then, for each of these factors, the differences between its sequences. For
+    the paper (two levels; sequences of A, B and the dyad) dyads 1 to 4 begin with (on, off, on), (off, on, off),
+    (on, off, off), (off, on, on), and 1 to 8 with all combinations (reading C2). Seats follow the Thue-Morse sequence,
+    two dyads per term: they are balanced after every four dyads, and not aligned with any of the digits.
 
     Parameters
     ----------
     factors : sequence of (int, sequence of int)
-        For each factor that goes by rows, the number of its rows, and the offset of each of its sequences [1].
+        For each factor with rows, the number of rows, and the offset of each of its sequences [1].
     """
     rest, order = divmod(dyad - 1, orders)
     levels = []
@@ -136,26 +137,26 @@ def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tu
 
 
 def first_sides(number: int, spare: int, *words: int) -> Row:
-    """Draw the side of the first target of blocks that are alike: as many left as right, or one more of a side.
+    """Draw the first target sides of blocks with the same conditions, balanced over left and right.
 
     Parameters
     ----------
     spare : int
-        The side of which there is one more if the number is odd: 0 left, 1 right [1].
+        The side that comes once more if the number of blocks is odd: 0 left, 1 right [1].
     *words : int
-        The seed, and what the draw is for; none negative [1].
+        Entropy: the seed and the purpose of the draw; none negative [1].
     """
     sides = [index % 2 for index in range(number - number % 2)] + [spare] * (number % 2)
     return tuple(sides[index] for index in shuffled(number, *words))
 
 
 def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
-    """Draw the catch trials of a block: half of them with either target, as far as that goes.
+    """Draw the catch trials of a block, balanced over the two targets as far as possible.
 
     Parameters
     ----------
     *words : int
-        The seed, and what the draw is for; none negative [1].
+        Entropy: the seed and the purpose of the draw; none negative [1].
     """
     if number == 0:
         return ()
@@ -167,12 +168,12 @@ def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
 
 
 def trial_levels(levels: int, trials: int, *words: int) -> Row:
-    """Draw the level of each trial of a block: each as often as the others, with either target, as far as that goes.
+    """Draw the level of each trial of a block, balanced over levels and targets as far as possible.
 
     Parameters
     ----------
     *words : int
-        The seed, and what the draw is for; none negative [1].
+        Entropy: the seed and the purpose of the draw; none negative [1].
     """
     order = shuffled(levels, *words, 0)
     odd = trials - trials // 2

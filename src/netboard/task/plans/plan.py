@@ -1,8 +1,8 @@
 """The plan of one dyad: sessions, blocks and trials, as a pure function of study, seed and number of the dyad.
 
-Equal arguments make an equal plan, with an equal `digest`, wherever and whenever it is made; so a session that was
-interrupted goes on with the same plan. Everything else of the program sees of a plan only the `Config` of one block,
-which `config_of` makes of the rig's.
+Equal arguments give an equal plan with an equal `digest`, on any computer and at any time, so an interrupted session
+continues with the same plan. The rest of the program sees only the `Config` of one block, which `config_of` derives
+from the rig's configuration.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
 
 @dataclass(frozen=True, slots=True)
 class PlanTrial:
-    """One trial."""
+    """One planned trial."""
 
     number: int
     target: Side
@@ -37,18 +37,18 @@ class PlanTrial:
 
 @dataclass(frozen=True, slots=True)
 class PlanBlock:
-    """One block.
+    """One planned block.
 
     Attributes
     ----------
     duration : float
-        No trial begins after so long; 0: only the trials count [s].
+        Time limit after which no trial begins; 0: none [s].
     rest : float
         Rest before the block [s].
     instructions : tuple of dict
-        What is read before the block, part by part, by language.
+        Parts of the instructions before the block, each by language.
     design : Design
-        Its role, and its factors with the level of each; as the block's configuration has it.
+        Role, factors and levels of the block, as in its configuration.
     """
 
     number: int
@@ -69,23 +69,23 @@ class PlanBlock:
 
     @property
     def role(self) -> Role:
-        """What its trials are for, catch trials aside."""
+        """Role of the trials, except catch trials."""
         return role_by_name(self.kind) if self.design.role == "auto" else self.design.role
 
     @property
     def configuration(self) -> Literal["dyadic", "bimanual"]:
-        """Whether two people have one hand each, or one has both."""
+        """Whether two participants use one hand each, or one uses both hands."""
         return "bimanual" if self.performer != "dyad" and self.other_hand == "own" else "dyadic"
 
     @property
     def label(self) -> str:
-        """What operators and the data call the block."""
+        """Name of the block for operators and in the data."""
         who = self.kind if self.performer == "dyad" else f"{self.kind} {self.performer}"
         return ", ".join((who, *(f"{factor} {level}" for factor, level in self.conditions)))
 
     @property
     def trials(self) -> tuple[PlanTrial, ...]:
-        """Its trials; targets change side after each."""
+        """Trials of the block; the target changes side after each."""
         sides = (self.first_target, OTHER_SIDE[self.first_target])
         caught = set(self.catch)
         return tuple(PlanTrial(n, sides[(n - 1) % 2], n in caught) for n in range(1, self.count + 1))
@@ -93,7 +93,7 @@ class PlanBlock:
 
 @dataclass(frozen=True, slots=True)
 class PlanSession:
-    """One session: what is done in one go."""
+    """One planned session: the blocks of one visit."""
 
     number: int
     blocks: tuple[PlanBlock, ...]
@@ -106,7 +106,7 @@ class Plan:
     Attributes
     ----------
     seat_a : {"left", "right"}
-        Where participant A should sit; B sits at the other side.
+        Proposed seat of participant A; B sits on the other side.
     """
 
     study: str
@@ -123,7 +123,7 @@ class Plan:
         return tuple(block for session in self.sessions for block in session.blocks)
 
 
-# --- making ------------------------------------------------------------------------------------------------------
+# --- making a plan -----------------------------------------------------------------------------------------------
 
 
 def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("right", "right")) -> Plan:
@@ -132,7 +132,7 @@ def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("rig
     Parameters
     ----------
     hands : tuple of {"right", "left"}
-        Dominant hands of participants A and B; where they differ they decide who sits where (reading C5).
+        Dominant hands of participants A and B; if they differ, they decide the seats (reading C5).
     """
     if seed < 0 or dyad < 1:
         raise ValueError(f"seed {seed}, dyad {dyad}: expected a seed from 0 and a dyad from 1")
@@ -146,13 +146,13 @@ def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("rig
 
 
 def to_json(plan: Plan) -> str:
-    """Write a plan as JSON, always the same text for equal plans.
+    """Return a plan as JSON in a canonical form: equal plans give the same text.
 
     Returns
     -------
     str
-        One line, keys in alphabetical order. Of the block's design it has what does not follow from the study: a role
-        other than the name's, and what was drawn for trials.
+        One line, keys in alphabetical order. Of a block's design it holds only what does not follow from the study: a
+        declared role, and the levels drawn for trials.
     """
     whole = asdict(plan)
     for block in (block for session in whole["sessions"] for block in session["blocks"]):
@@ -162,13 +162,13 @@ def to_json(plan: Plan) -> str:
 
 
 def digest(plan: Plan) -> str:
-    """Fingerprint of a plan: equal plans have equal fingerprints."""
+    """Return the SHA-256 of a plan, in hexadecimal; equal plans have equal digests."""
     return hashlib.sha256(to_json(plan).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """Who performs what next, and whether a long rest comes before."""
+    """Kind and performer of one block, and whether a long rest precedes it."""
 
     sequence: Sequence
     rested: bool
@@ -176,7 +176,7 @@ class _Step:
 
 
 def _performed(study: Study, order: str) -> Iterator[list[_Step]]:
-    """Give each session of an order, with who performs which block."""
+    """Yield the steps of each session of an order."""
     for session in steps_of(study.orders[order]):
         steps = [
             _Step((step.kind, performer), step.rested and first == 0, last=False)
@@ -187,7 +187,7 @@ def _performed(study: Study, order: str) -> Iterator[list[_Step]]:
 
 
 def _blocks(study: Study, spread: Conditions, steps: list[_Step], done: Counter[Sequence]) -> Iterator[PlanBlock]:
-    """Make the blocks of a session; their first targets come later."""
+    """Make the blocks of a session; `_with_targets` sets their first targets."""
     for number, step in enumerate(steps, start=1):
         conditions = spread.at(step.sequence, done[step.sequence])
         yield _block(study, spread, step, number, conditions, done.total())
@@ -230,7 +230,7 @@ def _block(
 def _design(
     study: Study, kind: str, conditions: tuple[tuple[str, str], ...], trials: dict[str, tuple[str, ...]]
 ) -> Design:
-    """Declare the factors of a block, with its levels."""
+    """Make the design of a block: its factors with their levels."""
     own = {name: declared(study.factors[name]) for name in (*dict(conditions), *trials)}
     return Design(
         kind=kind,
@@ -246,7 +246,7 @@ def _design(
 
 
 def _scales(study: Study, within: dict[str, tuple[str, ...]], otherwise: float) -> tuple[float, ...]:
-    """What is felt is multiplied by this in each trial; empty where no trial differs."""
+    """Return the force scale of each trial; empty if no trial differs from the block."""
     of_levels = {
         name: {level: changes.block.get("force_scale") for level, changes in study.factors[name].levels.items()}
         for name in within
@@ -257,7 +257,7 @@ def _scales(study: Study, within: dict[str, tuple[str, ...]], otherwise: float) 
 
 
 def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
-    """Put changes over each other, the last on top."""
+    """Merge changes; later ones override earlier ones."""
     whole: dict[str, dict[str, Any]] = {}
     for part in parts:
         for table, keys in part.items():
@@ -266,7 +266,7 @@ def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]
 
 
 def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iterator[PlanSession]:
-    """Give each block its first target: as many left as right over those of a sequence and condition (C7)."""
+    """Set the first target of each block, balanced over the blocks of a sequence and condition (C7)."""
     blocks = [block for session in sessions for block in session.blocks]
     alike = Counter(((block.kind, block.performer), block.conditions) for block in blocks)
     drawn = {cell: iter(spread.first_targets(*cell, number)) for cell, number in alike.items()}
@@ -283,13 +283,7 @@ def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iter
 
 
 def seated(config: Config, plan: Plan) -> Config:
-    """Enter a plan in the rig's configuration: name of the study, and the seats that the plan proposes.
-
-    Returns
-    -------
-    Config
-        The configuration with both in ``[session]``; whoever decides otherwise about seats changes ``seat_a`` after it.
-    """
+    """Return the rig's configuration with the study's name and the proposed seats in ``[session]``."""
     return replace(config, session=replace(config.session, study=plan.study, seat_a=plan.seat_a))
 
 
@@ -299,8 +293,8 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
     Parameters
     ----------
     config : Config
-        The rig's, which says who sits where (``session.seat_a``) and what the study leaves open; its ``[block]`` does
-        not count.
+        Configuration of the rig: the seats (``session.seat_a``) and all keys that the study does not set; its
+        ``[block]`` is ignored.
     """
     plan = session.blocks[number - 1]
     tables = {
@@ -315,7 +309,7 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
 
 
 def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:
-    """Make the table ``[block]``."""
+    """Make the table ``[block]`` of a planned block."""
     block = replace(Block(), **plan.changes.get("block", {}))
     if plan.performer != "dyad":
         seat = config.session.seat_a if plan.performer == "A" else OTHER_SIDE[config.session.seat_a]
@@ -338,5 +332,5 @@ def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:
 
 
 def _in_language(texts: dict[str, str], language: str) -> str:
-    """Take a text in the display's language, or in English, or in the first there is."""
+    """Return a text in the display's language, else in English, else in the first language."""
     return texts.get(language) or texts.get("en") or next(iter(texts.values()))

@@ -1,1 +1,1 @@
-"""A study as its file describes it: kinds of blocks, factors, order; and the studies that come with netboard."""
+"""Study files: kinds of blocks, factors and order; and the built-in studies."""

@@ -1,8 +1,8 @@
-"""The factors of a design: what they are by a study, and which level a block or a trial of a recording has.
+"""Experimental factors: their declaration in a study, and their level in a recorded block or trial.
 
-A factor is numeric if each of its levels sets one and the same number (or says its own ``value``), boolean if it is a
-switch, and else categorical. A recording carries the declaration of all factors of its block (table ``[design]``).
-One from before there was such a table has the kind of block and the levels in its label; anything else has none.
+A factor is numeric if each level sets the same key to a number or declares a ``value``, boolean if all set the same key
+to true or false, and otherwise categorical. A recording carries the declaration of all factors of its block (table
+``[design]``). Older recordings without this table have the kind of block and the levels in the block's label.
 """
 
 import re
@@ -19,10 +19,10 @@ from netboard.base.tables.experiment import Design, FactorType, Role
 from netboard.task.studies.parts import CHANGED, Factor
 
 Scope = Literal["dyad", "block", "trial"]
-"""Where a factor has one level: in all blocks of a dyad, in a block, or in a trial."""
+"""Unit within which a factor has one level: all blocks of a dyad, a block, or a trial."""
 
 TrialRole = Literal["practice", "familiarisation", "baseline", "test", "catch"]
-"""What a trial is for."""
+"""Role of a trial."""
 
 _ROLES: tuple[tuple[str, Role], ...] = (
     ("practice", "practice"),
@@ -30,12 +30,12 @@ _ROLES: tuple[tuple[str, Role], ...] = (
     ("familiari", "familiarisation"),
     ("baseline", "baseline"),
 )
-"""How the names of blocks begin that are no test."""
+"""Roles of kinds of blocks by the beginning of their name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What the levels of a factor are.
+    """Declaration of a factor: type, levels, values and unit.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Declared:
 
 
 def declared(factor: Factor) -> Declared:
-    """Find out what the levels of a study's factor are."""
+    """Return the declaration of a study's factor."""
     key, found = _only_key(factor)
     given = [level.value for level in factor.levels.values()]
     values = [one if isinstance(one, float) else _number(own) for one, own in zip(given, found, strict=True)]
@@ -72,7 +72,7 @@ def declared(factor: Factor) -> Declared:
 
 
 def _only_key(factor: Factor) -> tuple[str, list[Any]]:
-    """The one key that every level sets, and its value at each; none of them if there is no such key."""
+    """Return the only key that the levels set, with its value at each level; an empty key if there is no such key."""
     set_by = [
         {f"{table}.{key}": value for table, keys in level.changed().items() for key, value in keys.items()}
         for level in factor.levels.values()
@@ -85,17 +85,17 @@ def _only_key(factor: Factor) -> tuple[str, list[Any]]:
 
 
 def _number(value: Any) -> float:
-    """A number as float; NaN for anything else."""
+    """Return a number as float; NaN for anything else."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else nan
 
 
 @cache
 def _units() -> dict[str, str]:
-    """Unit of each key that a study may change, by ``table.key``."""
+    """Return the unit of each key that a study may change, by ``table.key``."""
     return {f"{name}.{key.name}": key.unit for name, of in CHANGED.items() for one in tables(of) for key in one.keys}
 
 
-# --- of a block that was done ------------------------------------------------------------------------------------
+# --- recorded blocks ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class BlockFactor:
     Attributes
     ----------
     sequence : tuple of str
-        The level of the block; or, within a block, that of each trial, repeated from the first.
+        The level of the block; for a trial factor, the levels of its trials, repeated cyclically.
     """
 
     name: str
@@ -114,25 +114,25 @@ class BlockFactor:
     sequence: tuple[str, ...]
 
     def level(self, trial: int = 1) -> str:
-        """Level in a trial."""
+        """Return the level in a trial."""
         return self.sequence[(max(trial, 1) - 1) % len(self.sequence)]
 
     def value(self, trial: int = 1) -> float:
-        """Value of the level in a trial; NaN if the factor is not numeric [its unit]."""
+        """Return the value of the level in a trial; NaN if the factor is not numeric [its unit]."""
         return self.of.values[self.of.levels.index(self.level(trial))] if self.of.values else nan
 
     @property
     def summary(self) -> str:
-        """Its level in the block, or all that it has in the trials, with value and unit."""
+        """All levels of the factor in this block, with value and unit."""
         return ", ".join(level_text(self.of, level) for level in dict.fromkeys(self.sequence))
 
     def text(self, trial: int = 1) -> str:
-        """Name and level, with value and unit where there are some, such as ``mass heavy (0.05 kg)``."""
+        """Return name and level, with value and unit if any, such as ``mass heavy (0.05 kg)``."""
         return f"{self.name} {level_text(self.of, self.level(trial))}"
 
 
 def level_text(of: Declared, level: str) -> str:
-    """Write a level, with value and unit if it has them."""
+    """Format a level, with value and unit if it has them."""
     if not of.values or level not in of.levels:
         return level
     unit = "" if of.unit in ("", "1") else f" {of.unit}"
@@ -145,18 +145,18 @@ def factors_of(config: Config) -> tuple[BlockFactor, ...]:
     Parameters
     ----------
     config : Config
-        Configuration of the block, also one recorded by an older version.
+        Configuration of the block, possibly recorded by an older version.
 
     Returns
     -------
     tuple of BlockFactor
-        In the study's order, those within the block last; none if the block is in no study.
+        Factors in the study's order, trial factors last; empty if the block belongs to no study.
     """
     return tuple(_factors(design_of(config)))
 
 
 def design_of(config: Config) -> Design:
-    """What a block is in its study; of an older recording, as its label says."""
+    """Return the design of a block; for older recordings, derive it from the block's label."""
     design, block = config.design, config.block
     if design != Design(role=design.role) or not config.session.study or not block.label:
         return design
@@ -183,29 +183,29 @@ def _declared(design: Design, name: str, found: Sequence[str]) -> Declared:
 
 
 def role_of(config: Config) -> Role:
-    """What the trials of a block are for, catch trials aside."""
+    """Return the role of the trials of a block, except catch trials."""
     design = design_of(config)
     return role_by_name(design.kind or config.block.label) if design.role == "auto" else design.role
 
 
 def role_by_name(name: str) -> Role:
-    """What the trials of a block are for whose role nobody declared."""
+    """Return the role of a block without a declared role, from the name of its kind."""
     plain = name.casefold()
     return next((role for beginning, role in _ROLES if plain.startswith(beginning)), "test")
 
 
 def trial_role(config: Config, trial: int) -> TrialRole:
-    """What a trial is for."""
+    """Return the role of a trial."""
     return "catch" if trial in config.block.catch else role_of(config)
 
 
 def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
-    """Put together what several blocks say of a factor; where they contradict each other, levels are mere names.
+    """Merge the declarations of a factor from several blocks; if they contradict each other, it becomes categorical.
 
     Parameters
     ----------
     found : sequence of BlockFactor
-        The same factor in each of the blocks that have it.
+        The factor in each block that has it.
     """
     levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
     first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
@@ -218,12 +218,12 @@ def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
 
 
 def column_of(name: str) -> str:
-    """Name of the column of a factor in tables and exports; that of its values ends with ``_value``."""
+    """Return the column name of a factor in tables and exports; the column of its values adds ``_value``."""
     return f"factor_{re.sub('[^A-Za-z0-9_]', '_', name)}"
 
 
 class TrialDetails:
-    """What events of a trial say of its role and its factors."""
+    """Role and factors of a trial, as the details of its events."""
 
     def __init__(self, config: Config) -> None:
         self._factors = factors_of(config)
@@ -231,13 +231,7 @@ class TrialDetails:
         self._says_role = bool(self._factors or self._catch or self._role != "test" or config.design.kind)
 
     def of(self, trial: int) -> dict[str, str]:
-        """Details of a trial; none in a block without a design.
-
-        Returns
-        -------
-        dict of str
-            ``role``, and for each factor its column with the level in words.
-        """
+        """Return the ``role`` of a trial and, per factor, column name and level; empty in a block without a design."""
         if not self._says_role:
             return {}
         role = "catch" if trial in self._catch else self._role

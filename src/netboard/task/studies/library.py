@@ -1,19 +1,19 @@
-"""The studies that come with netboard, by name: the paper's, and examples to start from.
+"""The built-in studies, by name: that of the paper, and examples to start from.
 
-Their texts are files of this package, read as its modules are; they change only with the program.
+They are TOML files inside this package, so they change only with the version of netboard.
 """
 
 from importlib.resources import files
 
 NAMES = ("paper", "five_forces", "controls", "pilot")
-"""Built-in studies."""
+"""Names of the built-in studies."""
 
 TEMPLATE = "template"
-"""A study that says what each key is."""
+"""Name of the template: a study file that explains every key."""
 
 
 def text_of(name: str) -> str:
-    """Read a built-in study's file."""
+    """Return the TOML text of a built-in study."""
     if name not in (*NAMES, TEMPLATE):
         raise ValueError(f"{name}: no built-in study; there are {', '.join(NAMES)}")
     return files("netboard.task.studies").joinpath(f"{name}.toml").read_text(encoding="utf-8")

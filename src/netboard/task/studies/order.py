@@ -1,7 +1,7 @@
-"""The order of a study's blocks, as people write it: ``4 solo, 6 dyadic, 2 solo``.
+"""Parser for the order of a study's blocks, such as ``4 solo, 6 dyadic, 2 solo``.
 
-A name stands for a block of that kind (or one each, where A and B perform it in turn). A number says how often what
-follows is done, brackets group, ``/`` is a long rest and ``|`` begins the next session. Commas are for the eye.
+A name stands for a block of that kind (or for one block each, if A and B perform it in turn). A number repeats the name
+or group after it, brackets group, ``/`` is a long rest, and ``|`` begins the next session. Commas are optional.
 """
 
 import re
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from netboard.base.errors import ConfigError
 
 MOST = 1000
-"""Steps of an order at most [1]."""
+"""Most steps of an order [1]."""
 
 _TOKEN = re.compile(r"\s*([0-9]{1,4}|[A-Za-z][A-Za-z0-9_-]*|[(),/|])")
 
@@ -25,7 +25,7 @@ class Step:
 
 
 def steps_of(text: str) -> tuple[tuple[Step, ...], ...]:
-    """Read an order."""
+    """Parse an order; return the steps of each session."""
     sessions: list[list[Step]] = [[]]
     rested = False
     for word in _expanded(text):
@@ -43,7 +43,7 @@ def steps_of(text: str) -> tuple[tuple[Step, ...], ...]:
 
 
 def _expanded(text: str) -> list[str]:
-    """Carry out numbers and brackets: what is left are names and the marks ``/`` and ``|``."""
+    """Expand numbers and brackets; return only names, ``/`` and ``|``."""
     stack: list[tuple[int, list[str]]] = [(1, [])]
     times: int | None = None
     for word in _words(text):
@@ -72,14 +72,14 @@ def _expanded(text: str) -> list[str]:
 
 
 def _append(words: list[str], more: list[str], times: int) -> None:
-    """Add words a number of times, unless that would be too many."""
+    """Append words a number of times; raise ConfigError if there are too many."""
     if len(words) + len(more) * times > MOST:
         raise ConfigError(f"more than {MOST} blocks")
     words += more * times
 
 
 def _words(text: str) -> Iterator[str]:
-    """Cut an order into words."""
+    """Split an order into tokens."""
     place, end = 0, len(text.rstrip())
     while place < end:
         found = _TOKEN.match(text, place)

@@ -1,7 +1,7 @@
-"""What a study is made of: kinds of blocks, factors and their levels, questionnaires.
+"""The parts of a study: kinds of blocks, factors and their levels, questionnaires.
 
-What differs from the rig's configuration is kept in the configuration's own tables and keys, and only these: a key that
-is not set is the rig's. `netboard.task.studies.study` reads and checks them.
+A part stores only the configuration keys that differ from the rig's configuration, under their own table and key.
+`netboard.task.studies.study` reads and checks them.
 """
 
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ CHANGED: dict[str, type[Any]] = {
     "display": Display,
     "participant": Participant,
 }
-"""Tables of the configuration that may differ from block to block."""
+"""Tables of the configuration that a study may change."""
 
 PLANNED = (
     "number",
@@ -36,21 +36,21 @@ PLANNED = (
     "instructions",
     "seed",
 )
-"""Keys of ``[block]`` that follow from the plan."""
+"""Keys of ``[block]`` that the plan sets, so a study may not."""
 
 SESSION = "session"
-"""Where a questionnaire comes at the end of a session."""
+"""Value of ``after`` for a questionnaire at the end of a session."""
 
 WITHIN = "trial"
 """Order of a factor that varies over the trials of a block."""
 
 ALL = "all"
-"""Every factor."""
+"""Value of ``factors`` for every factor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What differs from the rig's configuration, by table and key."""
+    """Keys that differ from the rig's configuration, by table."""
 
     __pydantic_config__ = NO_EXTRAS
     block: Annotated[dict[str, Any], about("keys of [block] that differ")] = field(default_factory=dict)
@@ -67,13 +67,13 @@ class Changes:
     ] = field(default_factory=dict)
 
     def changed(self) -> dict[str, dict[str, Any]]:
-        """Tables that differ, with the keys that do."""
+        """Return the changed keys by table, without unchanged tables."""
         return {table: dict(getattr(self, table)) for table in CHANGED if getattr(self, table)}
 
 
 @dataclass(frozen=True, slots=True)
 class Level(Changes):
-    """One level of a factor: what differs with it. Its instructions are read after those of the kind."""
+    """One level of a factor, with its changes. Its instructions follow those of the kind."""
 
     __pydantic_config__ = NO_EXTRAS
     value: Annotated[float, about("value of this level of a numeric factor", allow_inf_nan=False)] | Literal["auto"] = (
@@ -83,7 +83,7 @@ class Level(Changes):
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """What varies over blocks, or over the trials of a block."""
+    """A factor that varies over blocks, or over the trials of a block."""
 
     __pydantic_config__ = NO_EXTRAS
     order: Annotated[
@@ -127,7 +127,7 @@ class Kind(Changes):
     catch_after: Annotated[int, about("so many trials of a block are never catch trials", "1", ge=0, le=10_000)] = 1
 
     def people(self) -> tuple[Literal["A", "B", "dyad"], ...]:
-        """Who performs the blocks of one step, in turn."""
+        """Return the performers of the blocks of one step, in turn."""
         by: dict[str, tuple[Literal["A", "B", "dyad"], ...]] = {
             "dyad": ("dyad",),
             "A": ("A",),
@@ -140,7 +140,7 @@ class Kind(Changes):
 
 @dataclass(frozen=True, slots=True)
 class Questionnaire:
-    """What the operator is reminded of."""
+    """A questionnaire that the operator is reminded of."""
 
     __pydantic_config__ = NO_EXTRAS
     text: Annotated[str, about("what the operator is shown: words, or a web address", min_length=1)]

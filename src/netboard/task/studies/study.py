@@ -1,11 +1,11 @@
-"""A study as its file describes it: which kinds of blocks there are, what varies over them, and in which order.
+"""Read, check and write study files: kinds of blocks, factors, and the order of blocks.
 
-A study file is TOML. What differs from the rig's configuration is written in the configuration's own words, table and
-key (``block.trials = 60``, ``physics.M = 0.02``): for all blocks at the top of the file, for the blocks of a kind in
-``[kinds.NAME]``, for a level of a factor in ``[factors.NAME.levels.LEVEL]``. A level goes before a kind, and a kind
-before the top. Whatever is wrong is a `ConfigError` with a line for every problem.
+A study file is TOML. It changes keys of the rig's configuration by table and key (``block.trials = 60``,
+``physics.M = 0.02``): for all blocks at the top of the file, for a kind of block in ``[kinds.NAME]``, for a level of a
+factor in ``[factors.NAME.levels.LEVEL]``. A level overrides a kind, and a kind overrides the top. An invalid file
+raises a `ConfigError` with one line per problem.
 
-This module knows of no dyad: `netboard.task.plans.plan` makes the blocks of one from a study.
+This module knows no dyads: `netboard.task.plans.plan` makes the blocks of a dyad from a study.
 """
 
 import difflib
@@ -36,15 +36,15 @@ from netboard.task.studies.parts import (
 T = TypeVar("T")
 
 IN_TRIALS = "block.force_scale"
-"""What can differ from trial to trial within a block."""
+"""The only key that may vary from trial to trial within a block."""
 
 _LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
-"""Keys that came later, with their defaults."""
+"""Keys added in later versions, with their defaults."""
 
 
 @dataclass(frozen=True, slots=True)
 class Study(Changes):
-    """A study; what differs in all its blocks is at its top."""
+    """A study; its own changes apply to all its blocks."""
 
     __pydantic_config__ = NO_EXTRAS
     name: Annotated[str, about("its name", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
@@ -63,15 +63,15 @@ class Study(Changes):
     questionnaires: Annotated[dict[str, Questionnaire], about("questionnaires, by name")] = field(default_factory=dict)
 
     def taken(self) -> tuple[str, ...]:
-        """Names of the orders that dyads take in turn."""
+        """Return the names of the orders that dyads take in turn."""
         return self.order or tuple(self.orders)[:1]
 
     def factors_of(self, kind: str) -> dict[str, Factor]:
-        """Factors that vary over a kind's blocks, slowest first."""
+        """Return the factors that vary over a kind's blocks, slowest first."""
         return {name: factor for name, factor in self._every(kind).items() if factor.order != WITHIN}
 
     def trial_factors_of(self, kind: str) -> dict[str, Factor]:
-        """Factors that vary over the trials of a kind's blocks."""
+        """Return the factors that vary over the trials of a kind's blocks."""
         return {name: factor for name, factor in self._every(kind).items() if factor.order == WITHIN}
 
     def _every(self, kind: str) -> dict[str, Factor]:
@@ -83,13 +83,13 @@ class Study(Changes):
 
 
 def parse_study(text: str, source: str = "study.toml") -> Study:
-    """Check a study file and turn it into a `Study`.
+    """Parse and check a study file.
 
     Raises
     ------
     ConfigError
-        If the text is not TOML, a key is unknown, of the wrong type or out of range, or parts do not go together.
-        The message has a line for every problem.
+        If the text is not TOML, a key is unknown, of the wrong type or out of range, or parts contradict each other.
+        The message has one line per problem.
     """
     try:
         values = tomllib.loads(text)
@@ -105,18 +105,12 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
 
 
 def paper_study() -> Study:
-    """Make the study of the paper.
-
-    Returns
-    -------
-    Study
-        18 blocks of 60 trials, of which the built-in file has the details.
-    """
+    """Return the study of the paper, with 18 blocks of 60 trials, from its built-in file."""
     return parse_study(library.text_of("paper"), "paper")
 
 
 def _whole(values: dict[str, Any], problems: list[str]) -> Study | None:
-    """Read everything, the inner tables first."""
+    """Check all tables, the inner ones first."""
     values = dict(values)
     for name, factor in _tables(values, "factors", (), problems):
         path = ("factors", name)
@@ -134,7 +128,7 @@ def _whole(values: dict[str, Any], problems: list[str]) -> Study | None:
 
 
 def _put(table: dict[str, Any], name: str, value: object) -> None:
-    """Put what a table was read as in its place; what is wrong is left out, for it is a problem already."""
+    """Replace a table by its checked value, or remove it if invalid: its problem is already listed."""
     if value is None:
         del table[name]
     else:
@@ -142,7 +136,7 @@ def _put(table: dict[str, Any], name: str, value: object) -> None:
 
 
 def _table(values: dict[str, Any], name: str, path: Sequence[str], problems: list[str]) -> dict[str, Any]:
-    """Take the table of that name, a copy that may be changed; what is no table is a problem and left out."""
+    """Return a copy of the table of that name; a value that is no table is a problem and gives an empty one."""
     found = values.get(name, {})
     if not isinstance(found, dict):
         problems.append(f"[{'.'.join((*path, name))}]: found {_found(found)}, expected a table")
@@ -156,7 +150,7 @@ def _table(values: dict[str, Any], name: str, path: Sequence[str], problems: lis
 def _tables(
     values: dict[str, Any], name: str, path: Sequence[str], problems: list[str]
 ) -> list[tuple[str, dict[str, Any]]]:
-    """Take the tables within the table of that name, copies that may be changed."""
+    """Return copies of the tables within the table of that name."""
     table = _table(values, name, path, problems)
     inner = []
     for key in list(table):
@@ -166,13 +160,13 @@ def _tables(
 
 
 def _name(name: str, path: Sequence[str], problems: list[str]) -> None:
-    """Refuse a name that could not stand in an order or a file name."""
+    """Add a problem if a name is not valid in an order and in a file name."""
     if not name.replace("_", "").replace("-", "").isalnum() or not name.isascii() or not name[0].isalpha():
         problems.append(f"[{'.'.join(path)}]: expected a name of letters, digits, _ and -, with a letter first")
 
 
 def _checked(cls: type[T], values: dict[str, Any], path: Sequence[str], problems: list[str]) -> T | None:
-    """Check one table; None if anything is wrong."""
+    """Check one table; return None if it is invalid."""
     try:
         return check(cls, values, tuple(path))
     except ConfigError as error:
@@ -181,7 +175,7 @@ def _checked(cls: type[T], values: dict[str, Any], path: Sequence[str], problems
 
 
 def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems: list[str]) -> T | None:
-    """Check a table that holds tables of the configuration."""
+    """Check a table with changes of the configuration."""
     for table, of in CHANGED.items():
         changed = _table(values, table, path, problems)
         for key in [key for key in changed if table == "block" and key in PLANNED]:
@@ -203,15 +197,15 @@ def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems
 
 
 def _found(value: object) -> str:
-    """Show what was found, as it is written in the file."""
+    """Format an invalid value as it is written in the file."""
     return to_toml(value) if isinstance(value, str | bool | int | float) else f"a {type(value).__name__}"
 
 
-# --- what goes together ------------------------------------------------------------------------------------------
+# --- contradictions ----------------------------------------------------------------------------------------------
 
 
 def _contradictions(study: Study) -> Iterator[str]:
-    """Find parts that are right each by itself and wrong together."""
+    """Find parts that are each valid but contradict each other."""
     if not study.kinds:
         yield "[kinds]: there is none, expected at least one kind of block, such as [kinds.dyadic]"
     if not study.orders:
@@ -236,13 +230,13 @@ def _contradictions(study: Study) -> Iterator[str]:
 
 
 def _expected(name: str, names: Sequence[str] | dict[str, Any]) -> str:
-    """Say which names there are, and which was probably meant."""
+    """List the valid names, and suggest the one that was probably meant."""
     near = difflib.get_close_matches(name, list(names), 1)
     return f"expected one of {', '.join(names) or 'none'}" + (f"; did you mean {near[0]}?" if near else "")
 
 
 def _order_problems(study: Study, text: str) -> Iterator[str]:
-    """Find what is wrong with an order."""
+    """Find the problems of an order."""
     try:
         steps = [step for session in steps_of(text) for step in session]
     except ConfigError as error:
@@ -256,7 +250,7 @@ def _order_problems(study: Study, text: str) -> Iterator[str]:
 
 
 def _factor_problems(factor: Factor) -> Iterator[str]:
-    """Find what is wrong with a factor."""
+    """Find the problems of a factor."""
     try:
         declared(factor)
     except ConfigError as error:
@@ -269,7 +263,7 @@ def _factor_problems(factor: Factor) -> Iterator[str]:
 
 
 def _kind_problems(study: Study, name: str) -> Iterator[str]:
-    """Find what is wrong with a kind of block."""
+    """Find the problems of a kind of block."""
     kind = study.kinds[name]
     if name == SESSION:
         yield ": expected another name; this one means the end of a session"
@@ -293,7 +287,7 @@ def _kind_problems(study: Study, name: str) -> Iterator[str]:
 
 
 def _keys(changes: Changes) -> set[str]:
-    """What a part of the study sets, as ``table.key``."""
+    """Return the keys that a part of the study sets, as ``table.key``."""
     return {f"{table}.{key}" for table, keys in changes.changed().items() for key in keys}
 
 
@@ -301,13 +295,7 @@ def _keys(changes: Changes) -> set[str]:
 
 
 def resolve_study(study: Study) -> str:
-    """Write a study in full.
-
-    Returns
-    -------
-    str
-        TOML text; `parse_study` makes of it an equal study, to the last bit.
-    """
+    """Return a study in full as TOML; `parse_study` gives back an equal study."""
     lines = list(_lines(study))
     for name, text in study.orders.items():
         lines += ["", "[orders]"] if name == next(iter(study.orders)) else []
@@ -324,12 +312,12 @@ def resolve_study(study: Study) -> str:
 
 
 def _lines(part: Any) -> Iterator[str]:
-    """Write what is no table of its own: plain keys, and what differs as ``table.key``."""
+    """Yield the lines of a part without its subtables: plain keys, and changes as ``table.key``."""
     own = (*CHANGED, "instructions")
     for item in fields(part):
         value = getattr(part, item.name)
         if item.name in _LATER and value == _LATER[item.name]:
-            continue  # studies from before there was such a key keep their digest
+            continue  # keeps the digest of studies written before the key existed
         if not isinstance(value, dict):
             yield f"{item.name} = {to_toml(value)}"
         elif item.name in own:

@@ -1,1 +1,1 @@
-"""The trial state machine, the quality of an attempt, and attempts that are repeated."""
+"""The trial state machine, the quality rules for attempts, and repeated trials."""

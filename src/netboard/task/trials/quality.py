@@ -1,11 +1,11 @@
-"""What makes a trial doubtful: rules declared before (`netboard.base.tables.experiment.Quality`), and applied by code.
+"""Flag attempts of doubtful quality by rules declared in advance (`netboard.base.tables.experiment.Quality`).
 
-A `Referee` is shown the rows of the ticks, in any portions, and the frames that the displays have painted. At the tick
-that ends an attempt it gives a `Verdict`: the words of `WORDS` that are true of it. The server does this live, and
-`netboard.recording.integrity.quality_check` does it over a recording, with the same outcome.
+A `Referee` gets the rows of the ticks, in chunks of any size, and the frames that the displays have painted. At the
+tick that ends an attempt it returns a `Verdict` with the flags that apply, from `WORDS`. The server does this live;
+`netboard.recording.integrity.quality_check` does it over a recording, with the same result.
 
-An attempt is what lies between the release of the ball and its end, the hold included. What is counted is in one record
-of `TALLY`, which begins anew at every release.
+Here an attempt lasts from the release of the ball to its end, the hold included. Its counts are in one record of
+`TALLY`, which is reset at every release.
 """
 
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
 from netboard.task.trials.state_machine import SUCCESSOR, Cause, Phase
 
 REPORT_TICKS = 700
-"""A painted frame is known to the server so many ticks later at the most: displays report twice a second [1]. So the
-last ticks of an attempt, in which a ball that gets a success is held already, say nothing about displays."""
+"""Longest delay with which the server learns of a painted frame, in ticks: displays report twice a second [1]. So the
+last ticks of an attempt cannot be used to judge displays; in a success, the ball is then already in the hold."""
 
 WORDS: dict[str, str] = {
     "late_ticks": "too many ticks of the server began more than half a millisecond late",
@@ -38,49 +38,49 @@ WORDS: dict[str, str] = {
     "too_long": "the completion time is too long",
     "frozen_display": "a display showed nothing new for too long",
 }
-"""Every word of a verdict, and what it says, for people."""
+"""Every flag, with its meaning in words."""
 
 TALLY = np.dtype(
     [
         ("under_way", "<i8"),  # 1: the ball is free
-        ("ended", "<i8"),  # 1: the attempt is over, and nothing was counted since
+        ("ended", "<i8"),  # 1: the attempt is over, and no tick was counted since
         ("trial", "<i8"),  # number of the trial in the block, from 1
-        ("attempt", "<i8"),  # number of the attempt at it, from 1
+        ("attempt", "<i8"),  # number of the attempt at that trial, from 1
         ("release", "<i8"),  # first tick with a free ball
         ("last", "<i8"),  # newest tick counted
-        ("cause", "<i8"),  # netboard.task.trials.state_machine.Cause that ended the attempt
-        ("mark_ticks", "<i8"),  # ticks from the release to the ball's coming into the target, as far as known
+        ("cause", "<i8"),  # the netboard.task.trials.state_machine.Cause that ended the attempt
+        ("mark_ticks", "<i8"),  # ticks from the release to the ball's newest entry into the target
         ("ticks", "<i8"),  # ticks counted
-        ("late", "<i8"),  # of those: began late
-        ("start_tilt", "<f8"),  # tilt at the release, NaN if that was not seen [rad]
-        ("lost", "<i8", 2),  # without a fresh sample, left and right
-        ("clipped", "<i8", 2),  # with a force at its limit
-        ("saturated", "<i8", 2),  # with the stylus at the edge of its range
-        ("stuck", "<i8", 2),  # longest run of ticks for which the height as sent did not change
-        ("stamp_ns", "<i8", 2),  # stamp of the sample of the tick before [ns]
+        ("late", "<i8"),  # of those: deadline misses
+        ("start_tilt", "<f8"),  # tilt at the release, NaN if its tick is missing [rad]
+        ("lost", "<i8", 2),  # ticks without a fresh sample, left and right
+        ("clipped", "<i8", 2),  # ticks with a force at its limit
+        ("saturated", "<i8", 2),  # ticks with the stylus at the edge of its range
+        ("stuck", "<i8", 2),  # longest run of ticks in which the height as sent did not change
+        ("stamp_ns", "<i8", 2),  # time stamp of the sample of the previous tick [ns]
         ("sent_z", "<f8", 2),  # height in the newest sample [m]
-        ("still", "<i8", 2),  # ticks for which that has not changed
+        ("still", "<i8", 2),  # ticks since that changed
     ]
 )
-"""What is counted of an attempt, and what is remembered of the tick before."""
+"""Counts of an attempt, and the state kept from the previous tick."""
 
 SEEN = (
     *("tick", "trial", "attempt", "phase", "event", "run_ticks", "mark_ticks", "theta", "late_ns"),
     *(f"{side}_{name}" for name in ("live", "stamp_ns", "sent_z", "used_z", "safeguards") for side in SIDES),
 )
-"""Fields of a tick that are looked at: whoever reads ticks for this alone needs no others."""
+"""Fields of a tick that the rules need."""
 
 _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 _CAUSES = len(Cause)
 
 
 def empty_tally() -> NDArray[Any]:
-    """Tally before the first tick.
+    """Return an empty tally.
 
     Returns
     -------
     ndarray of TALLY, shape (1,)
-        Nothing counted.
+        The record before the first tick.
     """
     acc = np.zeros(1, TALLY)
     acc["sent_z"] = acc["start_tilt"] = np.nan
@@ -89,7 +89,7 @@ def empty_tally() -> NDArray[Any]:
 
 @inlined
 def _begin(t: Any, row: Any) -> None:
-    """Start to count an attempt."""
+    """Reset the counts for a new attempt."""
     t["under_way"], t["ended"], t["cause"] = 1, 0, 0
     t["trial"], t["attempt"], t["release"] = row["trial"], row["attempt"], row["tick"]
     t["ticks"], t["late"] = 0, 0
@@ -103,7 +103,7 @@ def _begin(t: Any, row: Any) -> None:
 def _count(
     t: Any, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
 ) -> None:
-    """Count a tick of one side, and remember it."""
+    """Count a tick of one side, and keep what the next tick is compared with."""
     if counting:
         t["lost"][side] += live == 0 or stamp_ns == t["stamp_ns"][side]
         t["saturated"][side] += edge
@@ -123,22 +123,22 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
     Parameters
     ----------
     acc : ndarray of TALLY, shape (1,)
-        What has been counted so far; changed in place. ``ended`` is 1 if the last tick taken has ended the attempt.
+        Counts so far; changed in place. ``ended`` is 1 if the last counted tick has ended the attempt.
     rows : ndarray of TICK, shape (n,)
-        A ring of rows, with their outputs; the fields of `SEEN` are enough.
+        Ring buffer of rows with their outputs; the fields of `SEEN` are enough.
     first : int
         Number of the first tick; its row is ``first % n`` [1].
     count : int
-        How many ticks there are [1].
+        Number of ticks [1].
     stylus_range : float
         Heights are clipped to +- this [m].
     clamped : int
-        The bit of the safeguards that says that a force was at its limit [1].
+        Bit of the safeguards for a force at its limit [1].
 
     Returns
     -------
     int
-        How many ticks were taken: all of them, or those up to the first that ended an attempt [1].
+        Number of ticks counted: all, or those up to the first that ended an attempt [1].
     """
     t = acc[0]
     place = first % len(rows)
@@ -172,25 +172,26 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
 
 
 def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> float:
-    """Longest time for which a display showed nothing new in an attempt, in which the ball is free and never at rest.
+    """Return the longest time in an attempt for which a display showed nothing new.
 
-    The last `REPORT_TICKS` of the attempt are left out. Before the first frame and after the last one, ticks count;
-    between two frames, the ticks that they show or the times at which they were painted, whatever is more. Times of
-    painting further apart than the attempt is long are those of two displays with different clocks, and do not count.
+    The ball is free in an attempt, so every view differs from the one before. The last `REPORT_TICKS` are left out.
+    Before the first frame and after the last one, the gap is measured in ticks; between two frames, by the ticks that
+    they show or by their paint times, whichever gap is longer. Paint times further apart than the length of the attempt
+    come from two displays with different clocks and are ignored.
 
     Parameters
     ----------
     frames : sequence of (int, int)
-        Tick of the view and time of painting, of all frames of a station's displays, in any order [1, ns].
+        Tick of the view and paint time, of all frames of a station's displays, in any order [1, ns].
     release : int
         First tick of the attempt [1].
     end : int
-        Its last one [1].
+        Last tick of the attempt [1].
 
     Returns
     -------
     float
-        The gap, 0 for an attempt that is too short to tell [s].
+        The gap; 0 for an attempt that is too short to be judged [s].
     """
     stop = end - REPORT_TICKS
     if stop <= release:
@@ -207,12 +208,12 @@ def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> fl
 def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Block) -> tuple[str, ...]:
     """Apply the rules to an attempt.
 
-    A side that is held still has no samples and no force; only a person's stylus can be stuck.
+    A side that is held still has no samples and no force, so it is skipped. Only the stylus of a person can be stuck.
 
     Parameters
     ----------
     t : TALLY record
-        What was counted.
+        Counts of the attempt.
     completion : float
         Completion time; NaN without a success [s].
     frame_gap : float
@@ -220,12 +221,12 @@ def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Bl
     rules : Quality
         The rules.
     block : Block
-        Who moves the hands.
+        The block; it says who moves each side.
 
     Returns
     -------
     tuple of str
-        Words of `WORDS`, in that order; none for an attempt beyond doubt.
+        Flags, in the order of `WORDS`; empty if no rule applies.
     """
     movers = (block.left, block.right)
     moved = [side for side, mover in enumerate(movers) if mover != "still"]
@@ -258,25 +259,25 @@ _OUTCOMES = {
     Cause.PAUSE: "paused",
     Cause.FAULT: "paused",
 }
-"""What an attempt comes to by what ends it; whatever else does lets the operator skip the trial."""
+"""Outcome of an attempt by the cause that ended it; any other cause means that the trial was skipped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """An attempt that has ended, as the rules see it.
+    """Quality of an attempt that has ended.
 
     Attributes
     ----------
     trial, attempt : int
         Number of the trial in the block and of the attempt at it, from 1 [1].
     release, end : int
-        Its first and its last tick [1].
+        First and last tick of the attempt [1].
     cause : Cause
-        What ended it.
+        Cause that ended the attempt.
     completion : float
         Completion time; NaN without a success [s].
     flags : tuple of str
-        Words of `WORDS`.
+        Flags from `WORDS`.
     """
 
     trial: int
@@ -289,24 +290,24 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """What has become of the attempt, as in `netboard.network.protocol.control.Outcomes`."""
+        """Outcome of the attempt, as in `netboard.network.protocol.control.Outcomes`."""
         return _OUTCOMES.get(self.cause, "skipped")
 
 
 class Referee:
-    """Judges every attempt of one block.
+    """Judge every attempt of one block.
 
     Parameters
     ----------
     config : Config
         The block's configuration.
     clamped : int
-        The bit of the safeguards that says that a force was at its limit [1].
+        Bit of the safeguards for a force at its limit [1].
 
     Attributes
     ----------
     counted : TALLY record
-        What has been counted of the newest attempt, for whoever wants to show it.
+        Counts of the newest attempt.
     """
 
     def __init__(self, config: Config, clamped: int) -> None:
@@ -321,11 +322,11 @@ class Referee:
         self.counted = self._acc[0]
 
     def warm(self) -> None:
-        """Compile (or load from the cache) what `watch` needs."""
+        """Compile the kernels of `watch`, or load them from the cache."""
         tally(empty_tally(), np.zeros(1, TICK), 0, 1, self._range, self._clamped)
 
     def paint(self, station: str, tick: int, painted_ns: int) -> None:
-        """Hear of a frame that a display has painted, some time ago; outside of an attempt it does not matter.
+        """Take note of a frame that a display has painted; frames outside an attempt are ignored.
 
         Parameters
         ----------
@@ -334,7 +335,7 @@ class Referee:
         tick : int
             Tick of the view [1].
         painted_ns : int
-            When, by the display's clock [ns].
+            Paint time on the display's clock [ns].
         """
         if station in self._stations:
             frames = self._frames.setdefault(station, [])
@@ -342,21 +343,21 @@ class Referee:
                 frames.append((tick, painted_ns))
 
     def watch(self, rows: NDArray[Any], first: int, count: int) -> list[Verdict]:
-        """See ticks that have been done; each once, in order.
+        """Count finished ticks; call it once per tick, in order.
 
         Parameters
         ----------
         rows : ndarray of TICK, shape (n,)
-            A ring of rows; the fields of `SEEN` are enough.
+            Ring buffer of rows; the fields of `SEEN` are enough.
         first : int
             Number of the first tick; its row is ``first % n`` [1].
         count : int
-            How many, at most n [1].
+            Number of ticks, at most n [1].
 
         Returns
         -------
         list of Verdict
-            Of the attempts that have ended in these ticks.
+            Verdicts of the attempts that ended in these ticks.
         """
         verdicts = []
         stop = first + count
@@ -368,7 +369,7 @@ class Referee:
         return verdicts
 
     def _verdict(self) -> Verdict:
-        """Judge the attempt that has just ended, and forget the frames before its end."""
+        """Judge the attempt that has just ended, and discard the frames up to its end."""
         t = self.counted
         release, end, cause = int(t["release"]), int(t["last"]), Cause(int(t["cause"]))
         completion = float(t["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan")

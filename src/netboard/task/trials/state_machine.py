@@ -1,11 +1,11 @@
-"""The trial machine: what phase a trial is in, and what happens next, as one table.
+"""The trial state machine: phases and their transitions, as one table.
 
 Rule 1: every change of phase is an edge of `TABLE`; nothing else changes a phase.
-Rule 2: the machine sees the board and the ball only through `sense`, and acts on them only through an `Action`, which
-the stage carries out. It knows no clock: it counts ticks.
-Rule 3: a cause for which the present phase has no edge changes nothing.
-Rule 4: an edge that stays in its phase with `Action.EXTEND` or `Action.SHORTEN` is about the block: it leaves the trial
-alone, and what is sensed at the same tick counts too.
+Rule 2: the state machine reads board and ball only through `sense`, and acts on them only through an `Action`, which
+the stage executes. It has no clock: it counts ticks.
+Rule 3: a cause without an edge in the present phase changes nothing.
+Rule 4: edges with `Action.EXTEND` or `Action.SHORTEN` change the length of the block. They stay in their phase and
+leave the trial alone, so a cause sensed at the same tick takes effect too.
 
 The diagram in the documentation is drawn from `TABLE`.
 """
@@ -24,7 +24,7 @@ from netboard.base.tick import TICK_SECONDS
 
 
 class Phase(IntEnum):
-    """Where a trial is."""
+    """Phase of a trial."""
 
     IDLE = 0  # before the block
     LEVELLING = 1  # ball fixed opposite the target, waiting for a level board
@@ -37,47 +37,47 @@ class Phase(IntEnum):
 
 
 class Cause(IntEnum):
-    """What makes a phase end: sensed, or wished by the operator, or reported by the server."""
+    """Cause of a transition: sensed, commanded by the operator, or reported by the server."""
 
     NONE = 0
     LEVEL = 1  # the board has been level for long enough
-    ENTERED = 2  # the ball's centre came into the target
-    LEFT = 3  # it went out again
-    HELD = 4  # it stayed for the hold time
-    FELL = 5  # it went over the edge
-    TIMED_OUT = 6  # the trial took too long
+    ENTERED = 2  # the ball's centre entered the target
+    LEFT = 3  # it left the target again
+    HELD = 4  # it stayed inside for the hold time
+    FELL = 5  # the ball fell off the board
+    TIMED_OUT = 6  # the attempt exceeded the time limit
     NEXT = 7  # another trial follows
-    LAST = 8  # the block is over: it had all its trials, or its time
-    START = 9  # operator; from here on a stage takes them as commands
+    LAST = 8  # the block is over: all its trials are done, or its time has passed
+    START = 9  # operator; the stage accepts this cause and all below as commands
     PAUSE = 10  # operator
     RESUME = 11  # operator
     ABORT = 12  # operator: give up this attempt, repeat the trial
     STOP = 13  # operator: end the block here
     FAULT = 14  # server: a peer is missing, or a value was not finite
     REPEAT = 15  # operator: one more trial at the end of the block
-    VETO = 16  # operator: one less of those
-    SKIP = 17  # operator: this trial is done, without success
+    VETO = 16  # operator: one added trial less
+    SKIP = 17  # operator: count this trial as done, without success
 
 
 STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
-"""Why a stage reports a fault that nobody has told it."""
+"""Reason of a fault that the stage itself detected."""
 
 
 class Action(IntEnum):
-    """What the stage does on an edge."""
+    """Action of the stage on a transition."""
 
     NONE = 0
     PREPARE = 1  # ball at rest opposite the target, counters to zero
     RELEASE = 2  # the ball is free, the trial's clock starts
-    MARK = 3  # note the time: the hold may have begun
-    SUCCEED = 4  # count the success; the time marked is the completion time
+    MARK = 3  # store the time: the hold may have begun
+    SUCCEED = 4  # count the success; the stored time is the completion time
     FAIL = 5  # count the failure
     ADVANCE = 6  # the target changes side, the next trial is prepared
     RETRY = 7  # the same trial is prepared again
     HALT = 8  # the ball is fixed where it is, the attempt does not count
     EXTEND = 9  # one more trial than the block has
-    SHORTEN = 10  # one less of those
-    PASS = 11  # as `ADVANCE`, and no attempt has begun: it will be the first
+    SHORTEN = 10  # one added trial less
+    PASS = 11  # as `ADVANCE`, but no attempt begins yet: the next one is the first
 
 
 TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
@@ -133,37 +133,37 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
     Phase.FINISHED: {},
 }
 for _phase, _from_there in TABLE.items():
-    if _from_there:  # the block is not over: it can get longer and shorter
+    if _from_there:  # the block is not over, so its length can change
         _from_there |= {Cause.REPEAT: (_phase, Action.EXTEND), Cause.VETO: (_phase, Action.SHORTEN)}
 
 BALL_FREE = (Phase.RUNNING, Phase.HOLDING)
-"""The phases in which the ball rolls; in all others it is fixed."""
+"""Phases in which the ball is free; in all others it is fixed."""
 
 RULES = np.dtype(
     [
         ("target_distance", "<f8"),  # target centre to board centre [m]
-        ("half_width", "<f8"),  # of the target [m]
+        ("half_width", "<f8"),  # half width of the target [m]
         ("level_angle", "<f8"),  # [rad]
         ("level_rate", "<f8"),  # [rad/s]
         ("level_height", "<f8"),  # [m]
         ("fall_distance", "<f8"),  # [m]
-        ("level_ticks", "<i8"),  # the board must be level for so many ticks
-        ("hold_ticks", "<i8"),  # the ball must stay in the target for so many ticks
-        ("limit_ticks", "<i8"),  # a trial may take so many ticks; 0 for any number
+        ("level_ticks", "<i8"),  # ticks for which the board must be level
+        ("hold_ticks", "<i8"),  # ticks for which the ball must stay in the target
+        ("limit_ticks", "<i8"),  # time limit of an attempt from the release, in ticks; 0: none
         ("trials", "<i8"),  # trials in the block
-        ("block_ticks", "<i8"),  # no trial begins after so many ticks of the block; 0: any number
+        ("block_ticks", "<i8"),  # ticks of the block after which no trial begins; 0: no limit
     ]
 )
-"""The rules of a trial as the kernels read them: one record."""
+"""Rules of a trial, as one record for the kernels."""
 
 
 def ticks(seconds: float) -> int:
-    """Number of ticks in a time.
+    """Return the number of ticks in a duration.
 
     Parameters
     ----------
     seconds : float
-        Time [s].
+        Duration [s].
 
     Returns
     -------
@@ -174,17 +174,17 @@ def ticks(seconds: float) -> int:
 
 
 def pack_rules(task: Task, geometry: Geometry, block: Block) -> NDArray[Any]:
-    """Rules of a block, for the kernels.
+    """Pack the rules of a block for the kernels.
 
     Parameters
     ----------
     task, geometry, block
-        The configuration's tables.
+        Tables of the configuration.
 
     Returns
     -------
     ndarray of RULES, shape (1,)
-        The packed record, SI units and ticks.
+        The packed record, in SI units and ticks.
     """
     rules = np.zeros(1, RULES)
     rules["target_distance"] = geometry.target_distance
@@ -202,9 +202,9 @@ def pack_rules(task: Task, geometry: Geometry, block: Block) -> NDArray[Any]:
 
 
 def first_target(config: Config) -> int:
-    """Side of the first target of the block, that of trial 1: -1 left, +1 right [1].
+    """Return the side of the first target of the block: -1 left, +1 right [1].
 
-    A random side is drawn from the block's seed, so that it can be repeated.
+    A random side is drawn from the block's seed, so it is reproducible.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def first_target(config: Config) -> int:
 
 
 def _edges() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Turn `TABLE` into two arrays, next phase and action, indexed [phase, cause]; no edge: the same phase."""
+    """Convert `TABLE` to two arrays, next phase and action, indexed [phase, cause]; without an edge the phase stays."""
     successor = np.repeat(np.arange(len(Phase), dtype=np.int64)[:, None], len(Cause), axis=1)
     action = np.zeros((len(Phase), len(Cause)), np.int64)
     for phase, edges in TABLE.items():
@@ -234,7 +234,7 @@ def _edges() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 SUCCESSOR, ACTION = _edges()
 HAS_EDGE = np.array([[cause in TABLE[phase] for cause in Cause] for phase in Phase])
 
-# Plain integers: what numba folds into the kernels below.
+# Plain integers, because numba compiles them into the kernels below as constants.
 _LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
 _SUCCEEDED, _FAILED = int(Phase.SUCCEEDED), int(Phase.FAILED)
 _NONE, _LEVEL, _ENTERED, _LEFT = int(Cause.NONE), int(Cause.LEVEL), int(Cause.ENTERED), int(Cause.LEFT)
@@ -244,7 +244,7 @@ _NEXT, _LAST, _START, _SKIP = int(Cause.NEXT), int(Cause.LAST), int(Cause.START)
 
 @kernel
 def is_active(phase: int) -> bool:
-    """Tell whether a trial is going on, so that forces may be felt: neither before or after the block nor paused.
+    """Return whether a trial is under way, so that haptic feedback is allowed: not before, after or in a pause.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def is_active(phase: int) -> bool:
 
 @kernel
 def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
-    """Tell whether the board counts as level (reading B1).
+    """Return whether the board counts as level (reading B1).
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     theta : float
         Tilt [rad].
     omega : float
-        Rotation [rad/s].
+        Angular velocity [rad/s].
     rules : RULES record
         The rules of the trial.
     """
@@ -275,12 +275,12 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
 
 @kernel
 def is_over(block_ticks: int, rules: Any) -> bool:
-    """Tell whether the time of the block is over, if it has one: the attempt that goes on is its last.
+    """Return whether the time limit of the block has passed, so that the current attempt is the last.
 
     Parameters
     ----------
     block_ticks : int
-        Ticks that the block has taken [1].
+        Duration of the block so far, in ticks [1].
     rules : RULES record
         The rules of the trial.
     """
@@ -289,7 +289,7 @@ def is_over(block_ticks: int, rules: Any) -> bool:
 
 @kernel
 def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
-    """Tell whether no trial follows this one.
+    """Return whether this trial is the last of the block.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
     extra : int
         Trials added to the block [1].
     block_ticks : int
-        Ticks that the block has taken [1].
+        Duration of the block so far, in ticks [1].
     rules : RULES record
         The rules of the trial.
     """
@@ -307,7 +307,7 @@ def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
 
 @kernel
 def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -> int:
-    """What a command gives cause to: itself, but that to skip the last trial is the end of the block.
+    """Return the cause of a command: the command itself, except that skipping the last trial ends the block.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -
     Returns
     -------
     int
-        A `Cause`; `Cause.NONE` for what is no command [1].
+        A `Cause`; `Cause.NONE` if the number is no command [1].
     """
     if not _START <= command <= _SKIP:
         return _NONE
@@ -340,7 +340,7 @@ def sense(
     block_ticks: int,
     rules: Any,
 ) -> int:
-    """What the board and the ball give cause to in this phase.
+    """Return the cause that the state of board and ball gives in this phase.
 
     Parameters
     ----------
@@ -351,7 +351,7 @@ def sense(
     centre : float
         Centre of the target [m].
     counted : int
-        Ticks the board has been level (levelling) or the ball inside the target (holding), this one included [1].
+        Ticks of a level board (levelling) or of the ball in the target (holding), up to and including this one [1].
     run_ticks : int
         Ticks since the release [1].
     trial, extra, block_ticks : int

@@ -1,9 +1,9 @@
-"""The forces of another session, trial by trial, for blocks in which the hands feel those.
+"""Haptic feedback from another session: recorded forces that are unrelated to the present trial (a control condition).
 
-Only attempts that succeeded count, from the release of the ball to the end of the hold. Our trial k has the forces of
-the k-th of them (from the first again, when there are no more), in all its attempts: the first force while the ball is
-fixed, then millisecond by millisecond, and the last one if our trial takes longer. Where the target was at the other
-side the hands change places, so that what is felt belongs to a ball that goes the same way.
+Only successful attempts are used, from the release of the ball to the end of the hold. Trial k plays back the forces of
+the k-th of them, and starts again with the first when there are no more. All attempts at a trial get the same forces:
+the first one while the ball is fixed, then one per tick, and the last one if the trial takes longer. If the target was
+on the other side, the hands are swapped, so that the forces fit a ball that moves in the same direction.
 """
 
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from netboard.task.trials.state_machine import BALL_FREE, Cause
 
 @dataclass(frozen=True)
 class Unrelated:
-    """What hands felt in the successful attempts of another session.
+    """Forces on the hands in the successful attempts of another session.
 
     Attributes
     ----------
     trials : tuple of ndarray of float64, shape (ticks, 2)
-        Forces on the left and the right hand, + = up, one a tick since the release, for a target on the right [N].
+        Forces on the left and the right hand, + = up, one per tick from the release, for a target on the right [N].
     """
 
     trials: tuple[NDArray[np.float64], ...]
@@ -34,7 +34,7 @@ class Unrelated:
         Parameters
         ----------
         state : netboard.base.tick.STATE record
-            The state that the tick finds.
+            The state at the beginning of the tick.
 
         Returns
         -------
@@ -48,24 +48,24 @@ class Unrelated:
 
 
 def unrelated_of(ticks: NDArray[Any], source: str) -> Unrelated:
-    """Take the forces from the ticks of a recording.
+    """Extract the forces from the ticks of a recording.
 
     Parameters
     ----------
     ticks : ndarray of TICK, shape (n,)
-        The ticks, in order; an attempt with a hole is left out, and one in which nothing was felt.
+        The ticks, in order. Attempts with missing ticks or without any force are skipped.
     source : str
-        Name of the recording, for the message.
+        Name of the recording, for the error message.
 
     Returns
     -------
     Unrelated
-        Its forces.
+        The forces of the recording.
 
     Raises
     ------
     ConfigError
-        If there is no such attempt.
+        If no attempt can be used.
     """
     found = []
     for last in np.flatnonzero(ticks["event"] == Cause.HELD).tolist():

@@ -1,4 +1,4 @@
-"""The table of attempts: what has become of each, why it may be doubtful, and what it repeats."""
+"""The table of attempts: outcome, flags, and the trial that an attempt repeats."""
 
 from collections.abc import Sequence
 
@@ -15,14 +15,14 @@ DOUBTS = ATTEMPT_HEADS.index("Doubtful")
 
 
 class AttemptModel(QAbstractTableModel):
-    """The attempts of a session as Qt reads them."""
+    """Qt model of the attempts of a session."""
 
     def __init__(self) -> None:
         super().__init__()
         self.attempts: list[Attempt] = []
 
     def take(self, attempts: Sequence[Attempt]) -> bool:
-        """Take the attempts so far, which only grow, unless the session is another one; whether there were new ones."""
+        """Append new attempts, or start anew if the session is another one; return whether there were new ones."""
         have = len(self.attempts)
         if len(attempts) < have or list(attempts[:have]) != self.attempts:
             self.beginResetModel()
@@ -37,15 +37,15 @@ class AttemptModel(QAbstractTableModel):
         return True
 
     def rowCount(self, parent: Index = NOWHERE) -> int:  # noqa: N802  (Qt's name)
-        """Count the attempts [1]."""
+        """Return the number of attempts [1]."""
         return 0 if parent.isValid() else len(self.attempts)
 
     def columnCount(self, parent: Index = NOWHERE) -> int:  # noqa: N802  (Qt's name)
-        """Count the columns [1]."""
+        """Return the number of columns [1]."""
         return 0 if parent.isValid() else len(ATTEMPT_HEADS)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> object:
-        """Words and colour of a cell."""
+        """Return the text or the colour of a cell."""
         attempt = self.attempts[index.row()]
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole):
             return attempt_cells(attempt)[index.column()]
@@ -56,14 +56,14 @@ class AttemptModel(QAbstractTableModel):
     def headerData(  # noqa: N802  (Qt's name)
         self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
     ) -> object:
-        """Heads of the columns."""
+        """Return the header of a column."""
         if role == Qt.ItemDataRole.DisplayRole and orientation == Qt.Orientation.Horizontal:
             return ATTEMPT_HEADS[section]
         return None
 
 
 class AttemptTable(QTableView):
-    """The table: it follows the newest attempt while none is marked."""
+    """The table of attempts; it scrolls to the newest attempt while none is selected."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -93,12 +93,12 @@ class AttemptTable(QTableView):
 
     @property
     def marked(self) -> Attempt | None:
-        """The attempt that is marked; None for none."""
+        """The selected attempt; None if none is."""
         rows = self.selectionModel().selectedRows()
         return self.attempts.attempts[rows[0].row()] if rows else None
 
     def step(self, by: int) -> None:
-        """Mark the attempt above or below, from the newest one on; below that one, none."""
+        """Move the selection by rows; without one, start below the newest attempt. Below the newest, clear it."""
         rows = self.selectionModel().selectedRows()
         count = self.attempts.rowCount()
         row = (rows[0].row() if rows else count) + by

@@ -1,7 +1,7 @@
-"""The buttons: what can be commanded, each with its key on it, and the emergency stop.
+"""The command buttons, each labelled with its key, and the emergency stop.
 
-No button ever has the keyboard's focus, so that Space is always the emergency stop's, and never presses what was
-clicked last.
+No button takes the keyboard focus. Otherwise Space would press the button that was clicked last instead of the
+emergency stop.
 """
 
 from PySide6.QtCore import Qt, Signal
@@ -13,7 +13,7 @@ from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH
 
 STOP_RED = "#c8102e"
 COLUMNS = 8
-"""Buttons in a row [1]."""
+"""Buttons per row [1]."""
 
 STYLE = f"""
 QPushButton {{ background: #2b3541; color: {PLAIN.headline}; border: 1px solid {PLAIN.guide}; border-radius: 6px;
@@ -31,7 +31,7 @@ QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
 
 
 class WishButton(QPushButton):
-    """The button of one wish."""
+    """The button of one command."""
 
     def __init__(self, wish: Wish) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class WishButton(QPushButton):
         self.ask(False)
 
     def ask(self, sure: bool) -> None:
-        """Ask to be pressed once more, or no longer."""
+        """Ask for a second press as confirmation, or stop asking."""
         words = f"{self.wish.label}?\npress {self.wish.key} again" if sure else f"{self.wish.label}\n{self.wish.key}"
         if words == self.text():
             return
@@ -52,7 +52,7 @@ class WishButton(QPushButton):
         self.setStyleSheet(STYLE)
 
     def allow(self, status: Status | None, own: str) -> None:
-        """Be there to be pressed only where that makes sense."""
+        """Enable the button if its command is possible now; else say why not in the tooltip."""
         reason = refusal(self.wish, status, own)
         self.setEnabled(not reason)
         tip = f"{self.wish.tip} ({reason})" if reason else self.wish.tip
@@ -66,7 +66,7 @@ class StopPanel(QWidget):
     Signals
     -------
     stopped
-        When it is pressed: with the button, not when that is let go.
+        Emitted when the button goes down, not when it is released.
     """
 
     stopped = Signal()

@@ -1,7 +1,7 @@
-"""What has changed of late, from one status to the next. Pure: it is told the time.
+"""Recent changes between statuses. Pure: time is an argument.
 
-A status counts from the start of the session; an operator wants to know what happens now: how many ticks were late in
-the last ten seconds, how many messages were lost, and how long the disk will last.
+The counters of a status start with the session, but an operator needs to know what happens now: deadline misses and
+lost messages of the last ten seconds, and how long the disk will last.
 """
 
 from collections import deque
@@ -12,26 +12,26 @@ from math import inf, nan
 from netboard.network.protocol.control import Status
 
 SPACING = 0.5
-"""A status is remembered so often [s]."""
+"""Interval between stored statuses [s]."""
 
 LATELY = 10.0
-"""What lamps call of late [s]."""
+"""Window of the recent counts [s]."""
 
 SPAN = 60.0
-"""The growth of a recording is that of so long [s]."""
+"""Window over which a recording's growth is measured [s]."""
 
 SHORTEST = 3.0
-"""Before so long nothing is said about the growth [s]."""
+"""Shortest window that gives a growth rate [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recent:
-    """What has happened of late.
+    """Recent counts, and the time left on the disk.
 
     Attributes
     ----------
     minutes : float
-        How long the disk will last as the recording grows now; NaN while that is not known [min].
+        Time until the disk is full at the present growth; NaN while unknown [min].
     """
 
     late_ticks: int = 0
@@ -40,19 +40,19 @@ class Recent:
 
 
 def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
-    """How long a disk will last.
+    """Estimate the time until a disk is full.
 
-    A file that is smaller than it was is another one: a recording begins anew with each block.
+    A file that has shrunk is a new one, because each block begins a new recording.
 
     Parameters
     ----------
     written : list of (float, int)
-        Time and size of the file that was written then, in bytes [s, 1].
+        Times, and the file size in bytes at each [s, 1].
 
     Returns
     -------
     float
-        NaN while it is not known; infinite if nothing is written [min].
+        Time left; NaN while unknown, infinite if nothing is written [min].
     """
     if len(written) < 2 or written[-1][0] - written[0][0] < SHORTEST:
         return nan
@@ -63,14 +63,14 @@ def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
 
 
 class Memory:
-    """Remembers the statuses of a minute."""
+    """The statuses of the last minute."""
 
     def __init__(self) -> None:
         self._session = ""
         self._past: deque[tuple[float, Status]] = deque()
 
     def remember(self, now: float, status: Status) -> Recent:
-        """Take a status, and tell what has changed of late."""
+        """Store a status, and return the recent changes."""
         if status.session != self._session:
             self._past.clear()
             self._session = status.session
@@ -87,7 +87,7 @@ class Memory:
         )
 
     def _minutes(self, now: float, status: Status) -> float:
-        """How long the disk with the least room lasts [min]."""
+        """Time until the disk with the least free space is full [min]."""
         if not status.recordings:
             return nan
         written = [(at, sum(size for _, _, size, _ in old.recordings)) for at, old in [*self._past, (now, status)]]

@@ -1,8 +1,8 @@
-"""The console's end of the control channel: what the server says goes to the window, what is wished goes to the server.
+"""The console's control client: it shows the server's status in the window and sends the operator's commands.
 
-The server is asked some fifteen times a second. What cannot go on (a server of another version, or a new one that does
-not know this console) is said, and tried anew a second later. An emergency stop is sent at once, and again at every
-turn until the server confirms it.
+It polls the server about fifteen times a second. If the connection cannot continue (another version of the server, or a
+restarted server that does not know this console), the client shows the reason and reconnects a second later. An
+emergency stop is sent at once, and again at every poll until the server confirms it.
 """
 
 import logging
@@ -30,12 +30,16 @@ from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import application
 
 POLL_MS = 66
+"""Interval between two polls of the server [ms]."""
+
 WATCH_MS = 50
+"""Interval of the checks for a stop request and for the screenshot [ms]."""
+
 RENEW_S = 1.0
-"""After a refusal the server is called anew after so long [s]."""
+"""Delay before reconnecting after a refusal [s]."""
 
 CONFIRM_S = 0.5
-"""The server has so long to confirm an emergency stop [s]."""
+"""Timeout for the confirmation of an emergency stop [s]."""
 
 LABELS = {STOP: "EMERGENCY STOP", **{wish.name: wish.label for wish in (*WISHES, RELEASING)}}
 
@@ -43,7 +47,7 @@ log = logging.getLogger(__name__)
 
 
 class Desk(QObject):
-    """Brings a window and a server together."""
+    """Connect a console window to a server."""
 
     def __init__(self, config: Config, context: sockets.Context, window: ConsoleWindow) -> None:
         super().__init__(window)
@@ -60,7 +64,7 @@ class Desk(QObject):
         self._timer.start()
 
     def do(self, name: str, argument: str = "") -> None:
-        """Tell the server what is wished."""
+        """Send a command to the server."""
         if name == STOP and self._stop_ns is None:
             self._stop_ns = now_ns()
         elif name == RELEASE:
@@ -73,7 +77,7 @@ class Desk(QObject):
         self._window.say(Line(f"{LABELS[name]}: sent", Tone.QUIET))
 
     def poll(self) -> None:
-        """Hear the server, and show how things are."""
+        """Poll the server, and show the state."""
         if self._operator is None and now_ns() - self._renew_ns > RENEW_S * 1e9:
             self._operator = Operator(self._config.network, self._context)
         if self._operator is not None:
@@ -84,7 +88,7 @@ class Desk(QObject):
         self._window.show_state(self._state())
 
     def leave(self) -> None:
-        """Say goodbye to the server."""
+        """Take leave of the server and close the connection."""
         self._timer.stop()
         if self._operator is not None:
             self._operator.leave()
@@ -92,7 +96,7 @@ class Desk(QObject):
 
     @property
     def silence(self) -> float:
-        """Time since the server last said how it is; infinite before the first time [s]."""
+        """Time since the last status; infinite before the first [s]."""
         return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else inf
 
     def _state(self) -> State:
@@ -120,7 +124,7 @@ class Desk(QObject):
             operator.command(STOP)
 
     def _answered(self, name: str, reply: Reply) -> None:
-        """Say what the server answers; the form says what it has to say itself."""
+        """Show the server's reply; a refused form shows the reason itself."""
         outcome = "done" if reply.accepted else "REFUSED"
         reason = f": {reply.reason}" if reply.reason else ""
         self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
@@ -131,7 +135,7 @@ class Desk(QObject):
                 self._window.form.complain(f"The server refuses{reason}")
 
     def _lose(self, trouble: str) -> None:
-        """Give a connection up that is of no use, and say why."""
+        """Close a connection that cannot continue, and show why."""
         log.warning("%s", trouble)
         self._window.say(Line(trouble, Tone.BAD))
         if self._operator is not None:
@@ -147,9 +151,10 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; asked some twenty times a second.
+        Whether the process has been asked to stop; polled every `WATCH_MS`.
     after : float, optional
-        Take it so long after the first status, and go on. Without it, take it at the first status and stop [s].
+        Delay of the screenshot after the first status; the console then goes on. Without a delay, the screenshot is
+        taken at the first status and the console ends [s].
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

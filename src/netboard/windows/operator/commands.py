@@ -1,7 +1,7 @@
-"""What an operator can command: label, key, and when it makes sense. Pure: one table, no Qt.
+"""The operator's commands: label, key, and when each is possible. Pure: one table, no Qt.
 
-A key does something only where its row says that it may; where it may not, the row says why, before the server has to.
-The emergency stop is no row: it may always.
+Each row decides whether its command is possible now, and gives the reason if not, before the server has to refuse it.
+The emergency stop is not in the table: it is always possible.
 """
 
 from collections.abc import Callable
@@ -12,21 +12,21 @@ from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
 from netboard.windows.operator.lamps import ACTIVE, replayed
 
 STOP_KEYS = ("Esc", "Space")
-"""Keys of the emergency stop; the second one is a space where something is written."""
+"""Keys of the emergency stop; in a text field, Space writes a space."""
 
 FREE = (STOP, "take", "note")
-"""What a console may wish that does not command."""
+"""Commands of consoles that are not the commander."""
 
 REPLAYED = ("pause", "resume", "next", "end")
-"""What of all that means something for a replay too."""
+"""Commands that a replay accepts too."""
 
 Refused = Callable[[Status], str]
-"""Why something makes no sense now; empty if it does."""
+"""A function that returns why a command is not possible now; empty if it is."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One thing that an operator can command."""
+    """One command of the operator."""
 
     name: str
     label: str
@@ -41,7 +41,7 @@ def _always(_status: Status) -> str:
 
 
 def _in(*phases: str) -> Refused:
-    """Only in some phases."""
+    """Allow a command only in some phases."""
     return lambda status: "" if status.phase in phases else f"not while {status.phase}"
 
 
@@ -103,7 +103,7 @@ WISHES: tuple[Wish, ...] = (
     Wish("end", "End session", "Ctrl+E", "End the session here; it can be resumed.", _opened, twice=True),
     Wish("take", "Take command", "T", "From now on this console commands.", _always),
 )
-"""What there is, in the order of the buttons."""
+"""The commands, in the order of their buttons."""
 
 RELEASING = Wish(
     RELEASE,
@@ -113,11 +113,11 @@ RELEASING = Wish(
     lambda status: "" if LACKING in status.waiting_for else "there is no emergency stop",
     twice=True,
 )
-"""The end of an emergency stop; its button is beside that of the stop."""
+"""Release of the emergency stop; its button is beside that of the stop."""
 
 
 def refusal(wish: Wish, status: Status | None, own: str) -> str:
-    """Why a wish makes no sense now."""
+    """Return why a command is not possible now; empty if it is."""
     if status is None:
         return "the server is not there"
     if replayed(status):

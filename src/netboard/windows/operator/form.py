@@ -1,7 +1,7 @@
-"""The session's form: who takes part, where they sit, whether they agree, and whether it counts.
+"""The session's form: pseudonyms, hands, seats, consent, pilot or real.
 
-It is a page of the window and no window of its own: lamps and the emergency stop stay in sight, and no key of the
-operator's ends up elsewhere.
+It is a page of the console's window, not a window of its own: lamps and the emergency stop stay visible, and every
+shortcut keeps working.
 """
 
 from PySide6.QtCore import Qt, Signal
@@ -40,7 +40,7 @@ QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
 
 
 class Choice(QWidget):
-    """One of two, side by side."""
+    """Buttons side by side of which exactly one is checked."""
 
     def __init__(self, words: dict[str, str], answer: str) -> None:
         super().__init__()
@@ -60,17 +60,17 @@ class Choice(QWidget):
 
     @property
     def answer(self) -> str:
-        """What is chosen."""
+        """Name of the checked button."""
         return next(name for name, button in self.buttons.items() if button.isChecked())
 
 
 class SessionForm(QWidget):
-    """The form.
+    """The form of a session.
 
     Signals
     -------
     filled
-        With the answers as JSON, when they are complete and are to be sent.
+        Emitted with the answers as JSON, once they are complete and submitted.
     """
 
     filled = Signal(str)
@@ -111,12 +111,12 @@ class SessionForm(QWidget):
         )
 
     def propose(self, name: str, *, pilot: bool) -> None:
-        """Show what the server is set to, before anybody has chosen."""
+        """Fill in the name and kind of session that the server is configured with."""
         self.texts["name"].setText(name)
         self.kind.buttons["pilot" if pilot else "real"].setChecked(True)
 
     def send(self) -> None:
-        """Check the answers, and say what is wrong or send them."""
+        """Check the answers; send them, or show what is wrong."""
         entry = self.entry
         found = problems(entry)
         self.complain("\n".join(found.values()))
@@ -127,7 +127,7 @@ class SessionForm(QWidget):
         self.filled.emit(as_json(entry))
 
     def complain(self, trouble: str) -> None:
-        """Say what is wrong; empty for nothing."""
+        """Show what is wrong; an empty text clears the message."""
         self.trouble.setText(trouble)
 
     def _text(self, words: str) -> QLineEdit:
@@ -174,7 +174,7 @@ class SessionForm(QWidget):
 
 
 def _named(words: str, field: QWidget) -> QWidget:
-    """Put a word before a field."""
+    """Put a label before a field."""
     both = QWidget()
     row = QHBoxLayout(both)
     row.setContentsMargins(0, 0, 0, 0)

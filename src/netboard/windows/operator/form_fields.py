@@ -1,4 +1,4 @@
-"""What the session's form asks, and what it takes for an answer. Pure: no Qt."""
+"""The fields of the session's form, and their checks. Pure: no Qt."""
 
 import json
 import re
@@ -7,15 +7,15 @@ from dataclasses import asdict, dataclass, fields
 from netboard.base.tables.experiment import Session
 
 ID = re.compile(r"[A-Za-z0-9_-]{1,64}")
-"""What a label or a pseudonym is made of."""
+"""Valid session names and pseudonyms."""
 
 ASKED = {"name": "Session", "participant_a": "Participant A", "participant_b": "Participant B"}
-"""The labels that are asked for, and what people call them."""
+"""Text fields with their labels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The answers, under the names that `netboard.base.tables.experiment.Session` has for them."""
+    """The answers, named as in `netboard.base.tables.experiment.Session`."""
 
     name: str
     participant_a: str
@@ -28,19 +28,13 @@ class Entry:
 
 
 def first_entry(session: Session) -> Entry:
-    """What the form shows before anything has been filled in: what the configuration says, and no consent."""
+    """Return the initial answers: those of the configuration, without consent."""
     known = {field.name: getattr(session, field.name) for field in fields(Entry)}
     return Entry(**{**known, "consent": False})
 
 
 def problems(entry: Entry) -> dict[str, str]:
-    """What is wrong with the answers.
-
-    Returns
-    -------
-    dict of str
-        For each field that is wrong, a sentence; empty if nothing is.
-    """
+    """Return a sentence for each invalid field; empty if all are valid."""
     found: dict[str, str] = {}
     for name, called in ASKED.items():
         answer = getattr(entry, name)
@@ -55,5 +49,5 @@ def problems(entry: Entry) -> dict[str, str]:
 
 
 def as_json(entry: Entry) -> str:
-    """Write the answers as the argument of the command ``open``."""
+    """Return the answers as the argument of the command ``open``."""
     return json.dumps(asdict(entry))

@@ -1,7 +1,7 @@
-"""Lamps on the screen. Each is painted by hand and only when it says something new: a window full of them costs little.
+"""Lamp widgets. Each is painted by hand, and only when it changes, so that many lamps cost little.
 
-The colours are of the Okabe-Ito palette, which colour-blind people can tell apart; the sign before the words says the
-same. What is fine is dim and what is wrong is bright, so that a glance finds it.
+Colours are from the colour-blind-safe Okabe-Ito palette; a sign before the text repeats the level. Lamps that are fine
+are dim and problems are bright, so that a glance finds them.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from netboard.windows.participant.scene import COLOURS, Mood
 PLAIN = COLOURS[Mood.RUN]
 GOOD, WATCH, BAD = "#2fc79b", "#e69f00", "#d55e00"
 PANEL = "#1b2129"
-"""Background of what stands out a little."""
+"""Background of panels."""
 
 FACES = {
     Level.OFF: (PANEL, PLAIN.quiet, "\u2013"),
@@ -25,7 +25,7 @@ FACES = {
     Level.WATCH: (WATCH, PLAIN.background, "!"),
     Level.BAD: (BAD, "#ffffff", "\u2715"),
 }
-"""Background, words and sign of each level."""
+"""Background, text colour and sign of each level."""
 
 TONES = {
     Tone.QUIET: PLAIN.quiet,
@@ -34,11 +34,11 @@ TONES = {
     Tone.WATCH: WATCH,
     Tone.BAD: "#ff7a2f",
 }
-"""Colours of words."""
+"""Text colour of each tone."""
 
 
 class Light(QWidget):
-    """One lamp."""
+    """Widget of one lamp."""
 
     def __init__(self, points: int = 12) -> None:
         super().__init__()
@@ -48,11 +48,11 @@ class Light(QWidget):
         self.setMinimumSize(96, round(1.9 * points))
 
     def sizeHint(self) -> QSize:  # noqa: N802  (Qt's name)
-        """Say how large it likes to be."""
+        """Return the preferred size [pixels]."""
         return QSize(150, round(2.4 * self._points))
 
     def shine(self, lamp: Lamp) -> None:
-        """Show a lamp, unless that is what is seen already."""
+        """Show a lamp; do nothing if it is unchanged."""
         if lamp == self.lamp:
             return
         before, self.lamp = self.lamp, lamp
@@ -62,7 +62,7 @@ class Light(QWidget):
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
-        """Paint it."""
+        """Paint background, sign and text."""
         super().paintEvent(event)
         if self.lamp is None:
             return
@@ -85,7 +85,7 @@ class Light(QWidget):
 
 
 class StationLights(QWidget):
-    """The lamps of both stations: a row for each lamp, a column for each side."""
+    """The lamps of both stations: one row per lamp, one column per side."""
 
     def __init__(self, names: Sequence[str], sides: Sequence[str]) -> None:
         super().__init__()
@@ -112,7 +112,7 @@ class StationLights(QWidget):
 
 
 class SessionLights(QWidget):
-    """The lamps of the session, one beside the other."""
+    """The lamps of the session, side by side."""
 
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__()
@@ -134,7 +134,7 @@ class SessionLights(QWidget):
 
 
 def label(words: str, points: int, tone: Tone, *, bold: bool = False) -> QLabel:
-    """Make words of a size and a tone."""
+    """Make a label with a font size [pt] and a tone."""
     made = QLabel(words)
     font = QFont(made.font())
     font.setPointSize(points)

@@ -1,7 +1,7 @@
-"""The lamps of a session: what is fine, what to watch, what is wrong, and what to do about it. Pure: no Qt, no clock.
+"""Status lamps of a session: state, severity, and what to do. Pure: no Qt, no clock.
 
-A lamp says its level by colour, by a sign and in words, for colour alone is not seen by everybody; its tip says what is
-wrong and what to do. Limits are those of the configuration: what a trial would be doubtful for, or a device disarmed.
+A lamp shows its level as colour, sign and text, because not everybody can tell the colours apart; its tip says what is
+wrong and what to do. The limits come from the configuration: those at which an attempt is flagged or a device disarmed.
 """
 
 from collections.abc import Sequence
@@ -15,24 +15,24 @@ from netboard.nodes.ports.emergency import LACKING
 from netboard.windows.operator.changes import LATELY, Recent
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
-"""Phases in which a block is on."""
+"""Phases in which a block is running."""
 
 SILENT = 0.75
-"""A server that says nothing for so long is said to be silent [s]."""
+"""Timeout after which the server counts as silent [s]."""
 
 STALLED, SLOW = 3.0, 1.0
-"""A recording that nothing was added to for so long stands still; is slow [s]."""
+"""Time without new data on disk after which a recording counts as stalled, and as slow [s]."""
 
 MINUTES_BAD, MINUTES_WATCH = 5.0, 30.0
 BYTES_BAD, BYTES_WATCH = 10**9, 5 * 10**9
-"""Room on the disk at which it is said [min, bytes]."""
+"""Free disk space below which the lamp turns to this level [min, bytes]."""
 
 DOUBTFUL_TICKS = 10_000
-"""Shares of a trial are judged as if it took so many ticks [1]."""
+"""Attempt length at which limits given as shares are converted to ticks [1]."""
 
 
 class Level(IntEnum):
-    """How a lamp shines."""
+    """Severity of a lamp."""
 
     OFF = 0
     GOOD = 1
@@ -42,12 +42,12 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """What one lamp says.
+    """State of one lamp.
 
     Attributes
     ----------
     tip : str
-        What is wrong, and what to do; where all is well, what it shows.
+        What is wrong and what to do; if all is well, what the lamp shows.
     """
 
     name: str
@@ -58,14 +58,14 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What is too much.
+    """Limits at which lamps change their level.
 
     Attributes
     ----------
     sample_age : float
-        Age at which a sample no longer counts [s].
+        Age above which a sample is stale [s].
     clock_bound : float
-        A device is armed while its clock is known to this [s].
+        Largest uncertainty of the clock offset with which a device is armed [s].
     lost_ticks, clipped_ticks : int
         Most ticks without a fresh sample, and with a force at its limit [1].
     """
@@ -79,7 +79,7 @@ class Limits:
 
 
 def limits_of(config: Config, version: str) -> Limits:
-    """Take the limits from a configuration."""
+    """Return the limits of a configuration."""
     network, quality = config.network, config.quality
     return Limits(
         network.sample_timeout_ms * 1e-3,
@@ -92,12 +92,12 @@ def limits_of(config: Config, version: str) -> Limits:
 
 
 def session_lamps(status: Status | None, silence: float, recent: Recent, limits: Limits) -> tuple[Lamp, ...]:
-    """The lamps of the session as a whole, always the same ones in the same order.
+    """Return the lamps of the session, always the same ones in the same order.
 
     Parameters
     ----------
     silence : float
-        Time since it was heard; infinite before the first time [s].
+        Time since the last status; infinite before the first [s].
     """
     server = _server(silence)
     if status is None:
@@ -120,17 +120,17 @@ SESSION_LAMPS = ("Server", "Recording", "Disk", "Late ticks", "Forces", "Session
 
 
 def recorded(status: Status) -> bool:
-    """Whether somebody brings what happens to disk."""
+    """Whether a logger is writing to disk."""
     return any(age <= STALLED for _, age, _, _ in status.recordings)
 
 
 def replayed(status: Status) -> bool:
-    """Whether the server is that of a recording, and nobody's hand is moved."""
+    """Whether the server replays a recording."""
     return status.notice.startswith(REPLAY_OF)
 
 
 def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
-    """What lamps showed when the server was last heard: nobody knows whether it is still so."""
+    """Return lamps as out of date: their last text in brackets, level off."""
     return tuple(
         replace(lamp, level=Level.OFF, words=lamp.words and f"({lamp.words})", tip="From before the link was lost.")
         for lamp in lamps
@@ -138,7 +138,7 @@ def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
 
 
 def over(status: Status, silence: float) -> bool:
-    """Whether the session has ended, and the server with it."""
+    """Whether the server has ended after the last block."""
     return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
 
 
@@ -168,7 +168,7 @@ def _recording(status: Status) -> Lamp:
 
 
 def _begun(status: Status) -> list[tuple[str, float, int, int]]:
-    """What the loggers write that have begun a file."""
+    """List the recordings of loggers that have begun a file."""
     return [recording for recording in status.recordings if recording[0]]
 
 
@@ -217,16 +217,16 @@ def _form(status: Status) -> Lamp:
     return Lamp("Session", Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}.")
 
 
-# --- what must not be overlooked ----------------------------------------------------------------------------------
+# --- alarm --------------------------------------------------------------------------------------------------------
 
 
 def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
-    """What is so wrong that it is written across the window; empty if nothing is.
+    """Return the alarm to write across the window; empty if there is none.
 
     Parameters
     ----------
     unconfirmed : bool
-        Whether an emergency stop was asked for that the server has not confirmed in time.
+        Whether the server has failed to confirm an emergency stop in time.
     """
     if unconfirmed and not (status is not None and replayed(status)):
         return "STOP NOT CONFIRMED: TAKE THE STYLUSES OUT OF THE HANDS"
@@ -245,7 +245,7 @@ def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bo
 
 
 def milliseconds(seconds: float) -> str:
-    """Write a short time."""
+    """Format a short time in milliseconds."""
     ms = seconds * 1e3
     if not isfinite(ms):
         return "?"
@@ -253,10 +253,10 @@ def milliseconds(seconds: float) -> str:
 
 
 def duration(minutes: float) -> str:
-    """Write a long time."""
+    """Format a long time in minutes or hours."""
     return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.0f} h"
 
 
 def size(count: int) -> str:
-    """Write a size."""
+    """Format a size in bytes as MB or GB."""
     return f"{count / 1e9:.1f} GB" if count >= 10**9 else f"{count / 1e6:.1f} MB"

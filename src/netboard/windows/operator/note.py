@@ -1,4 +1,4 @@
-"""Where the operator writes a note. Its time is that of the first letter, for writing takes its time."""
+"""The operator's note field. A note is stamped with its first letter, because writing takes time."""
 
 import json
 
@@ -10,21 +10,21 @@ from netboard.windows.operator.lamp_widget import PANEL, PLAIN, label
 from netboard.windows.operator.words import Tone
 
 LONGEST = 2000
-"""Letters of a note [1]."""
+"""Maximum length of a note, in characters [1]."""
 
 
 class NoteBox(QWidget):
-    """A line for notes.
+    """A text field for notes.
 
     Signals
     -------
     written
-        With the note as JSON: its text, and the tick at which it was begun.
+        Emitted with the note as JSON: its text, and the tick of its first letter.
 
     Attributes
     ----------
     tick : int
-        The newest tick that is known; whoever shows the window keeps it up to date [1].
+        The newest known tick; the console window keeps it up to date [1].
     """
 
     written = Signal(str)
@@ -53,14 +53,14 @@ class NoteBox(QWidget):
         self.text.returnPressed.connect(self._send)
 
     def toggle(self) -> None:
-        """Begin to write, or stop writing and keep what is there."""
+        """Focus the field, or leave it and keep its text."""
         if self.text.hasFocus():
             self.text.clearFocus()
         else:
             self.text.setFocus()
 
     def _edited(self, words: str) -> None:
-        """Stamp the first letter; an empty note has no time."""
+        """Stamp the first letter; clear the stamp of an empty note."""
         if not words:
             self._begun = None
         elif self._begun is None:

@@ -12,12 +12,12 @@ from netboard.windows.operator.changes import LATELY, Recent
 from netboard.windows.operator.lamps import Lamp, Level, Limits, milliseconds
 
 SLOW_RATE = 900.0
-"""An agent that says less than this is slow [Hz]."""
+"""Message rate below which an agent counts as slow [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Seat:
-    """What a status says of one side."""
+    """State of one side, taken from a status."""
 
     side: Side
     status: Status
@@ -31,7 +31,7 @@ class _Seat:
 
 
 def station_lamps(status: Status, recent: Recent, side: Side, limits: Limits) -> tuple[Lamp, ...]:
-    """All lamps of one station, always the same ones in the same order."""
+    """Return the lamps of one station, always the same ones in the same order."""
     agent = f"agent.{side}"
     link = next((link for link in status.links if link[0] == agent), None)
     display = _display(status, side)

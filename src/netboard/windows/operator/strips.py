@@ -1,7 +1,7 @@
-"""What happens, as strips of the last ten seconds: heights, forces, ball.
+"""Strip charts of the last ten seconds: heights, forces, ball.
 
-The points come from the server a few at a time and are kept in a ring. Axes are fixed and lines are one pixel wide
-without smoothing, for that is what costs least on a machine that has loops of a millisecond to run.
+The server sends the points a few at a time; a ring buffer keeps them. Axes are fixed and lines are one pixel wide
+without antialiasing, to save processor time on a computer that may also run 1 kHz loops.
 """
 
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.windows.operator.lamp_widget import PLAIN
 
 SECONDS = 10.0
-"""What the strips show [s]."""
+"""Time span of the charts [s]."""
 
 KEPT = 2000
-"""Points kept: every fifth tick of that time [1]."""
+"""Size of the ring buffer: every fifth tick of that time span [1]."""
 
 GAP_TICKS = 50
-"""Points further apart than this are not joined [1]."""
+"""Points further apart than this are not connected [1]."""
 
 AXIS_WIDTH = 52
-"""Room for the numbers, so that the times of the strips stand one above the other, in pixels [1]."""
+"""Fixed width of the vertical axes, so that the time axes of all charts align [pixels]."""
 
 TICK, LEFT, RIGHT, BOARD, TILT, BALL, LEFT_FORCE, RIGHT_FORCE = range(8)
-"""What a point is made of."""
+"""Index of each field of a point."""
 
 LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
 
@@ -37,12 +37,12 @@ Point = tuple[int, float, float, float, float, float, float, float]
 
 
 class Strips(QWidget):
-    """Three strips, one above the other.
+    """Three strip charts, one above the other.
 
     Parameters
     ----------
     config : Config
-        How far the styluses go, how large a force may be, and where the targets are.
+        Source of the axis limits and of the target positions.
     """
 
     def __init__(self, config: Config) -> None:
@@ -64,7 +64,7 @@ class Strips(QWidget):
         ]
 
     def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
-        """Take what is newer than what is there; whatever is there is forgotten when a replay goes back."""
+        """Append the new points; clear the buffer first if `anew`, or if a replay goes back in time."""
         if anew or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1
@@ -76,7 +76,7 @@ class Strips(QWidget):
             self._newest = int(point[TICK])
 
     def redraw(self) -> None:
-        """Draw what is there; the newest point is at zero seconds."""
+        """Draw all points; the newest is at zero seconds."""
         size = min(self._count, KEPT)
         order = np.arange(self._count - size, self._count) % KEPT
         points = self._ring[:, order]
@@ -97,7 +97,7 @@ class Strips(QWidget):
         lines: tuple[tuple[str, int, str], ...],
         scale: float,
     ) -> list[tuple[pg.PlotDataItem, int, float]]:
-        """Make one strip with its lines; what each one shows, and its scale."""
+        """Make one chart; return its lines, each with its field and scale."""
         plot = pg.PlotWidget(self, background=PLAIN.background)
         plot.setLabel("left", name)
         plot.getAxis("left").enableAutoSIPrefix(False)

@@ -1,8 +1,8 @@
 """The operator's window: lamps, strips, attempts, the form, the buttons and their keys.
 
-It shows what it is given and says what is wished; it knows no server. All of it is one window without dialogs and
-menus, so that every key works at any time: the emergency stop above all. What must not happen by accident is pressed
-twice.
+It shows a `State` and emits the operator's commands; it does not know the server. It is a single window without dialogs
+and menus, so that every shortcut works at any time, above all the emergency stop. Commands that must not happen by
+accident need a second press.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,25 +41,25 @@ from netboard.windows.operator.strips import Point, Strips
 from netboard.windows.operator.words import Attempt, Line, Tone
 
 SURE_MS = 5000
-"""What is to be pressed twice waits so long for the second time [ms]."""
+"""Timeout for the second press [ms]."""
 
 SOON_NS = 400_000_000
-"""A second press so soon is a slip of the hand [ns]."""
+"""A second press within this time is ignored as accidental [ns]."""
 
 STRIP_TURNS = 2
-"""The strips are drawn at every so manieth state shown [1]."""
+"""The strip charts are redrawn once per this many states [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What there is to show.
+    """Everything that the console shows.
 
     Attributes
     ----------
     silence : float
-        Time since it was heard; infinite before the first time [s].
+        Time since the last status; infinite before the first [s].
     unconfirmed : bool
-        Whether an emergency stop was asked for that the server has not confirmed in time.
+        Whether the server has failed to confirm an emergency stop in time.
     """
 
     status: Status | None = None
@@ -71,7 +71,7 @@ class State:
 
 
 class ConsoleWindow(QWidget):
-    """The window."""
+    """The console's window."""
 
     wished = Signal(str, str)
     closed = Signal()
@@ -98,10 +98,10 @@ class ConsoleWindow(QWidget):
         self._connect()
         self.show_state(self.state)
 
-    # --- what is shown -----------------------------------------------------------------------------------------
+    # --- display -----------------------------------------------------------------------------------------------
 
     def show_state(self, state: State) -> None:
-        """Show how things are; what has not changed is not touched."""
+        """Show a state; widgets that have not changed are left alone."""
         self.state = state
         status, silence = state.status, state.silence
         banner = words.banner(status)
@@ -142,7 +142,7 @@ class ConsoleWindow(QWidget):
             self.strips.redraw()
 
     def _show_alarm(self, alarm: str, worst: Line) -> None:
-        """Write across the window what must not be overlooked; else what to do next, or what is wrong."""
+        """Write the alarm across the window; without one, the next step or the worst lamp."""
         line = words.advice(self.state.status, self._where)
         if not line.words:
             line = worst
@@ -154,11 +154,11 @@ class ConsoleWindow(QWidget):
             self.alarm.setStyleSheet(look)
 
     def say(self, line: Line) -> None:
-        """Say what has become of a command."""
+        """Show the result of a command."""
         _say(self.reply, line)
 
     def fill_in(self, wanted: bool) -> None:
-        """Show the session's form, or put it away; while it is there Space ticks and writes."""
+        """Show or hide the session's form; in the form, Space types and ticks instead of being the emergency stop."""
         self.middle.setCurrentWidget(self.form if wanted else self.live)
         self._space.setEnabled(not wanted)
         if wanted:
@@ -167,10 +167,10 @@ class ConsoleWindow(QWidget):
         else:
             self.setFocus()
 
-    # --- what is wished ----------------------------------------------------------------------------------------
+    # --- commands ----------------------------------------------------------------------------------------------
 
     def press(self, wish: Wish) -> None:
-        """Do what a key or a button stands for, or say why not."""
+        """Execute the command of a key or button, or show why it is not possible."""
         if wish.name == "open" and self.middle.currentWidget() is self.form:
             self.fill_in(False)
             return
@@ -196,7 +196,7 @@ class ConsoleWindow(QWidget):
                 self.wished.emit(wish.name, "")
 
     def _repeat(self, wish: Wish) -> None:
-        """Name the trial that is marked, if it is one of this block."""
+        """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
         if marked is not None and status is not None and marked[0] != status.block:
             self.say(Line(f"{wish.label}: trial {marked[1]} is of block {marked[0]}, which is over", Tone.WATCH))
@@ -204,7 +204,7 @@ class ConsoleWindow(QWidget):
         self.wished.emit(wish.name, "" if marked is None else str(marked[1]))
 
     def _ask(self, wish: Wish) -> None:
-        """Wait for the second press."""
+        """Start to wait for the second press."""
         self._unsure()
         self._sure, self._sure_ns = wish, now_ns()
         self._doubt.start()
@@ -212,7 +212,7 @@ class ConsoleWindow(QWidget):
         self.say(Line(f"{wish.label}: press {wish.key} once more to do it", Tone.WATCH))
 
     def _unsure(self) -> None:
-        """Wait for a second press no longer."""
+        """Stop waiting for a second press."""
         self._doubt.stop()
         if self._sure is not None:
             self._button(self._sure).ask(False)
@@ -224,7 +224,7 @@ class ConsoleWindow(QWidget):
     # --- Qt ----------------------------------------------------------------------------------------------------
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Say that the window is closed; while a block is on it must be closed twice."""
+        """Emit `closed`; while a block is running, ask for a second close first."""
         status = self.state.status
         if not self._leaving and self.isVisible() and status is not None and status.phase in ACTIVE:
             self._leaving = True
@@ -239,7 +239,7 @@ class ConsoleWindow(QWidget):
         self._leaving = False
 
     def _make(self, config: Config) -> None:
-        """Make what is shown."""
+        """Create the widgets."""
         self.banner = label("", 19, Tone.PLAIN, bold=True)
         self.banner.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.banner.setFixedHeight(44)
@@ -258,7 +258,7 @@ class ConsoleWindow(QWidget):
         self.middle = QStackedWidget()
 
     def _lay_out(self) -> None:
-        """Put it where it belongs."""
+        """Lay out the widgets."""
         said = QVBoxLayout()
         for line in (self.headline, self.progress, self.block):
             line.setMinimumWidth(1)  # a long line must not make the window wider
@@ -285,7 +285,7 @@ class ConsoleWindow(QWidget):
         rows.addLayout(_row((self.reply, 1), (self.commander, 0)))
 
     def _connect(self) -> None:
-        """Give every button its key."""
+        """Connect buttons, shortcuts and signals."""
         for button in (*self.bar.buttons, self.stop.release):
             press = partial(self.press, button.wish)
             button.clicked.connect(lambda _checked, press=press: press())
@@ -315,7 +315,7 @@ _LOUD = f"background: {BAD}; color: white; border-radius: 6px; padding: 0 14px; 
 
 
 def _banner_style(tone: Tone) -> str:
-    """A pilot is black on yellow and cannot be taken for a real session."""
+    """Return the style of the banner; a pilot is black on yellow, so that nobody takes it for a real session."""
     if tone is Tone.WATCH:
         return f"background: #f0e442; color: {PLAIN.background}; border: 5px dashed {WATCH};"
     back = PLAIN.target if tone is Tone.PLAIN else PANEL
@@ -323,7 +323,7 @@ def _banner_style(tone: Tone) -> str:
 
 
 def _say(where: QLabel, line: Line) -> None:
-    """Write a line, if it is another one."""
+    """Write a line to a label if it has changed."""
     look = f"color: {TONES[line.tone]};"
     if where.text() != line.words:
         where.setText(line.words)
@@ -333,7 +333,7 @@ def _say(where: QLabel, line: Line) -> None:
 
 
 def _row(*parts: tuple[QWidget | QVBoxLayout, int]) -> QHBoxLayout:
-    """Put things side by side, with a share of the room for each."""
+    """Lay out widgets side by side, each with its stretch factor."""
     row = QHBoxLayout()
     row.setSpacing(12)
     for part, share in parts:

@@ -1,6 +1,6 @@
-"""What the console says of a session, in words. Pure: no Qt, no clock.
+"""The console's texts about a session. Pure: no Qt, no clock.
 
-Large words for what is going on, a line for where in the plan that is, and one for what to do next.
+There is a headline for the current phase, a line for the position in the plan, and a line for what to do next.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ PHASES = {
     "paused": "PAUSED",
     "finished": "BLOCK FINISHED",
 }
-"""The phases in large letters; `idle` has more than one word."""
+"""Headlines of the phases; `_before` chooses that of ``idle``."""
 
 OUTCOMES = {
     "success": "success",
@@ -31,14 +31,14 @@ OUTCOMES = {
     "paused": "paused",
     "skipped": "skipped",
 }
-"""What has become of an attempt."""
+"""Text of each outcome of an attempt."""
 
 Attempt = tuple[int, int, int, str, float, str, int]
 """One item of `netboard.network.protocol.control.Outcomes.attempts`."""
 
 
 class Tone(Enum):
-    """How words sound."""
+    """Severity of a text; it selects the colour."""
 
     QUIET = "quiet"
     PLAIN = "plain"
@@ -49,14 +49,14 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Words and how they sound."""
+    """A text and its tone."""
 
     words: str
     tone: Tone = Tone.PLAIN
 
 
 def headline(status: Status | None, silence: float) -> Line:
-    """What is going on, in a word or two."""
+    """Return the current phase in one or two words."""
     if status is None:
         return Line("NO SERVER", Tone.WATCH)
     if over(status, silence):
@@ -73,7 +73,7 @@ def headline(status: Status | None, silence: float) -> Line:
 
 
 def _before(status: Status) -> Line:
-    """What is going on before a block."""
+    """Return the headline before a block."""
     if not status.opened:
         return Line("NOT OPENED", Tone.WATCH)
     if status.rest > 0:
@@ -89,7 +89,7 @@ def last_block(status: Status) -> bool:
 
 
 def progress(status: Status | None) -> str:
-    """Where in the block the session is."""
+    """Return the position within the block."""
     if status is None:
         return ""
     failed = f"{status.failures} failed" if status.failures else "none failed"
@@ -97,7 +97,7 @@ def progress(status: Status | None) -> str:
 
 
 def block(status: Status | None) -> str:
-    """Which block it is."""
+    """Return number, label and condition of the block."""
     if status is None:
         return ""
     called = "   ".join(dict.fromkeys(words for words in (status.label, status.condition) if words))
@@ -105,7 +105,7 @@ def block(status: Status | None) -> str:
 
 
 def banner(status: Status | None) -> Line:
-    """Whether the session is a pilot or a real one, and whose it is."""
+    """Return whether the session is real, a pilot or a replay, with its name and dyad."""
     if status is None:
         return Line("NOT CONNECTED", Tone.QUIET)
     study = f"   study {status.study}" if status.study else ""
@@ -120,7 +120,7 @@ def banner(status: Status | None) -> Line:
 
 
 def advice(status: Status | None, where: str) -> Line:
-    """What the operator should know, or do next."""
+    """Return what the operator should know or do next."""
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
     if replayed(status):
@@ -137,7 +137,7 @@ def advice(status: Status | None, where: str) -> Line:
 
 
 def _next(status: Status) -> str:
-    """What to press next, where nothing goes on by itself."""
+    """Return the next key to press, if the session waits for the operator."""
     if LACKING in status.waiting_for:
         return "release the emergency stop: Ctrl+R, twice"
     if status.phase == "idle":
@@ -146,24 +146,24 @@ def _next(status: Status) -> str:
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
-    """What the worst of the lamps has to say, and how many others are not well.
+    """Return the text of the most severe lamp, and how many other lamps need attention.
 
     Parameters
     ----------
     lamps : sequence of (str, Lamp)
-        Each lamp with its station, which is empty for the session's.
+        Each lamp with its station; empty for the lamps of the session.
     """
     unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
     if not unwell:
         return Line("", Tone.QUIET)
-    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first one of the worst
+    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first of equal severity
     others = f"   (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
     named = f"{where.upper()} {lamp.name.lower()}".strip()
     return Line(f"{named}: {lamp.words}. {lamp.tip}{others}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
 def commander(status: Status | None, own: str) -> Line:
-    """Who commands."""
+    """Return who the commander is."""
     if status is None:
         return Line("", Tone.QUIET)
     if replayed(status):
@@ -176,7 +176,7 @@ def commander(status: Status | None, own: str) -> Line:
 
 
 def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
-    """What the table says of an attempt: block, trial, attempt, outcome, time, doubts, and which trial it repeats."""
+    """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`."""
     number, trial, count, outcome, seconds, doubts, repeats = attempt
     return (
         str(number),
@@ -190,11 +190,11 @@ def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
 
 
 ATTEMPT_HEADS = ("Block", "Trial", "Try", "Outcome", "Time", "Doubtful", "Repeats")
-"""Heads of the table of attempts."""
+"""Column headers of the table of attempts."""
 
 
 def attempt_tone(attempt: Attempt) -> Tone:
-    """How an attempt sounds."""
+    """Return the tone of an attempt: flagged, success or other."""
     outcome, doubts = attempt[3], attempt[5]
     if doubts:
         return Tone.WATCH
@@ -202,6 +202,6 @@ def attempt_tone(attempt: Attempt) -> Tone:
 
 
 def clock(seconds: float) -> str:
-    """Write a time as minutes and seconds."""
+    """Format a time as minutes and seconds."""
     whole = max(round(seconds), 0)
     return f"{whole // 60}:{whole % 60:02d}"

@@ -1,12 +1,13 @@
 """The display of a station: views in, frames out.
 
-The newest view wins; `netboard.windows.participant.showing` makes frames of it. Without views for the configured time
-the window goes blank and says so, and it recovers by itself when they are back. About twice a second the server is told
-which view was painted when. The server's configuration says what the board and the block are, and may come again, with
-the next block; of `[display]` it is the local one that counts, which knows this screen and this participant's language.
+The newest view wins; `netboard.windows.participant.showing` turns it into frames. If no view arrives within
+`link_timeout_ms`, the window goes blank with a message; it recovers by itself when views arrive again. About twice a
+second the client reports to the server which view was painted when. The server sends the configuration of board and
+block, and sends it again with each block. Only `[display]` is taken from the local configuration, because it describes
+this screen and this participant's language.
 
-ZeroMQ's file descriptor signals changes only, so every signal drains the socket; a slow round looks after what must be
-done by the clock, and drains too. Everything runs in Qt's thread.
+ZeroMQ's file descriptor is edge-triggered, so every signal drains the socket. A slow timer handles timeouts, greetings
+and reports, and drains the sockets too. Everything runs in Qt's thread.
 """
 
 import logging
@@ -39,21 +40,26 @@ from netboard.windows.participant.window import BoardWindow, application
 log = logging.getLogger(__name__)
 
 ROUND_MS = 50
+"""Interval of the periodic work [ms]."""
+
 HELLO_NS = 500_000_000
+"""Interval between two `Hello` messages while the display is not connected [ns]."""
+
 REPORT_NS = 500_000_000
+"""Interval between two reports of frames [ns]."""
 
 Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
-"""Makes the player of a side."""
+"""A function that makes the player of a side."""
 
 
 class DisplayClient(QObject):
-    """One station's connection to the server, and what its window shows.
+    """Connect one station to the server, and show the views in its window.
 
     Parameters
     ----------
     config : Config
-        The local configuration: where the server is and how the window looks. What the board looks like is taken from
-        the server's, as soon as it is known.
+        The local configuration: address of the server, `[display]`, and the board until the server has sent its
+        configuration.
     """
 
     def __init__(
@@ -93,17 +99,17 @@ class DisplayClient(QObject):
 
     @property
     def config(self) -> Config:
-        """What the board and the block are, as far as it is known."""
+        """The server's configuration of board and block; until it arrives, the local one."""
         return self.showing.config
 
     def _notify(self, socket: sockets.Socket, slot: Callable[[], None]) -> QSocketNotifier:
-        """Call `slot` whenever something may have happened on a socket."""
+        """Call `slot` whenever a socket may be readable."""
         notifier = QSocketNotifier(socket.fileno(), QSocketNotifier.Type.Read, self)
         notifier.activated.connect(slot)
         return notifier
 
     def close(self) -> None:
-        """Report the last frames, say goodbye, and close the sockets; a second time does nothing."""
+        """Report the last frames, send `Goodbye`, and close the sockets; a second call does nothing."""
         if self._views.closed:
             return
         self._round.stop()
@@ -119,7 +125,7 @@ class DisplayClient(QObject):
     # --- views -------------------------------------------------------------------------------------------------
 
     def _take_views(self) -> None:
-        """Show the newest of the views that have come."""
+        """Drain the view socket and show the newest view."""
         newest: View | None = None
         while (frame := sockets.receive(self._views)) is not None:
             message = self._decode(frame)
@@ -141,7 +147,7 @@ class DisplayClient(QObject):
     # --- control -----------------------------------------------------------------------------------------------
 
     def _take_words(self) -> None:
-        """Hear what the server says on the control channel."""
+        """Drain the control socket and handle the server's messages."""
         while (frame := sockets.receive(self._control)) is not None:
             match self._decode(frame):
                 case Welcome(session=session, config=text):
@@ -158,7 +164,7 @@ class DisplayClient(QObject):
                     log.info("the server says goodbye: %s", reason)
 
     def _welcome(self, session: str, text: str) -> None:
-        """Take over the server's configuration."""
+        """Apply the server's configuration."""
         try:
             config = replace(parse(text, "the server's configuration"), display=self.own)
         except ConfigError as error:
@@ -174,7 +180,7 @@ class DisplayClient(QObject):
             self._measure(config)
 
     def _measure(self, config: Config) -> None:
-        """Say it if the board in its true size is larger than the window."""
+        """Warn if the board at its true size is wider than the window."""
         room, wanted = self.window.board.metres_across, extent(config)[0]
         if self.own.mm_per_pixel > 0 and room < wanted:
             log.warning(
@@ -184,7 +190,7 @@ class DisplayClient(QObject):
             )
 
     def _decode(self, frame: bytes) -> Message | None:
-        """Decode a frame; what breaks the protocol is said and left out."""
+        """Decode a frame; log one that breaks the protocol and return None."""
         try:
             return decode(frame)
         except WireError as error:
@@ -192,13 +198,13 @@ class DisplayClient(QObject):
             return None
 
     def _complain(self, trouble: str) -> None:
-        """Say a trouble once, and have it shown while there is nothing else to show."""
+        """Log a problem once, and keep it to be shown while there is no view."""
         if trouble != self._trouble:
             self._said.say(trouble)
             self._trouble = trouble
 
     def _hello(self) -> None:
-        """Ask to be welcomed."""
+        """Send `Hello`."""
         details = {"refresh_hz": f"{self.showing.refresh_hz:.2f}", "platform": application().platformName()}
         hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
         sockets.send_or_renew(self._control, encode(hello))
@@ -211,10 +217,10 @@ class DisplayClient(QObject):
         if frames is not None and sockets.send(self._control, encode(frames)):
             self.tally.clear()
 
-    # --- by the clock ------------------------------------------------------------------------------------------
+    # --- periodic work -----------------------------------------------------------------------------------------
 
     def look_after(self) -> None:
-        """Do what must be done by the clock: greet, report, notice a lost link."""
+        """Do the periodic work: drain the sockets, send `Hello`, report frames, detect a lost link."""
         self._take_views()
         self._take_words()
         now = now_ns()
@@ -229,14 +235,14 @@ class DisplayClient(QObject):
             self._report()
 
     def _blank(self) -> None:
-        """Show that there is nothing to show, and why."""
+        """Show why there is no view."""
         if self.linked:
             log.warning("no view for %.1f s", self._link_timeout_ns * 1e-9)
         self.linked = False
         self.showing.blank(self._why())
 
     def _why(self) -> Picture:
-        """Say why there is no view."""
+        """Return the picture that says why there is no view."""
         words = self._words
         if self._over:
             return blank(self.config, words, words.over)
@@ -247,7 +253,7 @@ class DisplayClient(QObject):
 
 
 class _Photographer(QObject):
-    """Takes one screenshot of a window once the participant has seen the board for a while."""
+    """Take one screenshot of a window, a delay after the first painted view."""
 
     def __init__(self, client: DisplayClient, path: Path, after: float, done: Callable[[], None]) -> None:
         super().__init__(client)
@@ -266,7 +272,7 @@ class _Photographer(QObject):
             self._delay.start()
 
     def take(self) -> None:
-        """Take the screenshot, unless it has been taken or there is nothing to be seen."""
+        """Take the screenshot, unless it was taken before or no view has been painted."""
         if self.taken or not self._client.tally.painted:
             return
         self.taken = True
@@ -291,12 +297,12 @@ def run(
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; asked some twenty times a second.
+        Whether the process has been asked to stop; polled every `ROUND_MS`.
     after : float, optional
-        Take it so long after the first painted view, or at the end if that comes before, and go on. Without it, take
-        it at the first painted view and stop [s].
+        Delay of the screenshot after the first painted view, or less if the display ends before. The display then
+        goes on. Without a delay, the screenshot is taken at the first painted view and the display ends [s].
     play : callable, optional
-        Makes the player of this side, where somebody plays it here.
+        Makes the player of this side, if this display is also its input.
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

@@ -1,10 +1,12 @@
-"""The count of frames: what came, what was painted, what was dropped. Pure: time is an argument.
+"""Counts of painted and dropped frames. Pure: time is an argument.
 
-The screen can show one frame a refresh, and there is no more to show than the server sends, so one frame is due in the
-longer of the two periods. Dropped is what a participant should have been shown and was not: each such period in which
-a new view had been sent and none came (their numbers say so: a view that was not sent, because nothing had changed, is
-missed by nobody), and each in which a picture that was asked for was not painted. A view that came and gave way to a
-newer one within a period is no drop: the screen could not have shown both.
+A frame is due once per period: the longer of the screen's refresh and the server's interval between views. A frame is
+dropped for each period in which
+
+- a view was sent but did not arrive (sequence numbers tell; views that the server did not send do not count), or
+- a picture was requested but not painted.
+
+A view replaced by a newer one within a period is no drop: the screen could not have shown both.
 """
 
 from collections import deque
@@ -14,19 +16,19 @@ from netboard.base.config import Side
 from netboard.network.protocol.views import MOST_SHOWN, Frames
 
 MOST_KEPT = 2048
-"""Frames kept while nobody takes the reports; the oldest are forgotten first [1]."""
+"""Frames kept while no report can be sent; the oldest are discarded first [1]."""
 
 MOST_NS = 3600 * 1_000_000_000
-"""Views further apart are not of one session [ns]."""
+"""Views further apart than this belong to different sessions [ns]."""
 
 
 class FrameTally:
-    """Count of one station.
+    """Count the frames of one station.
 
     Parameters
     ----------
     period_ns : int
-        One frame is due in this time [ns].
+        Time in which one frame is due [ns].
     """
 
     def __init__(self, station: Side, period_ns: int) -> None:
@@ -40,12 +42,12 @@ class FrameTally:
         self._reported = 0
 
     def receive(self, seq: int, sent_ns: int) -> None:
-        """Note that a view came, and count the frames that those before it could have made and did not.
+        """Note that a view arrived, and count the frames lost with the views missing before it.
 
         Parameters
         ----------
         seq : int
-            Its number; one that is not larger than the one before begins a new count [1].
+            Sequence number of the view; if it does not grow, the sequence starts anew [1].
         """
         if self._newest is not None:
             missing, elapsed = seq - self._newest[0] - 1, sent_ns - self._newest[1]
@@ -60,7 +62,7 @@ class FrameTally:
         self._waiting = tick, received_ns, due_ns
 
     def paint(self, now_ns: int) -> bool:
-        """Note that the window was painted; tell whether a waiting picture came to the screen with it."""
+        """Note that the window was painted; return whether that painted a waiting picture."""
         if self._waiting is None:
             return False
         tick, received_ns, due_ns = self._waiting
@@ -71,16 +73,16 @@ class FrameTally:
         return True
 
     def report(self) -> Frames | None:
-        """Make the next report, of the oldest frames and as many as one may hold; None if there is nothing to say.
+        """Return the next report, with as many of the oldest frames as one may hold; None if nothing is new.
 
-        It stays the same until `clear` says that it was sent.
+        Call `clear` once it was sent; until then the report holds the same frames.
         """
         if not self._shown and self.dropped == self._reported:
             return None
         return Frames(self.station, tuple(islice(self._shown, MOST_SHOWN)), self.dropped)
 
     def clear(self) -> None:
-        """Forget what was reported; what did not fit is for the next report."""
+        """Remove the reported frames; those that did not fit stay for the next report."""
         for _ in range(min(len(self._shown), MOST_SHOWN)):
             self._shown.popleft()
         self._reported = self.dropped

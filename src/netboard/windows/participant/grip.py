@@ -1,9 +1,8 @@
-"""What a player sees of the own hand, beside what every participant sees. Pure: no Qt, no clock.
+"""Visual substitute for haptic feedback when a side is played with a mouse or keys. Pure: no Qt, no clock.
 
-A hand that plays with a pointer feels nothing, so it is shown what it would feel: a spring from the pointer to the
-stylus, as long as the hand yields, and the force as an arrow with its size. Only the own hand is ever drawn: the
-pointer is the window's own, the force comes from the agent of the same side, the stylus is the one in the station's
-view.
+A player without a haptic device feels nothing, so the force is drawn: as a spring from the pointer to the stylus, and
+as an arrow with its size in newtons. Only the player's own hand is ever drawn: the pointer is that of this window, the
+force comes from the agent of the same side, and the stylus is the one in the station's view.
 """
 
 from netboard.base.config import Config, Side
@@ -15,19 +14,19 @@ ARROW_PER_FORCE = 0.04
 """Length of the arrow for a force of 1 N as drawn [m/N]."""
 
 SMALLEST_FORCE = 0.02
-"""A smaller force is drawn as none [N]."""
+"""Smaller forces are not drawn [N]."""
 
 ARROW_WIDTH, HEAD_WIDTH, HEAD_LENGTH = 0.004, 0.014, 0.012
-"""The arrow as drawn [m]."""
+"""Width of the arrow's shaft, width and length of its head, as drawn [m]."""
 
 LABEL_CLEAR, LABEL_GAP = 0.042, 0.016
-"""The arrow's label is at least so far from the stylus, and so far from the arrow's tip [m]."""
+"""Smallest distance of the arrow's label from the stylus, and its distance from the arrow's tip [m]."""
 
 MARK_WIDTH = 0.044
 """Width of the bar that marks the height of the pointer [m]."""
 
 TEETH, TOOTH_WIDTH = 6, 0.005
-"""Teeth of the spring, and how far they stand out [1, m]."""
+"""Number of the spring's teeth, and how far they stand out [1, m]."""
 
 
 def grip_of(
@@ -40,7 +39,7 @@ def grip_of(
     *,
     keys: bool,
 ) -> Grip:
-    """Decide what a player sees of the own hand.
+    """Return what is drawn of the player's own hand.
 
     Parameters
     ----------
@@ -63,13 +62,13 @@ def grip_of(
 
 
 def _how(words: Words, station: Side, keys: bool) -> str:
-    """Say how the hand is moved."""
+    """Return the sentence that says how to move the stylus."""
     how = (words.press if keys else words.point).format(end=words.end(station))
     return how[:1].upper() + how[1:]
 
 
 def _spring(x: float, pointer: float, own: float) -> tuple[Point, ...]:
-    """Corners of a spring that is as long as the hand yields [m]."""
+    """Corners of the spring from the pointer to the stylus [m]."""
     if pointer == own:
         return ()
     step = (own - pointer) / (TEETH + 1)
@@ -78,7 +77,7 @@ def _spring(x: float, pointer: float, own: float) -> tuple[Point, ...]:
 
 
 def _arrow(x: float, own: float, reach: float, up: float) -> tuple[Point, ...]:
-    """Corners of an arrow from the rim of the stylus' cursor to so far from its middle [m]."""
+    """Corners of an arrow from the rim of the stylus cursor to `reach` from its centre [m]."""
     neck = max(reach - HEAD_LENGTH, CURSOR_RADIUS)
     shaft, head = ARROW_WIDTH / 2, HEAD_WIDTH / 2
     outline = ((-shaft, CURSOR_RADIUS), (-shaft, neck), (-head, neck), (0.0, reach))

@@ -1,4 +1,4 @@
-"""Where the words of a display come from: a language of the package, or a file of the user's."""
+"""Load a display's texts: in a language of the package, or from a file of the user."""
 
 from importlib import resources
 from pathlib import Path
@@ -11,12 +11,12 @@ LANGUAGES = ("en", "de", "fr", "es", "it")
 
 
 def load_words(language: str) -> Words:
-    """Find the words of a language.
+    """Load the texts of a language.
 
     Parameters
     ----------
     language : str
-        One of `LANGUAGES`, or the path of a file of words.
+        One of `LANGUAGES`, or the path of a TOML file of texts.
     """
     if language in LANGUAGES:
         text = (resources.files("netboard.windows.participant") / "languages" / f"{language}.toml").read_text(

@@ -1,7 +1,7 @@
-"""Markers of trial events for amplifiers: sent when the first frame of a phase has been painted.
+"""Event markers for amplifiers (EEG, EMG): sent when the first frame of a phase has been painted.
 
-One of three outlets: none, a stream of the lab streaming layer, or a serial port on which each event is one byte. The
-events and their bytes are in `CODES`.
+There are three outlets: none, a Lab Streaming Layer (LSL) stream, or a serial port that gets one byte per event.
+`CODES` lists the events and their bytes.
 """
 
 import os
@@ -23,24 +23,24 @@ CODES = {
     "away": 9,
     "blank": 10,
 }
-"""The byte of each event: a phase that begins, or the screen that goes blank because no view comes."""
+"""Byte of each event: a phase that begins, or a screen that goes blank because no view arrives."""
 
 SPEED = 115_200
-"""Of the serial port, with 8 data bits, no parity, one stop bit [baud]."""
+"""Speed of the serial port, with 8 data bits, no parity, one stop bit [baud]."""
 
 
 class Markers(Protocol):
-    """Where events are marked."""
+    """An outlet for markers."""
 
     def mark(self, event: str) -> None:
-        """Mark an event of `CODES` now; NetboardError if it cannot be."""
+        """Send the marker of an event of `CODES` now; raise NetboardError if that fails."""
 
     def close(self) -> None:
-        """Let go of the outlet."""
+        """Close the outlet."""
 
 
 class NoMarkers:
-    """Nobody listens."""
+    """No markers."""
 
     def mark(self, event: str) -> None:
         """Do nothing."""
@@ -50,12 +50,12 @@ class NoMarkers:
 
 
 class LslMarkers:
-    """A stream of the lab streaming layer: one channel of strings, of type ``Markers``.
+    """An LSL outlet: one channel of strings, of type ``Markers``.
 
     Parameters
     ----------
     station : str
-        ``left`` or ``right``: the stream is named ``netboard.left`` and so on.
+        ``left`` or ``right``; the stream is named ``netboard.left`` or ``netboard.right``.
     """
 
     def __init__(self, station: Side) -> None:
@@ -75,11 +75,11 @@ class LslMarkers:
         self._push([event])
 
     def close(self) -> None:
-        """Nothing to do: the outlet ends with the process."""
+        """Do nothing: the outlet ends with the process."""
 
 
 class SerialMarkers:
-    """A serial port that gets one byte for each event."""
+    """A serial port that gets one byte per event."""
 
     def __init__(self, port: str) -> None:
         self._port = port
@@ -107,7 +107,7 @@ class SerialMarkers:
             raise ConfigError(f"[display] markers: {port} is no serial port ({error})") from None
 
     def mark(self, event: str) -> None:
-        """Write the event's byte, without waiting."""
+        """Write the event's byte without blocking."""
         try:
             os.write(self._file, bytes([CODES[event]]))
         except OSError as error:

@@ -1,13 +1,13 @@
-"""Where everything is at the moment of a paint: between the views and a little beyond them. Pure: time is an argument.
+"""Linear extrapolation of the newest views to the time of a paint. Pure: time is an argument.
 
-What moves is drawn where it is at that moment, not where the newest view had it some milliseconds ago: the rates of the
-two newest views are carried on, for one interval between views at most. That adds no latency, unlike a walk from
-one view to the next, which would be an interval behind. A phase is never overshot: across a change of phase, trial or
-target nothing is carried on, and the ball stays on that side of the target's edge, and of the board's, where its phase
-has it. Where no view comes for `SETTLED` intervals nothing moves any more: everything is where the newest view says.
+Board, ball and styluses are drawn where they are at the paint, not where the newest view had them some milliseconds
+ago. The rates come from the two newest views; extrapolation ends after one interval between views. Unlike
+interpolation, which would be an interval behind, this adds no latency. Nothing is extrapolated across a change of
+phase, trial or target, and the ball never crosses the edge of the target or of the board before a view says so. Without
+a view for `SETTLED` intervals, everything is drawn where the newest view has it.
 
-The time of a view is the server's time of sending; what lies between that and this display's clock is taken from the
-quickest view of late, so that a view that was held up on its way is not taken for a slow hand.
+A view carries the time at which the server sent it. The offset to this display's clock comes from the views with the
+shortest delay, so that a view delayed by the network does not look like a slow movement.
 """
 
 from dataclasses import dataclass, replace
@@ -17,33 +17,33 @@ from netboard.base.tick import TICK_NS
 from netboard.stage.view import View
 
 MOST_TICKS = 40
-"""Views further apart than this say nothing about rates: in between they were all the same [1]."""
+"""Views further apart than this give no rates: the server sends none while nothing changes [1]."""
 
 SETTLED = 2.5
-"""Without a view for so many intervals nothing moves [1]."""
+"""Extrapolation stops when no view has arrived for this many intervals [1]."""
 
 SKEW = 1e-4
-"""Two clocks may run apart at this rate [1]."""
+"""Largest assumed drift between the two clocks [1]."""
 
 NEW_CLOCK_NS = 1_000_000_000
-"""A view that seems to have travelled so much longer than the quickest is from another clock [ns]."""
+"""A view with this much more delay than the quickest one comes from another clock [ns]."""
 
 Rates = tuple[float, float, float, float, float, float]
-"""Changes of z, theta, p, left, right and share in a nanosecond; 0 for what is not shown."""
+"""Rates of z, theta, p, left, right and share, per nanosecond; 0 for what is not shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the newest views say of the motion.
+    """The newest view, and the rates to extrapolate it with.
 
     Attributes
     ----------
     rates : tuple of float or None
-        Rates of z, theta, p, left, right and share; None where nothing is to be carried on [1/ns].
+        Rates of z, theta, p, left, right and share; None if nothing is extrapolated [1/ns].
     interval_ns : int
         Time between the two newest views [ns].
     origin_ns : int
-        Zero of the server's time, as the quickest view of late has it, on the display's clock [ns].
+        Zero of the server's clock on the display's clock, from the recent view with the shortest delay [ns].
     """
 
     view: View
@@ -56,17 +56,11 @@ class Motion:
         return now_ns - self.view.sent_ns - self.origin_ns
 
     def settled(self, now_ns: int) -> bool:
-        """Tell whether nothing will change until another view comes."""
+        """Whether nothing moves until another view arrives."""
         return self.rates is None or self.age(now_ns) > SETTLED * self.interval_ns
 
     def at(self, now_ns: int, config: Config) -> View:
-        """What is to be seen at a moment.
-
-        Returns
-        -------
-        View
-            The newest view, carried on to that moment as far as it may be.
-        """
+        """Return the newest view, extrapolated to a time within the limits of this module."""
         if self.rates is None or self.settled(now_ns):
             return self.view
         view, ahead = self.view, max(0, min(self.age(now_ns), self.interval_ns))
@@ -83,7 +77,7 @@ class Motion:
 
 
 def heard(motion: Motion | None, view: View, received_ns: int) -> Motion:
-    """Take a view that has come."""
+    """Return the motion after a view that has arrived."""
     origin = received_ns - view.sent_ns
     if motion is None:
         return Motion(view, None, 0, origin)
@@ -113,12 +107,12 @@ def heard(motion: Motion | None, view: View, received_ns: int) -> Motion:
 
 
 def _rate(new: float | None, old: float | None, interval: int) -> float:
-    """How fast something that may be hidden changes."""
+    """Rate of a quantity that may be hidden [1/ns]."""
     return 0.0 if new is None or old is None else (new - old) / interval
 
 
 def _kept(p: float, view: View, config: Config) -> float:
-    """Keep the ball where its phase has it: outside the target or inside, and on the board [m]."""
+    """Limit the ball to where its phase allows: outside or inside the target, and on the board [m]."""
     half, edge = config.geometry.target_width / 2, config.task.fall_distance
     if view.phase == "holding":
         return min(max(p, view.target - half), view.target + half)

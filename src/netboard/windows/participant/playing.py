@@ -1,7 +1,7 @@
-"""A display that is played: where its player points goes to the agent of the same side, what is felt comes back.
+"""A display as input device: it sends the pointer to the agent of the same side, and receives the force.
 
-Both go over sockets of this machine and this user alone; the server and the other station have no part in them, so the
-curtain holds: a player sees the own stylus and the own force.
+Both use local sockets of this user on this computer. The server and the other station take no part, so the curtain
+holds: players see only the stylus and the force of their own side.
 """
 
 from PySide6.QtCore import QObject, QTimer
@@ -22,19 +22,19 @@ from netboard.windows.participant.scene import Grip
 from netboard.windows.participant.window import BoardWindow
 
 ALIVE_MS = 50
-"""The agent is told where the pointer is at least this often: that is how it knows that the window is there [ms]."""
+"""Longest interval between two pointer messages; they are the agent's heartbeat of this window [ms]."""
 
 FELT_TIMEOUT_NS = 500_000_000
-"""A force that is older is not shown [ns]."""
+"""Older forces are not shown [ns]."""
 
 
 class Playing(QObject):
-    """One side's player.
+    """The pointer and the force of one side's player.
 
     Parameters
     ----------
     config : Config
-        The local configuration; of it the options of this side's device.
+        The local configuration; its options of this side's device are used.
     """
 
     def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
@@ -60,12 +60,12 @@ class Playing(QObject):
             window.activateWindow()
 
     def grip(self, view: View | None, config: Config) -> Grip:
-        """What the player sees of the own hand with this view."""
+        """Return what is drawn of the player's own hand with this view."""
         self._feel()
         return grip_of(view, config, self._words, self._station, self._pointing.height, self._force, keys=self._keys)
 
     def close(self) -> None:
-        """Close the sockets; a second time does nothing."""
+        """Close the sockets; a second call does nothing."""
         if self._pointer.closed:
             return
         self._alive.stop()
@@ -74,11 +74,11 @@ class Playing(QObject):
         self._felt.close()
 
     def _tell(self) -> None:
-        """Say where the pointer is, if anybody listens."""
+        """Send the pointer's height."""
         sockets.send(self._pointer, encode(Pointer(self._station, self._pointing.height)))
 
     def _feel(self) -> None:
-        """Take the newest force; one that has become old is none."""
+        """Read the newest force; discard one older than `FELT_TIMEOUT_NS`."""
         now = now_ns()
         frame = sockets.receive(self._felt)
         if frame is not None:

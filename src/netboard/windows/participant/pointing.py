@@ -1,8 +1,7 @@
-"""Where a player points: the mouse over the board, a finger on it, or keys that are held down.
+"""Pointer input of a player: mouse, touch, or held keys.
 
-A pointer counts by its height alone, in metres of the scene, wherever in the window it is. The keys move that height at
-a steady speed. It stays where it is when the pointer leaves the window, when the finger is lifted, and when the keys
-are let go.
+Only the pointer's height counts, in metres of the scene. Keys move it at a constant speed. The height stays as it is
+when the pointer leaves the window, the finger is lifted or the keys are released.
 """
 
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, QTimer, Signal
@@ -11,13 +10,13 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent, QTouchEvent
 from netboard.windows.participant.window import BoardWindow
 
 KEY_SPEED = 0.06
-"""A key that is held down moves the height so fast [m/s]."""
+"""Speed of the height while a key is held [m/s]."""
 
 KEY_MS = 8
-"""The height is moved this often while a key is held down [ms]."""
+"""Interval between two steps of the height while a key is held [ms]."""
 
 UP, DOWN = (Qt.Key.Key_Up, Qt.Key.Key_W), (Qt.Key.Key_Down, Qt.Key.Key_S)
-"""Keys that lift and lower."""
+"""Keys that raise and lower the height."""
 
 MOUSE = (QEvent.Type.MouseMove, QEvent.Type.MouseButtonPress)
 TOUCH = (QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd)
@@ -30,7 +29,7 @@ class Pointing(QObject):
     Parameters
     ----------
     reach : float
-        Largest height, up and down [m].
+        Largest height above and below zero [m].
 
     Attributes
     ----------
@@ -58,13 +57,13 @@ class Pointing(QObject):
             surface.installEventFilter(self)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop receiving events."""
         self._hold(set())
         for watched in (self._window, self._board):
             watched.removeEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802  (Qt's name)
-        """Take what the player does; whether that is all to be done with it."""
+        """Handle an input event; return whether Qt should drop it."""
         kind = event.type()
         if watched is self._window:
             if kind in KEYS and isinstance(event, QKeyEvent):
@@ -82,11 +81,11 @@ class Pointing(QObject):
         return False
 
     def _point(self, place: QPointF) -> None:
-        """Point at a place on the board's surface, in pixels."""
+        """Set the height from a place on the widget [pixels]."""
         self._set(self._board.height_at(place))
 
     def _key(self, event: QKeyEvent) -> bool:
-        """Take a key; whether it was one of ours. Q, next to W, closes no window that is played in."""
+        """Handle a key; return whether Qt should drop it. Q is dropped: it is next to W and would close the window."""
         key = event.key()
         if key not in (*UP, *DOWN):
             return bool(key == Qt.Key.Key_Q)
@@ -96,7 +95,7 @@ class Pointing(QObject):
         return True
 
     def _hold(self, keys: set[int]) -> None:
-        """Have these keys held down from now on."""
+        """Set the held keys, and start or stop the timer that moves the height."""
         self._held = keys
         if not keys:
             self._timer.stop()
@@ -105,7 +104,7 @@ class Pointing(QObject):
             self._timer.start()
 
     def _move_on(self) -> None:
-        """Move the height as far as the held keys do in one round."""
+        """Move the height by one step of the held keys."""
         way = bool(self._held & set(UP)) - bool(self._held & set(DOWN))
         self._set((self.height or 0.0) + way * KEY_SPEED * KEY_MS * 1e-3)
 

@@ -1,12 +1,11 @@
-"""What can be drawn, and where the board and all that is on it are. Pure: no Qt, no clock.
+"""The `Picture` of a display: geometry of board, ball and styluses, texts and colours. Pure: no Qt, no clock.
 
-A `Picture` is points in metres (x right, y up, origin at the board's neutral centre), words and colours. Two equal
-pictures look the same on the screen, so a display redraws only when the picture is another one; for that, points are
-rounded to `GRAIN`, well below a pixel. `netboard.windows.participant.screens` says what is drawn when, and writes the
-words.
+Points are in metres: x right, y up, origin at the centre of the level board. Equal pictures look the same, so a display
+redraws only when the picture changes. For that, points are rounded to `GRAIN`, well below a pixel.
+`netboard.windows.participant.screens` decides what is drawn when, and writes the texts.
 
-Rules that hold here: what a view does not contain (the partner's hand, a ball) cannot be drawn. Colours are from the
-Okabe-Ito palette, which colour-blind people can tell apart, and differ in brightness too.
+A picture can show only what the view contains: without the partner's hand or the ball in it, they cannot be drawn.
+Colours are from the colour-blind-safe Okabe-Ito palette, and differ in brightness too.
 """
 
 import math
@@ -18,31 +17,31 @@ from netboard.base.tables.scene import Geometry
 from netboard.stage.view import View
 
 GRAIN = 2e-5
-"""Points are rounded to this [m]; some 1/30 of a pixel in a window, 1/10 on a 4K screen."""
+"""Grid to which points are rounded [m]: about 1/30 of a pixel in a window, 1/10 on a 4K screen."""
 
 CURSOR_RADIUS = 0.011
 """Radius of a stylus cursor as drawn [m]."""
 
 HANDLE_RADIUS = 0.005
-"""Radius of the mark of a control point on the board as drawn [m]."""
+"""Radius of a control point on the board as drawn [m]."""
 
 MARGIN = 1.15
-"""Room for the board, in lengths of the board [1]."""
+"""Width of the scene, in lengths of the board [1]."""
 
 BAR_HALF, BAR_TOP, BAR_BOTTOM = 0.10, -0.062, -0.070
-"""The bar that fills while the board is level: half its length and where it is, below the level board [m]."""
+"""The bar that fills while the board is level: half its length, its top and bottom below the level board [m]."""
 
 ARROW_AT, ARROW_CLEAR, ARROW_LENGTH, ARROW_WIDTH = 0.060, 0.014, 0.042, 0.040
-"""The arrow at an end that is too low or too high: from the end of the board, from its surface, length, width [m]."""
+"""Arrow at an end that is too low or high: distance to the board's end and surface, length, width [m]."""
 
 TEXT_SHARE = 0.24
-"""Share of the height left to words, above and below the board's reach [1]."""
+"""Share of the height reserved for text, above and below the board's range [1]."""
 
 Point = tuple[float, float]
 
 
 class Mood(Enum):
-    """What the whole picture says."""
+    """Overall state of a picture; it selects the colours."""
 
     WAIT = "wait"
     LEVEL = "level"
@@ -57,16 +56,16 @@ class Mood(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Colours:
-    """One colour a role, as ``#rrggbb``.
+    """Colours by role, as ``#rrggbb``.
 
     Attributes
     ----------
     background, board, edge, target, ball, cursor, guide : str
-        What they say; the edge outlines the board and marks its control points.
+        Parts of the scene; the edge outlines the board.
     hint, fill : str
-        Arrows that say where an end must go; what fills while the board is level or the ball in the target.
+        Arrows that show where an end must go; progress while the board is level or the ball is in the target.
     headline, detail, quiet : str
-        Words: the main line, the line below, and the small ones.
+        Text: the main line, the line below, and small text.
     """
 
     background: str = "#11151a"
@@ -102,12 +101,12 @@ COLOURS: dict[Mood, Colours] = {
 """The colours of each mood."""
 
 PILOT_BACK, PILOT_INK = "#f0e442", "#000000"
-"""The band that marks a pilot run, and its letters: like nothing else on the screen."""
+"""Background and text of the band that marks a pilot run; nothing else on the screen looks like it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """What is drawn of a player's own hand.
+    """What is drawn of a player's own hand when it is played with a pointer.
 
     Attributes
     ----------
@@ -116,9 +115,9 @@ class Grip:
     spring : tuple of points
         Corners of the spring from pointer to stylus; empty for none [m].
     arrow : tuple of points
-        Corners of the arrow of the force; empty for none [m].
+        Corners of the force arrow; empty for none [m].
     label_at : point
-        Middle of that label [m].
+        Centre of the arrow's label [m].
     """
 
     hint: tuple[str, str]
@@ -131,16 +130,16 @@ class Grip:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """What is drawn.
+    """Everything that a display draws.
 
     Attributes
     ----------
     extent : tuple of float
-        Width and height of what is to be seen, centred on the origin [m].
+        Width and height of the visible scene, centred on the origin [m].
     headline, detail, counter, notice : str
-        Main line; completion times; number of the trial; what is to be done, or what the set-up wants said.
+        Main line; completion times; trial number; what to do, or a notice.
     pilot : str
-        The mark of a pilot run; empty for a real one.
+        Label of a pilot run; empty for a real one.
     board : tuple of points
         Corners of the board; empty for none [m].
     target : tuple of points
@@ -152,19 +151,19 @@ class Picture:
     ball_radius : float
         Radius of the ball [m].
     cursors : tuple of points
-        The styluses this participant may see [m].
+        The styluses that this participant may see [m].
     guide : float or None
-        Half length of the line that shows where level is, at the height of the origin [m].
+        Half length of the line that shows the level position, at the height of the origin [m].
     fill : tuple of points
-        Corners of the part of the target that says how long the ball has been there; empty for none [m].
+        Corners of the filled part of the target: the elapsed share of the hold time; empty for none [m].
     bar, level : tuple of points
-        Corners of the bar for the time for which the board must be level, and of its part that is over [m].
+        Corners of the progress bar for the time that the board must stay level, and of its filled part [m].
     arrows : tuple of tuples of points
-        Corners of the arrows at the ends that are not level [m].
+        Corners of the arrows at ends that are not level [m].
     patch : bool or None
         Whether the patch for a photodiode is white; None for no patch.
     grip : Grip or None
-        The player's own hand; None where nobody plays (`netboard.windows.participant.grip` makes it).
+        The player's own hand, from `netboard.windows.participant.grip`; None unless this display is played.
     """
 
     mood: Mood
@@ -192,7 +191,7 @@ class Picture:
 
 
 def with_board(picture: Picture, view: View, config: Config) -> Picture:
-    """Draw the board and all that is on it into a picture."""
+    """Add board, ball, target and styluses to a picture."""
     geometry, reach = config.geometry, config.physics.l
     pose = _Pose(view.z, math.cos(view.theta), math.sin(view.theta))
     heights = ((-reach, view.left), (reach, view.right))
@@ -216,7 +215,7 @@ def with_board(picture: Picture, view: View, config: Config) -> Picture:
 
 
 def extent(config: Config) -> tuple[float, float]:
-    """How much is to be seen, so that a board held at the limits of the styluses is still inside."""
+    """Width and height of the visible scene [m]; a board at the limits of the styluses fits in."""
     geometry = config.geometry
     half = geometry.board_length / 2
     lift = max(config.task.stylus_range, min(config.task.stylus_range / config.physics.l, 1.0) * half)
@@ -225,7 +224,7 @@ def extent(config: Config) -> tuple[float, float]:
 
 
 def to_grain(value: float) -> float:
-    """Round a coordinate, symmetrically about zero."""
+    """Round a coordinate to `GRAIN`, symmetrically about zero [m]."""
     return round(value / GRAIN) * GRAIN
 
 
@@ -238,7 +237,7 @@ class _Pose:
     sin: float
 
     def place(self, along: float, above: float) -> Point:
-        """Where a point is that lies so far along the board and so far above its middle line [m]."""
+        """Transform a point from board coordinates, along and above its middle line, to the scene [m]."""
         return (
             to_grain(along * self.cos - above * self.sin),
             to_grain(self.z + along * self.sin + above * self.cos),
@@ -246,19 +245,19 @@ class _Pose:
 
 
 def _strip(pose: _Pose, centre: float, width: float, thickness: float) -> tuple[Point, ...]:
-    """Corners of a piece of the board [m]."""
+    """Corners of a section of the board [m]."""
     a, b, half = centre - width / 2, centre + width / 2, thickness / 2
     return tuple(pose.place(along, above) for along, above in ((a, -half), (b, -half), (b, half), (a, half)))
 
 
 def _bar(share: float) -> tuple[Point, ...]:
-    """Corners of the bar, or of the share of it that has filled from its middle [m]."""
+    """Corners of the bar, or of its share that has filled from the middle [m]."""
     half = to_grain(share * BAR_HALF)
     return ((-half, BAR_BOTTOM), (half, BAR_BOTTOM), (half, BAR_TOP), (-half, BAR_TOP))
 
 
 def _arrows(view: View, pose: _Pose, config: Config) -> tuple[tuple[Point, ...], ...]:
-    """Corners of the arrows at those ends of the board that must go up or down to make it level [m]."""
+    """Corners of the arrows at the ends that must go up or down to level the board [m]."""
     task, half = config.task, config.geometry.board_length / 2
     lift = view.z if abs(view.z) > task.level_height else 0.0
     tilt = half * pose.sin if abs(view.theta) > math.radians(task.level_angle_deg) else 0.0
@@ -270,7 +269,7 @@ def _arrows(view: View, pose: _Pose, config: Config) -> tuple[tuple[Point, ...],
 
 
 def _arrow(pose: _Pose, along: float, up: bool, geometry: Geometry) -> tuple[Point, ...]:
-    """Corners of an arrow off the board's upper or lower side, pointing away from it [m]."""
+    """Corners of an arrow that points away from the board's upper or lower side [m]."""
     way = 1.0 if up else -1.0
     x, y = pose.place(along, way * geometry.board_thickness / 2)
     base, neck, tip = ARROW_CLEAR, ARROW_CLEAR + ARROW_LENGTH / 2, ARROW_CLEAR + ARROW_LENGTH
@@ -281,5 +280,5 @@ def _arrow(pose: _Pose, along: float, up: bool, geometry: Geometry) -> tuple[Poi
 
 
 def _ball_height(geometry: Geometry) -> float:
-    """Centre of the ball above the board's middle line [m]."""
+    """Height of the ball's centre above the board's middle line [m]."""
     return geometry.board_thickness / 2 + geometry.ball_radius

@@ -1,7 +1,7 @@
-"""How large a pixel of a screen is: a bank card is held against its outline, and the outline made to fit.
+"""Measure the pixel size of a screen by matching the outline of a bank card.
 
-Cards of the size ID-1 (ISO/IEC 7810) are 85.60 mm wide and 53.98 mm high, everywhere. Left and right change the width
-by a pixel, with shift by ten; Enter takes it, Esc gives up.
+Bank cards have the size ID-1 (ISO/IEC 7810): 85.60 mm by 53.98 mm. The left and right keys change the outline by one
+pixel, with shift by ten; Enter accepts, Esc cancels.
 """
 
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
@@ -12,10 +12,10 @@ from netboard.windows.participant.scene import COLOURS, Mood
 from netboard.windows.participant.window import application, in_words, numbered_screen
 
 CARD_WIDTH, CARD_HEIGHT, CARD_CORNER = 85.60, 53.98, 3.18
-"""Of a bank card [mm]."""
+"""Width, height and corner radius of a bank card [mm]."""
 
 LEAST, GUESS = 0.02, 0.25
-"""The smallest pixel that is believed, and the size taken where a screen does not say its own [mm]."""
+"""Smallest plausible pixel size, and the size assumed if the screen does not report one [mm]."""
 
 HELP = (
     "Hold a bank card against the screen. \u2190 \u2192 make the outline fit it (shift: quicker).",
@@ -29,12 +29,12 @@ class CalibrationWindow(QWidget):
     Parameters
     ----------
     claimed : float
-        Size of a pixel by the screen's own account; 0 if it does not say [mm].
+        Pixel size that the screen reports; 0 if it does not [mm].
 
     Attributes
     ----------
     mm_per_pixel : float
-        Size of a pixel by the card [mm].
+        Pixel size measured with the card [mm].
     """
 
     closed = Signal()
@@ -47,11 +47,11 @@ class CalibrationWindow(QWidget):
 
     @property
     def mm_per_pixel(self) -> float:
-        """Size of a pixel by the card [mm]."""
+        """Pixel size measured with the card [mm]."""
         return CARD_WIDTH / self._card
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
-        """Change the width, take it, or give up."""
+        """Change the width, accept it, or cancel."""
         step = 10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
         most = round(self.width() * self.devicePixelRatioF())
         match event.key():
@@ -69,12 +69,12 @@ class CalibrationWindow(QWidget):
         self.update()
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Say that the window is closed."""
+        """Emit `closed`."""
         super().closeEvent(event)
         self.closed.emit()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
-        """Draw outline, ruler and words."""
+        """Draw outline, ruler and text."""
         colours = COLOURS[Mood.RUN]
         with QPainter(self) as painter:
             painter.fillRect(self.rect(), QColor(colours.background))
@@ -96,7 +96,7 @@ class CalibrationWindow(QWidget):
                 painter.drawText(box, Qt.AlignmentFlag.AlignCenter, line)
 
     def _rule(self, painter: QPainter, top: QPointF, mm: float) -> None:
-        """Draw a ruler as long as the card, a mark each millimetre."""
+        """Draw a ruler as long as the card, with a tick mark per millimetre."""
         begin = top.x() - CARD_WIDTH / 2 * mm
         painter.setPen(QPen(QColor(COLOURS[Mood.RUN].detail), 1))
         for i in range(int(CARD_WIDTH) + 1):
@@ -105,7 +105,7 @@ class CalibrationWindow(QWidget):
 
 
 def calibrate(number: int) -> tuple[float | None, str]:
-    """Let somebody measure the pixels of a screen."""
+    """Return the measured pixel size [mm], or None if cancelled, and the description of the screen."""
     app = application()
     screen = numbered_screen(number)
     pixels = screen.size().width() * screen.devicePixelRatio()

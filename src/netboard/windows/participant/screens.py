@@ -1,7 +1,7 @@
-"""What a participant is shown when: the board in a trial, words before, between and after. Pure: no Qt, no clock.
+"""Screens of each phase: the board in a trial, texts before, between and after trials. Pure: no Qt, no clock.
 
-Rules that hold here: a participant is told little and calmly; numbers appear between trials only; a pilot run says so
-in every picture. Every line comes from the `Words` of the participant's language, but for a block's own instructions.
+Texts are few and calm; times appear between trials only; every picture of a pilot run carries the pilot label. All
+texts come from the `Words` of the participant's language, except instructions that a block brings itself.
 """
 
 import math
@@ -25,24 +25,22 @@ _MOODS = {
     "finished": Mood.FINISHED,
     "away": Mood.WAIT,
 }
-"""What each phase says as a whole."""
+"""Mood of each phase."""
 
 NOTICES = ("", "again")
-"""The notices of a view that there are lines for."""
+"""Notices that a view may carry."""
 
 IN_TRIAL = ("running", "holding")
-"""The phases in which the patch for a photodiode is white."""
+"""Phases in which the photodiode patch is white."""
 
 
 def compose(view: View, config: Config, words: Words, result: str = "") -> Picture:
-    """Decide what is drawn.
+    """Return the picture of a view.
 
     Parameters
     ----------
-    config : Config
-        Sizes, the block, whether this is a pilot run, and of the display whether it has a patch.
     result : str
-        How the last trial ended, ``succeeded`` or ``failed``, while that is to be told.
+        How the last trial ended, ``succeeded`` or ``failed``, while that is still displayed; else empty.
 
     Raises
     ------
@@ -64,7 +62,7 @@ def compose(view: View, config: Config, words: Words, result: str = "") -> Pictu
 
 
 def check(view: View) -> None:
-    """Refuse what cannot be drawn: a peer that sends it breaks the protocol.
+    """Refuse a view that cannot be drawn; a peer that sends one breaks the protocol.
 
     Raises
     ------
@@ -82,23 +80,23 @@ def check(view: View) -> None:
 
 
 def blank(config: Config, words: Words, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
-    """Make a picture of words only."""
+    """Return a picture with text only."""
     picture = _empty(Mood.LOST if lost else Mood.WAIT, config, words)
     return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
 
 
 def _empty(mood: Mood, config: Config, words: Words) -> Picture:
-    """Make a picture with nothing but the mark of a pilot run."""
+    """Return a picture with no content except the label of a pilot run."""
     return Picture(mood, COLOURS[mood], extent(config), pilot=words.pilot if config.session.pilot else "")
 
 
 def _patch(config: Config, white: bool) -> bool | None:
-    """Whether the patch is white, if there is one."""
+    """Colour of the photodiode patch: True for white; None without a patch."""
     return white if config.display.patch else None
 
 
 def _before(picture: Picture, view: View, config: Config, words: Words) -> Picture:
-    """Write the screen before a block: a rest with what is left of it, then what is to be done."""
+    """Add the texts before a block: the countdown of a rest, then the instructions."""
     if view.rest is not None and view.rest > 0:
         following = words.next.format(block=view.block, blocks=view.blocks)
         return replace(picture, headline=words.rest, detail=_countdown(view.rest), notice=following)
@@ -112,7 +110,7 @@ def _before(picture: Picture, view: View, config: Config, words: Words) -> Pictu
 
 
 def _away(picture: Picture, view: View, words: Words) -> Picture:
-    """Write the screen of somebody who has nothing to do."""
+    """Add the texts for a participant who does not take part in this block."""
     left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
     counter = words.trial.format(trial=min(view.trial, view.trials), trials=view.trials)
     block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
@@ -121,7 +119,7 @@ def _away(picture: Picture, view: View, words: Words) -> Picture:
 
 
 def _after(picture: Picture, view: View, words: Words) -> Picture:
-    """Write the screen after a block."""
+    """Add the texts after a block."""
     last = view.block >= view.blocks
     done = words.finished if last else words.block_done.format(block=view.block, blocks=view.blocks)
     best = "" if view.best is None else words.best.format(time=words.seconds(view.best))
@@ -129,7 +127,7 @@ def _after(picture: Picture, view: View, words: Words) -> Picture:
 
 
 def _told(picture: Picture, view: View, config: Config, words: Words, result: str) -> Picture:
-    """Write what a trial says."""
+    """Add the texts of a phase within a trial."""
     fell = words.failed if config.task.time_limit > 0 else words.fell
     match view.phase:
         case "levelling" if result:
@@ -157,7 +155,7 @@ def _told(picture: Picture, view: View, config: Config, words: Words, result: st
 
 
 def _times(view: View, words: Words) -> str:
-    """The time of the trial just done, and whether it is the best one."""
+    """Completion time of the last trial, with a remark if it is the best one."""
     if view.completion is None:
         return ""
     if view.best is not None and view.completion <= view.best:
@@ -166,7 +164,7 @@ def _times(view: View, words: Words) -> str:
 
 
 def _last(view: View, words: Words) -> str:
-    """Completion times, as the participant reads them."""
+    """Last and best completion time, as the participant reads them."""
     if view.completion is None:
         return ""
     last = words.last.format(time=words.seconds(view.completion))
@@ -175,6 +173,6 @@ def _last(view: View, words: Words) -> str:
 
 
 def _countdown(rest: float) -> str:
-    """What is left of a rest, in minutes and seconds."""
+    """Remaining time of a rest, in minutes and seconds."""
     minutes, seconds = divmod(math.ceil(rest), 60)
     return f"{minutes}:{seconds:02}"

@@ -1,7 +1,7 @@
-"""The parts a `Picture` is painted from, in the order of painting. Pure: no Qt, no clock.
+"""The parts of a `Picture`, in painting order. Pure: no Qt, no clock.
 
-Shapes are in metres of the scene; panels and lines of words are in pixels of the window. Parts are values: two frames
-differ where one has a part that the other has not, and only there the window is painted anew.
+Shapes are in metres of the scene; panels and text are in pixels of the window. Parts are values that compare equal, so
+the widget repaints only where two frames have different parts.
 """
 
 from dataclasses import dataclass
@@ -23,25 +23,25 @@ LINES = {
     "notice": (0.900, 0.034),
     "counter": (0.955, 0.024),
 }
-"""Middle and letter height of each line of words, in heights of the window [1]."""
+"""Middle and letter height of each line of text, in heights of the window [1]."""
 
 ALONE = {"headline": 0.46, "detail": 0.54}
-"""Middles of the lines when there are only words [1]."""
+"""Middles of the lines when there is only text, in heights of the window [1]."""
 
 ABOVE_TEXT = {"headline": 0.18, "detail": 0.26}
-"""Middles of the lines above instructions [1]."""
+"""Middles of the lines above instructions, in heights of the window [1]."""
 
 TEXT_TOP, TEXT_WIDTH, TEXT_HEIGHT = 0.32, 0.68, 0.036
-"""Top, width and letter height of the instructions, in sizes of the window [1]."""
+"""Top, width and letter height of the instructions, relative to the window [1]."""
 
 TEXT_MARGIN = 4
-"""Margin round the instructions [pixels]."""
+"""Margin around the instructions [pixels]."""
 
 BAND = 0.042
-"""Height of the band that marks a pilot run, at the top of the window [1]."""
+"""Height of the band that marks a pilot run, at the top, in heights of the window [1]."""
 
 PATCH = 0.09
-"""Side of the patch for a photodiode, in the lower right corner, in heights of the window [1]."""
+"""Side of the photodiode patch, in the lower right corner, in heights of the window [1]."""
 
 FORCE = "#cc79a7"
 """Colour of the player's spring and force arrow; from the Okabe-Ito palette, like the other colours."""
@@ -50,13 +50,13 @@ HINTS = (0.805, 0.845)
 """Middles of the two lines that tell a player what to do, in heights of the window [1]."""
 
 HINT_HEIGHT, HINT_WIDTH = 0.026, 0.019
-"""Largest letter height of these lines, in heights and in widths of the window [1]."""
+"""Largest letter height of these two lines, in heights and in widths of the window [1]."""
 
 LABEL_HEIGHT = 0.034
-"""Letter height of the size of the force, in heights of the window [1]."""
+"""Letter height of the force label, in heights of the window [1]."""
 
 SMALLEST_LETTERS = 8
-"""Letters are never smaller than this [pixels]."""
+"""Smallest letter height [pixels]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +66,13 @@ class Shape:
     Attributes
     ----------
     points : tuple of points
-        Corners; of a disc its centre [m].
+        Corners, or the centre of a disc [m].
     radius : float
         Radius of a disc; 0 for a polygon or a line [m].
     width : float
         Width of the edge [pixels].
     closed, dashed : bool
-        Whether it is a polygon, not a line; whether the edge is dashed.
+        Whether it is a polygon rather than a line; whether the edge is dashed.
     """
 
     points: tuple[Point, ...]
@@ -94,12 +94,12 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of words centred on a point.
+    """A line of text centred on a point.
 
     Attributes
     ----------
     middle : point
-        Where its centre is [pixels].
+        Centre of the line [pixels].
     letters : int
         Size of the font [pixels].
     """
@@ -125,7 +125,7 @@ Part = Shape | Panel | Line | Text
 
 
 def shapes_of(picture: Picture) -> list[Shape]:
-    """List the shapes of a picture, the lowest first."""
+    """List the shapes of a picture, from back to front."""
     c, guide = picture.colours, picture.guide
     shapes = [
         Shape(((-guide, 0.0), (guide, 0.0)) if guide is not None else (), 0.0, "", c.guide, 2, False, True),
@@ -144,7 +144,7 @@ def shapes_of(picture: Picture) -> list[Shape]:
 
 
 def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list[Panel | Line | Text]:
-    """List the words and panels of a picture in a window of this size, the lowest first."""
+    """List the text and panels of a picture, from back to front; sizes in pixels."""
     c = picture.colours
     inks = {"headline": c.headline, "detail": c.detail, "notice": c.detail, "counter": c.quiet}
     places = {} if picture.board else ABOVE_TEXT if picture.text else ALONE
@@ -169,7 +169,7 @@ def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list
 
 
 def _grip_shapes(grip: Grip) -> tuple[Shape, ...]:
-    """The player's spring, the mark of the pointer and the arrow of the force."""
+    """Shapes of the player's spring, the mark of the pointer and the force arrow."""
     return (
         Shape(grip.spring, edge=FORCE, width=2, closed=False),
         Shape(grip.mark, edge=Colours().headline, width=4, closed=False),

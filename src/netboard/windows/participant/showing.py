@@ -1,12 +1,12 @@
-"""What a station's window shows and when: from the newest views to painted frames, and the marks that go with them.
+"""Frame scheduling of a station's window: from the newest views to painted frames and their markers.
 
-While anything moves a frame is due at each refresh of the screen, and shows everything where it will be when the frame
-has been painted (`netboard.windows.participant.motion`); a picture that looks the same is not painted, and while
-nothing moves none is made at all. Without `display.smooth` the newest view is painted as it is, as soon as it comes, at
-most once a refresh.
+While anything moves, a frame is due at each refresh of the screen. It is extrapolated to the time at which it will have
+been painted (`netboard.windows.participant.motion`). A picture equal to the one before is not painted, and while
+nothing moves no picture is made. Without `display.smooth`, the newest view is painted unchanged as soon as it arrives,
+at most once per refresh.
 
-Qt has no word for when a frame reaches the panel of a window that is drawn by the processor. So frames follow a steady
-clock of the screen's rate, and what is counted and marked is the end of the painting.
+Qt does not report when a frame of a software-rendered window reaches the screen. Frames therefore follow a timer at the
+refresh rate, and counts and markers refer to the end of painting.
 """
 
 import logging
@@ -32,31 +32,33 @@ from netboard.windows.participant.words import Words
 log = logging.getLogger(__name__)
 
 DEFAULT_REFRESH_HZ = 60.0
+"""Refresh rate that is assumed if the screen does not report one [Hz]."""
+
 SOON = 0.15
-"""A frame due within this share of a refresh is painted at once [1]."""
+"""A frame due within this share of a refresh period is painted at once [1]."""
 
 
 PAINTINGS = 8
-"""What painting takes is the mean of about so many [1]."""
+"""Number of frames over which the painting time is averaged [1]."""
 
 
 class Player(Protocol):
-    """Who plays this side at this display, if anybody does."""
+    """The player of this side, if this display is also its input."""
 
     def grip(self, view: View | None, config: Config) -> Grip:
-        """What the player sees of the own hand with a view."""
+        """Return what is drawn of the player's own hand with a view."""
 
     def close(self) -> None:
-        """Let go."""
+        """Release what the player holds."""
 
 
 class Showing(QObject):
-    """What one window shows.
+    """Turn the views of one station into frames, counts and markers.
 
     Parameters
     ----------
     config : Config
-        What the board looks like; replaced when the server says more.
+        Configuration of board and block; replaced when the server sends its own.
     """
 
     def __init__(
@@ -87,17 +89,17 @@ class Showing(QObject):
 
     @property
     def refresh_hz(self) -> float:
-        """How often the screen shows a new picture [Hz]."""
+        """Refresh rate of the screen [Hz]."""
         return 1e9 / self._refresh_ns
 
     def pace(self) -> None:
-        """Follow the refresh rate of the screen the window is on."""
+        """Read the refresh rate of the screen that the window is on."""
         rate = screen_of(self._window).refreshRate()
         self._refresh_ns = round(1e9 / (rate if rate > 1 else DEFAULT_REFRESH_HZ))
         self.tally.period_ns = max(self._refresh_ns, round(1e9 / self.config.network.view_rate_hz))
 
     def take(self, view: View, received_ns: int) -> None:
-        """Show a view that has come."""
+        """Take a view that has arrived, and schedule its frame."""
         check(view)
         self.tally.receive(view.seq, view.sent_ns)
         self._story = follow(self._story, view)
@@ -107,7 +109,7 @@ class Showing(QObject):
         self._plan(received_ns)
 
     def blank(self, picture: Picture) -> None:
-        """Show a picture of words, and no view any more."""
+        """Show a picture of text and discard the views."""
         self._turn.stop()
         if self._motion is not None:
             self._happened.append("blank")
@@ -118,14 +120,14 @@ class Showing(QObject):
             self._mark()
 
     def close(self) -> None:
-        """Make no more frames."""
+        """Stop making frames, and close markers and player."""
         self._turn.stop()
         self._markers.close()
         if self._player is not None:
             self._player.close()
 
     def _plan(self, now: int) -> None:
-        """Make the next frame at its turn: at once, if a refresh is over since the one before."""
+        """Schedule the next frame: at once, if a refresh has passed since the one before."""
         if self._turn.isActive():
             return
         self._planned_ns = max(self._due_ns, now)
@@ -136,7 +138,7 @@ class Showing(QObject):
             self._turn.start(round(remaining / 1e6))
 
     def _frame(self) -> None:
-        """Hand the picture of now to the window, if it is another one."""
+        """Compose the picture of now, and give it to the window if it differs."""
         motion, story, now = self._motion, self._story, now_ns()
         if motion is None or story is None:
             return
@@ -156,20 +158,20 @@ class Showing(QObject):
             self._plan(now_ns())
 
     def _held(self, picture: Picture, view: View | None) -> Picture:
-        """Put the player's own hand into a picture, if somebody plays; without a board, only how to play."""
+        """Add the player's own hand, if there is a player; without a board, only the hint how to play."""
         if self._player is None:
             return picture
         return replace(picture, grip=self._player.grip(view if picture.board else None, self.config))
 
     def _painted(self) -> None:
-        """Count a frame, and mark what it was the first to show."""
+        """Count a painted frame, and send the markers of the events that it shows first."""
         now = now_ns()
         if self.tally.paint(now):
             self._painting_ns += (min(now - self._shown_ns, self._refresh_ns) - self._painting_ns) // PAINTINGS
         self._mark()
 
     def _mark(self) -> None:
-        """Mark what the screen now shows."""
+        """Send the markers of the events that the screen now shows."""
         for event in self._to_mark:
             try:
                 self._markers.mark(event)

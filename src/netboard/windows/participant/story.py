@@ -1,7 +1,8 @@
-"""What has happened between the views, as a participant should be told and an amplifier be marked. Pure.
+"""Infer the trial events between two views, for the participant's texts and the markers. Pure.
 
-A trial succeeds or fails for one tick, which no view need show. What it was is seen from the views around it: their
-counts and completion times. So a display can say "well done" for a while, and mark every event once, in order.
+A trial is in the phase ``succeeded`` or ``failed`` for one tick, which no view may show. The outcome is inferred from
+the counts and completion times of the views around it. So a display can show a result for a while, and mark every event
+once, in order.
 """
 
 from dataclasses import dataclass
@@ -9,24 +10,24 @@ from dataclasses import dataclass
 from netboard.stage.view import View
 
 TOLD_TICKS = 1500
-"""A result is told for so long at the most: [1] ticks of 1 ms."""
+"""Longest time for which a result is displayed, in ticks of 1 ms [1]."""
 
 NEARLY = 0.9
-"""Who has held this share of the time when last seen may have held all of it [1]."""
+"""If this share of the hold time was over in the last view, the hold may have been completed since [1]."""
 
 SUCCEEDED, FAILED = "succeeded", "failed"
 
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """What has happened up to a view.
+    """The events up to a view.
 
     Attributes
     ----------
     events : tuple of str
-        The phases that began since the view before, in order, whether they were shown or not.
+        Phases that began since the view before, in order, whether a view showed them or not.
     result : str
-        ``succeeded`` or ``failed`` while that is to be told, else empty.
+        ``succeeded`` or ``failed`` while the result is displayed, else empty.
     """
 
     view: View
@@ -36,13 +37,7 @@ class Story:
 
 
 def follow(story: Story | None, view: View) -> Story:
-    """Go on to a view.
-
-    Returns
-    -------
-    Story
-        What is now. A view of another block, or of an earlier tick, begins a new story.
-    """
+    """Return the story after a view; one of another block or of an earlier tick begins a new story."""
     if story is None or view.block != story.view.block or view.tick < story.view.tick:
         return Story(view, (view.phase,))
     before = story.view
@@ -56,7 +51,7 @@ def follow(story: Story | None, view: View) -> Story:
 
 
 def _result(before: View, view: View) -> str:
-    """How an attempt ended between two views, or nothing."""
+    """Return how an attempt ended between two views; empty if none did."""
     if view.phase in (SUCCEEDED, FAILED):
         return view.phase if view.phase != before.phase else ""
     if view.failures > before.failures and before.phase != FAILED:

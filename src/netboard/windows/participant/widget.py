@@ -1,9 +1,8 @@
 """The widget that paints a `Picture`.
 
-One `QWidget` with a `QPainter`, without a graphics scene and its items: then Python frees no Qt object of a window
-while Qt still uses it (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in which a picture differs
-from the one before is painted, and nothing for an equal picture. `netboard.windows.participant.scene` decides what is
-drawn, `netboard.windows.participant.shapes` lists the parts.
+It is one `QWidget` with a `QPainter`. It avoids Qt's graphics scene, because Python could free an item that Qt still
+uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in which the picture changed is repainted.
+`netboard.windows.participant.scene` decides what is drawn, `netboard.windows.participant.shapes` lists the parts.
 """
 
 from functools import cache
@@ -29,18 +28,18 @@ from netboard.windows.participant.scene import Picture, Point
 from netboard.windows.participant.shapes import TEXT_MARGIN, Line, Panel, Part, Shape, Text, shapes_of, words_of
 
 SPILL = 2
-"""Antialiasing and overhanging letters may reach this far beyond a part [pixels]."""
+"""Margin around a part for antialiasing and overhanging letters [pixels]."""
 
 WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
 
 
 class BoardView(QWidget):
-    """A view of the board that shows one picture at a time.
+    """Widget that shows one picture at a time.
 
     Attributes
     ----------
     mm_per_pixel : float
-        Size of a pixel of the screen; 0 lets the picture fill the window [mm].
+        Pixel size of the screen; 0 scales the picture to the window [mm].
     """
 
     painted = Signal()
@@ -58,7 +57,7 @@ class BoardView(QWidget):
 
     @property
     def mm_per_pixel(self) -> float:
-        """Size of a pixel of the screen; 0 lets the picture fill the window [mm]."""
+        """Pixel size of the screen; 0 scales the picture to the window [mm]."""
         return self._mm_per_pixel
 
     @mm_per_pixel.setter
@@ -68,20 +67,20 @@ class BoardView(QWidget):
 
     @property
     def metres_across(self) -> float:
-        """Width of what the window shows, where that is in true size; else 0 [m]."""
+        """Width of the visible scene at true size; 0 if the picture is scaled to the window [m]."""
         return float(self.width() * self.devicePixelRatioF() * self._mm_per_pixel * 1e-3)
 
     def height_at(self, place: QPointF) -> float:
-        """Height of a place on the surface, given in pixels [m]."""
+        """Height in the scene of a place in the widget [m]."""
         to_metres, _ = self._to_pixels.inverted()
         return to_metres.map(place).y()
 
     def pixel_at(self, point: Point) -> QPointF:
-        """Where a point of the metric view is, in pixels."""
+        """Position in the widget of a point of the scene [pixels]."""
         return self._to_pixels.map(QPointF(*point))
 
     def show_picture(self, picture: Picture) -> bool:
-        """Show a picture; tell whether it was another one, so that a repaint will follow."""
+        """Show a picture; return whether it differs, so that a repaint follows."""
         before = self.picture
         if picture == before:
             return False
@@ -98,16 +97,16 @@ class BoardView(QWidget):
             dirty |= parts[part] if part in parts else self._parts[part]
         self._parts = parts
         dirty &= self.rect()
-        self.update(dirty if not dirty.isEmpty() else self.rect())  # what asked for a picture waits for its painting
+        self.update(dirty if not dirty.isEmpty() else self.rect())  # callers wait for `painted`
         return True
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
-        """Keep the scale and the words in their places."""
+        """Adapt scale and layout to the new size."""
         super().resizeEvent(event)
         self._arrange_anew()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
-        """Paint what is in the rectangle asked for, and say so."""
+        """Paint the parts in the requested rectangle, then emit `painted`."""
         if self.picture is not None:
             with QPainter(self) as painter:
                 painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -118,7 +117,7 @@ class BoardView(QWidget):
         self.painted.emit()
 
     def _arrange_anew(self) -> None:
-        """Choose the scale, place every part and paint the whole window."""
+        """Compute the scale, lay out every part and repaint the whole window."""
         if self.picture is None:
             return
         width, height = self.picture.extent
@@ -130,13 +129,13 @@ class BoardView(QWidget):
         self.update()
 
     def _arranged(self, picture: Picture, known: dict[Part, QRect]) -> dict[Part, QRect]:
-        """Place the parts of a picture, in the order of painting; those already known are where they were."""
+        """Lay out the parts of a picture in painting order; parts already known keep their rectangle."""
         label = self.pixel_at(picture.grip.label_at) if picture.grip is not None else QPointF()
         parts = (*shapes_of(picture), *words_of(picture, self.width(), self.height(), (label.x(), label.y())))
         return {part: known.get(part) or self._room(part) for part in parts}
 
     def _room(self, part: Part) -> QRect:
-        """Find the rectangle that a part is painted in [pixels]."""
+        """Return the rectangle that a part covers [pixels]."""
         if isinstance(part, Shape):
             reach = part.radius
             corners = QPolygonF([QPointF(x, y) for x, y in part.points]).boundingRect()
@@ -159,7 +158,7 @@ class BoardView(QWidget):
 
 
 def screenshot(widget: QWidget, path: Path) -> None:
-    """Write what a widget shows to a PNG file."""
+    """Write the content of a widget to a PNG file."""
     if path.exists():
         raise NetboardError(f"{path} exists; a screenshot never overwrites a file")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -176,14 +175,14 @@ def _font(letters: int, bold: bool) -> QFont:
 
 
 def _line_room(line: Line) -> QRectF:
-    """Find the rectangle of a line of words; its corner is on a whole pixel, where letters are sharpest."""
+    """Return the rectangle of a line of text; its corner is on a whole pixel, where letters are sharpest."""
     metrics = QFontMetricsF(_font(line.letters, line.bold))
     width, height = metrics.horizontalAdvance(line.words), ceil(metrics.height())
     return QRectF(round(line.middle[0] - width / 2), round(line.middle[1] - height / 2), width, height)
 
 
 def _paint_shape(painter: QPainter, shape: Shape) -> None:
-    """Paint a shape; the width of its edge is in pixels, at any scale."""
+    """Paint a shape; the width of its edge is in pixels at any scale."""
     if shape.edge:
         style = Qt.PenStyle.DashLine if shape.dashed else Qt.PenStyle.SolidLine
         pen = QPen(QColor(shape.edge), shape.width, style, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
@@ -205,7 +204,7 @@ def _paint_shape(painter: QPainter, shape: Shape) -> None:
 
 
 def _paint_words(painter: QPainter, part: Line | Text) -> None:
-    """Paint a line of words, or instructions."""
+    """Paint a line of text, or instructions."""
     painter.setPen(QColor(part.colour))
     if isinstance(part, Line):
         font = _font(part.letters, part.bold)

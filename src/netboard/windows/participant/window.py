@@ -1,4 +1,4 @@
-"""A participant's window: the board and nothing else. Esc or Q closes it, F11 switches to the whole screen and back."""
+"""A participant's window: only the board. Esc or Q closes it; F11 toggles full screen."""
 
 import logging
 import os
@@ -17,17 +17,17 @@ from netboard.windows.participant.widget import BoardView
 log = logging.getLogger(__name__)
 
 USELESS = "This plugin does not support propagateSizeHints()"
-"""Qt says this of every window without a screen."""
+"""Qt logs this for every window of the offscreen platform."""
 
 
 def _hear(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
-    """Bring what Qt has to say to the log."""
+    """Forward Qt's messages to the log."""
     if words != USELESS:
         log.log(logging.DEBUG if kind == QtMsgType.QtDebugMsg else logging.WARNING, "Qt: %s", words)
 
 
 def application() -> QApplication:
-    """Get the one Qt application of this process, made when first asked for; without a screen it draws offscreen."""
+    """Return the Qt application of this process, created on first use; without a display it renders offscreen."""
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)
@@ -41,7 +41,7 @@ def application() -> QApplication:
 
 
 def work(seconds: float) -> None:
-    """Let Qt work for a while."""
+    """Run Qt's event loop for a duration [s]."""
     loop, end = QEventLoop(), QTimer(singleShot=True, interval=round(seconds * 1000))
     end.timeout.connect(loop.quit)
     end.start()
@@ -49,21 +49,21 @@ def work(seconds: float) -> None:
 
 
 def screen_of(widget: QWidget) -> QScreen:
-    """Find the screen a widget is on.
+    """Return the screen that a widget is on.
 
-    Not by `QWidget.screen`: the binding would give Python the screen as the widget's child, to be deleted with it.
+    `QWidget.screen` is avoided: PySide makes the screen a child of the widget, so it would be deleted with the widget.
     """
     return QGuiApplication.screenAt(widget.geometry().center()) or QGuiApplication.primaryScreen()
 
 
 def screens() -> list[QScreen]:
-    """List the screens of this machine, the main one first."""
+    """List the screens of this computer, the primary one first."""
     main = QGuiApplication.primaryScreen()
     return [main, *(screen for screen in QGuiApplication.screens() if screen != main)]
 
 
 def numbered_screen(number: int) -> QScreen:
-    """Find a screen by its number."""
+    """Return a screen by its number; raise ConfigError if there is none."""
     there = screens()
     if number >= len(there):
         listed = "; ".join(in_words(i, screen) for i, screen in enumerate(there))
@@ -72,7 +72,7 @@ def numbered_screen(number: int) -> QScreen:
 
 
 def in_words(number: int, screen: QScreen) -> str:
-    """Say what a screen is, in one line."""
+    """Describe a screen in one line."""
     size, mm = screen.size() * screen.devicePixelRatio(), screen.physicalSize()
     claimed = mm.width() / max(size.width(), 1)
     name = screen.name() or "unnamed"
@@ -98,7 +98,7 @@ class BoardWindow(QWidget):
         self.rows.addWidget(self.board, 1)
 
     def present(self, display: Display) -> None:
-        """Open the window on the screen, in the size and on the scale that the configuration asks for."""
+        """Open the window with the configured screen, size and scale."""
         self.board.mm_per_pixel = display.mm_per_pixel
         self.resize(display.width, display.height)
         if display.screen > 0:
@@ -109,7 +109,7 @@ class BoardWindow(QWidget):
             self.show()
 
     def take_half(self, side: Side) -> None:
-        """Take one half of the screen, beside the window of the other side, unless it takes the whole."""
+        """Move the window to its half of the screen, beside the other side's window, unless it is full screen."""
         if self.isFullScreen():
             return
         room = screen_of(self).availableGeometry()
@@ -119,9 +119,9 @@ class BoardWindow(QWidget):
         self.setGeometry(room)
 
     def fill_screen(self, full: bool) -> None:
-        """Take the whole screen, without frame and mouse pointer, or give it back.
+        """Enter full screen, without frame and mouse pointer, or leave it.
 
-        The size is set by hand too, for a bare X server has no window manager that would do it.
+        The size is set explicitly too, because a bare X server has no window manager to do it.
         """
         if full:
             self._windowed = self.geometry()
@@ -134,7 +134,7 @@ class BoardWindow(QWidget):
             self.setGeometry(self._windowed)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
-        """Close or fill the screen."""
+        """Close the window, or toggle full screen."""
         if event.key() in (Qt.Key.Key_Escape, Qt.Key.Key_Q):
             self.close()
         elif event.key() == Qt.Key.Key_F11:
@@ -143,6 +143,6 @@ class BoardWindow(QWidget):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Say that the window is closed."""
+        """Emit `closed`."""
         super().closeEvent(event)
         self.closed.emit()

@@ -1,8 +1,8 @@
-"""The words of a display, in one language. Pure: text in, words out.
+"""The texts of a display, in one language. Pure: TOML in, `Words` out.
 
-Every word is a field of `Words`; a list of words is a TOML text with exactly these keys. What stands in braces in a
-word is filled in by the display, and must be the same in every language. A missing or unknown key is a `ConfigError`
-that names it, so a display never runs out of words in the middle of a session.
+Every text is a field of `Words`; a language is a TOML file with exactly these keys. The display fills in the
+placeholders in braces; they must be the same in every language. A missing or unknown key is a `ConfigError` that names
+it, so that a display cannot miss a text in the middle of a session.
 """
 
 import string
@@ -16,20 +16,20 @@ from netboard.base.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Everything a display can say.
+    """All texts of a display.
 
     Attributes
     ----------
     left_end, right_end : str
         The two ends of the board, as the object of a sentence.
     block, trial, next : str
-        Which block and which trial it is, and which block comes.
+        The current block and trial, and the next block.
     ready, wait, rest : str
-        Before a block: headline, what to do meanwhile, headline of a rest.
+        Before a block: headline, what to do in the meantime, headline of a rest.
     away, away_text : str
-        Headline and sentence for somebody who has nothing to do in a block.
+        Headline and sentence for a participant who does not take part in a block.
     task, task_board, felt, unfelt : str
-        Instructions: what to do, with and without a ball, and what is felt.
+        Instructions: what to do with and without a ball, and what is felt with haptic feedback on and off.
     """
 
     decimal: str
@@ -74,11 +74,11 @@ class Words:
     play: str
 
     def seconds(self, time: float, digits: int = 2) -> str:
-        """Write a time as people of this language do."""
+        """Format a time with the decimal sign of this language."""
         return f"{time:.{digits}f}".replace(".", self.decimal)
 
     def end(self, side: Side) -> str:
-        """Name an end of the board."""
+        """Return the name of an end of the board."""
         return self.left_end if side == "left" else self.right_end
 
 
@@ -90,17 +90,17 @@ FILLED: dict[str, set[str]] = {
     "server": {"host", "port"},
     "task": {"hold"},
 }
-"""What is filled into which word."""
+"""Placeholders of each text that has any."""
 
 
 def parse_words(text: str, source: str) -> Words:
-    """Read a list of words.
+    """Parse the texts of a language.
 
     Raises
     ------
     ConfigError
-        If the text is not TOML, or a word is unknown, missing, no text, or asks for what it does not get. The message
-        has a line for every problem.
+        If the file is not valid TOML, or a text is unknown, missing, not a string, or has other placeholders than
+        expected. The message has one line per problem.
     """
     try:
         found = tomllib.loads(text)
@@ -120,7 +120,7 @@ def parse_words(text: str, source: str) -> Words:
 
 
 def _wrong(key: str, word: Any) -> str:
-    """What is wrong with a word, or nothing."""
+    """Describe what is wrong with a text; empty if nothing is."""
     if word is None:
         return "missing; a list has every word"
     if not isinstance(word, str) or not word:
@@ -137,7 +137,7 @@ def _wrong(key: str, word: Any) -> str:
 
 
 def instructions(config: Config, words: Words, station: Side) -> str:
-    """What a participant reads before a block: the block's own text, or the standard one of its condition."""
+    """Return the instructions before a block: those of the block, or the standard ones of its condition."""
     block = config.block
     if block.instructions:
         return block.instructions

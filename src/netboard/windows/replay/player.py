@@ -1,9 +1,9 @@
-"""A recording in the participants' display, or two of them side by side on one time line.
+"""Replay a recording in the participant's display, or two side by side on one time line.
 
-What is shown at each moment is what the station's participant could see, made by the same curtain. Keys: space plays
-and pauses, left and right go one second (with shift: ten), full stop and comma one tick, Page Down and Page Up to the
-next trial and the one before, up and down change the speed, L plays everything again and again (with shift: the trial
-that is on), Home begins again.
+The window shows what the station's participant could see, filtered by the same curtain. Keys: space plays and pauses;
+left and right seek by one second (with shift: ten); full stop and comma step by one tick; Page Down and Page Up go to
+the next and the previous trial; up and down change the speed; L loops the whole replay (with shift: the current trial);
+Home goes to the start of the block.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,20 +32,22 @@ from netboard.windows.participant.window import BoardWindow, application
 from netboard.windows.replay.timebar import TimeBar
 
 FRAME_MS = 16
+"""Interval between two frames while playing [ms]."""
+
 STEP, LONG_STEP = 1.0, 10.0
-"""How far the arrow keys go [s]."""
+"""Distance that the arrow keys seek [s]."""
 
 NEAR_TICKS = 1000
-"""A view that is further from the one before does not go on from there [1]."""
+"""Ticks between two views above which the story starts anew [1]."""
 
 MOST_WIDE = 1600
-"""Two boards side by side are no wider than that to begin with [pixels]."""
+"""Largest initial width of boards side by side [pixels]."""
 
 KEYS = (
     "space: play, pause   \u2190 \u2192: 1 s   , .: one tick   PgUp PgDn: trial   \u2191 \u2193: speed   "
     "L: loop   Home: begin again   Q: close"
 )
-"""What the keys do, for people."""
+"""Help line with the keys."""
 
 
 class Pane:
@@ -59,7 +61,7 @@ class Pane:
         self._story: Story | None = None
 
     def show(self, position: float) -> View:
-        """Show where it is."""
+        """Show the view at a position [s], and return it."""
         view = self.reel.view(self.reel.at(position), self._station)
         near_by = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
         self._story = follow(self._story if near_by else None, view)
@@ -73,7 +75,7 @@ class PlayerWindow(BoardWindow):
     Parameters
     ----------
     now : callable
-        A steady clock [s].
+        A monotonic clock [s].
     """
 
     def __init__(
@@ -106,7 +108,7 @@ class PlayerWindow(BoardWindow):
         self.refresh()
 
     def _all_marks(self, reels: Sequence[Reel]) -> list[Mark]:
-        """The marks of all recordings, on the common time line."""
+        """Return the marks of all recordings, on the common time line."""
         found = [
             replace(mark, time=self.pairing.of(which, mark.time))
             for which, reel in enumerate(reels)
@@ -115,7 +117,7 @@ class PlayerWindow(BoardWindow):
         return sorted(found, key=lambda mark: mark.time)
 
     def _put_side_by_side(self, reels: Sequence[Reel]) -> None:
-        """Give each recording a board, and a line that says which it is."""
+        """Give each recording a board and a caption."""
         colours = COLOURS[Mood.RUN]
         self.panes += [Pane(reel, self._station, BoardView(self)) for reel in reels[1:]]
         boards = QWidget(self)
@@ -134,7 +136,7 @@ class PlayerWindow(BoardWindow):
         self.rows.addWidget(boards, 1)
 
     def refresh(self) -> None:
-        """Show where the replay is now."""
+        """Show the present position of the replay."""
         self.playback = self.playback.now(self._now())
         positions = self.pairing.at(self.playback.position)
         views = [pane.show(position) for pane, position in zip(self.panes, positions, strict=True)]
@@ -149,7 +151,7 @@ class PlayerWindow(BoardWindow):
             self._frames.stop()
 
     def _in_words(self, position: float, view: View) -> str:
-        """Where the replay is."""
+        """Format the state of the replay in one line."""
         here = self.playback
         told = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
         told.append(f"{here.speed:g}\u00d7")
@@ -169,31 +171,31 @@ class PlayerWindow(BoardWindow):
         self._go(self.playback.seek(self._now(), position))
 
     def step(self, ticks: int) -> None:
-        """Stand still, so many ticks further on, or back [1]."""
+        """Pause, and move by a number of ticks, forward or back [1]."""
         now = self._now()
         self._go(self.playback.pause(now).move(now, ticks * TICK_SECONDS))
 
     def next_trial(self, *, back: bool) -> None:
-        """Go to the next trial, or to the one before."""
+        """Go to the next or the previous trial."""
         mark = near(self._marks, self.playback.at(self._now()), "trial", back=back)
         if mark is not None:
             self.seek(mark.time)
 
     def loop(self, *, trial: bool) -> None:
-        """Play everything, or the trial that is on, again and again; or no more."""
+        """Start to loop the whole replay or the current trial, or stop looping."""
         now = self._now()
         begin, end = self._trial_at(self.playback.at(now)) if trial else (0.0, self.pairing.length)
         wanted = self.playback.loop is None and begin < end
         self._go(self.playback.repeat(now, (begin, end) if wanted else None))
 
     def _trial_at(self, position: float) -> tuple[float, float]:
-        """From the beginning of the trial that is on to that of the next one."""
+        """Return the beginning of the current trial and that of the next one [s]."""
         begins = [mark.time for mark in self._marks if mark.kind == "trial"]
         before = max((time for time in begins if time <= position), default=0.0)
         return before, min((time for time in begins if time > position), default=self.pairing.length)
 
     def _go(self, playback: Playback) -> None:
-        """Take over a new state of the replay."""
+        """Set the state of the replay, and show it."""
         self.playback = playback
         self.refresh()
 
@@ -235,9 +237,9 @@ def run(
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; asked some twenty times a second.
+        Whether the process has been asked to stop; polled every 50 ms.
     at : float or None
-        Where to begin; None for the start of the block [s].
+        Start position; None for the start of the block [s].
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

@@ -1,6 +1,6 @@
-"""The time line below a replay: the ball's way, the target, what happened, and a line that can be dragged.
+"""The time line below a replay: ball trajectory, target, marks, and a cursor that can be dragged.
 
-Two recordings have a lane each, one above the other, on the one time line that they share.
+Each recording has its own lane on the common time line.
 """
 
 from collections.abc import Sequence
@@ -19,19 +19,19 @@ from netboard.recording.replay.pairing import Pairing
 from netboard.windows.participant.scene import COLOURS, Colours, Mood
 
 MOST_POINTS = 4000
-"""More points than that are not to be told apart on a screen [1]."""
+"""Most points drawn per line; more cannot be distinguished on a screen [1]."""
 
 HEIGHT, AXIS_HEIGHT = 86, 24
-"""Of a lane, and of the axis below [pixels]."""
+"""Height of a lane, and of the axis below [pixels]."""
 
 LANE, FREE = 1.0, 0.16
-"""Height of a lane, and the part of it at its top that is left to the numbers of the trials [1]."""
+"""Height of a lane, and the share at its top that is reserved for trial numbers [1]."""
 
 MOST_NUMBERS = 40
-"""More numbers of trials than that do not fit side by side [1]."""
+"""Most trial numbers that fit side by side [1]."""
 
 LETTERS = 10
-"""Height of the numbers of the trials [pixels]."""
+"""Letter height of the trial numbers [pixels]."""
 
 MARKS = {
     "trial": ("#6d7885", Qt.PenStyle.SolidLine, (0.0, 1.0)),
@@ -43,16 +43,16 @@ MARKS = {
     "event": ("#aeb7c2", Qt.PenStyle.SolidLine, (0.0, 0.14)),
     "gap": ("#d55e00", Qt.PenStyle.DashDotLine, (0.0, 1.0)),
 }
-"""Colour, line and reach in the lane of each kind of mark: they differ in more than the colour."""
+"""Colour, line style and vertical span in the lane of each kind of mark; kinds differ in more than colour."""
 
 
 class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hints
-    """Whole recordings at a glance.
+    """Time line of whole recordings.
 
     Signals
     -------
     sought : float
-        The user points at a time, from the start of the time line [s].
+        Emitted with the time that the user clicks or drags to, from the start of the time line [s].
     """
 
     sought = Signal(float)
@@ -75,7 +75,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         self.scene().sigMouseClicked.connect(self._clicked)
 
     def _set_up(self, length: float, lanes: int) -> None:
-        """Make room for everything."""
+        """Configure axes and limits."""
         plot = self.getPlotItem()
         plot.setMenuEnabled(False)
         plot.hideButtons()
@@ -89,7 +89,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
             self.addItem(pg.InfiniteLine(-below * LANE, angle=0, pen=pg.mkPen(self._colours.guide)), ignoreBounds=True)
 
     def _draw_lane(self, reel: Reel, pairing: Pairing, which: int, lanes: int) -> None:
-        """Draw what does not move of one recording."""
+        """Draw target, marks and ball of one recording."""
         times = np.linspace(0.0, pairing.length, min(MOST_POINTS, len(reel.ticks)))
         rows = np.array([reel.at(pairing.at(time)[which]) for time in times.tolist()])
         geometry = reel.config.geometry
@@ -100,7 +100,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         edges = [pg.PlotDataItem(times, target + edge) for edge in (-half, half)]
         self.addItem(pg.FillBetweenItem(*edges, brush=pg.mkBrush(self._colours.target)), ignoreBounds=True)
         bottom, top = (lanes - 1 - which) / lanes, 1 / lanes
-        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success hides the trial that follows
+        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success covers the next trial
             colour, style, (low, high) = MARKS[mark.kind]
             span = bottom + low * top, bottom + high * top
             pen = pg.mkPen(colour, width=1.5, style=style)
@@ -113,7 +113,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         self._number([mark for mark in reel.marks if mark.kind == "trial"], pairing, which)
 
     def _number(self, trials: list[Mark], pairing: Pairing, which: int) -> None:
-        """Write the numbers of the trials, as many as fit."""
+        """Write the trial numbers, as many as fit."""
         font = QFont(self.font())
         font.setPixelSize(LETTERS)
         firsts = {mark.trial: mark for mark in reversed(trials)}
@@ -124,16 +124,16 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
             self.addItem(number, ignoreBounds=True)
 
     def point_at(self, time: float) -> None:
-        """Move the line."""
+        """Move the cursor to a time [s]."""
         self.cursor_line.setValue(time)
 
     def show_loop(self, loop: tuple[float, float] | None) -> None:
-        """Show the part that is played again and again."""
+        """Show the loop; None hides it."""
         self._loop.setVisible(loop is not None)
         if loop is not None:
             self._loop.setRegion(loop)
 
     def _clicked(self, event: Any) -> None:
-        """Seek where the user clicks."""
+        """Seek to the time that the user clicks."""
         if event.button() == Qt.MouseButton.LeftButton:
             self.sought.emit(float(self.getPlotItem().vb.mapSceneToView(event.scenePos()).x()))
