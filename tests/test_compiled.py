@@ -1,6 +1,7 @@
 """Kept kernels are never older than their source."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import netboard
+from netboard.base.compiled import STRICT, fast, inlined, kernel
 
 SCRIPT = """
 import numpy as np
@@ -60,3 +62,33 @@ def test_a_service_of_systemd_keeps_its_kernels_in_its_cache(tmp_path: Path) -> 
     folder = Path(run.stdout.strip())
     assert folder.parent == tmp_path
     assert folder.name.startswith("kernels-")
+
+
+@inlined
+def sum_of_product(a: float, b: float, c: float) -> float:
+    return a * b + c
+
+
+@fast
+def rounded_once(a: float, b: float, c: float) -> float:
+    return sum_of_product(a, b, c)
+
+
+@kernel
+def rounded_twice(a: float, b: float, c: float) -> float:
+    return sum_of_product(a, b, c)
+
+
+def test_a_strict_kernel_stays_strict_when_a_fast_one_was_the_first_to_call_it() -> None:
+    """Numba lets what it compiles inherit the options of the first caller, unless they are said."""
+    least = 2.0**-30
+    for caller in (rounded_once, rounded_twice):
+        assert caller(1 + least, 1 - least, -1.0) == 0.0
+
+
+def test_no_kernel_leaves_open_how_it_is_compiled() -> None:
+    assert {"error_model", "fastmath", "forceinline"} <= set(STRICT)
+    package = Path(netboard.__file__).parent
+    asks = re.compile(r"numba\.n?jit|from numba import n?jit")
+    compiling = [path for path in package.rglob("*.py") if asks.search(path.read_text())]
+    assert compiling == [package / "base" / "compiled.py"]

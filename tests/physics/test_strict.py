@@ -15,11 +15,8 @@ import pytest
 from random_steps import SCENES, digests
 from trajectories import Scene, scene_of
 
-from netboard.physics.arithmetic import trig
-from netboard.physics.hands import extrapolation
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_march
-from netboard.physics.scene import energy, models
 
 SCRIPT = Path(__file__).with_name("random_steps.py")
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -93,13 +90,3 @@ def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
         counts = [arithmetic(assembly) for assembly in assemblies]
         assert counts == sorted(set(counts), reverse=True)
         assert counts[-1] > 0
-
-
-@needs_compiler
-def test_no_kernel_asks_for_fast_math() -> None:
-    modules = (energy, extrapolation, models, trig)
-    functions = [each for module in modules for each in vars(module).values() if hasattr(each, "targetoptions")]
-    assert len(functions) >= 20
-    for function in functions:
-        assert not function.targetoptions.get("fastmath", False)
-        assert function.targetoptions["error_model"] == "numpy"

@@ -58,8 +58,12 @@ def folder() -> Path:
     return Path(os.environ["NUMBA_CACHE_DIR"])
 
 
-STRICT: dict[str, Any] = {"error_model": "numpy"}
-"""IEEE arithmetic as written; it never raises: x / 0 is infinite."""
+STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False}
+"""IEEE arithmetic as written; it never raises: x / 0 is infinite.
+
+Numba lets a kernel inherit what it does not say itself from the first caller that it is compiled for, and keeps it so
+for every other: each option is said.
+"""
 
 INLINED: dict[str, Any] = {**STRICT, "forceinline": True}
 """The same, compiled into every caller."""
@@ -68,7 +72,7 @@ FAST: dict[str, Any] = {**STRICT, "fastmath": {"contract"}}
 """A product and a sum may be rounded once, as one (fused multiply-add), which not every machine does. Nothing else is
 let go: a sum keeps its order, and what is not finite is still found out."""
 
-LOOSE: dict[str, Any] = {**INLINED, **FAST}
+LOOSE: dict[str, Any] = {**FAST, "forceinline": True}
 """The same, compiled into every caller."""
 
 

@@ -11,10 +11,10 @@ damps nor excites oscillations. Coulomb friction is implicit in the velocity at 
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.participants.device_models import DeviceModel
 
 CABLES = np.dtype(
@@ -71,7 +71,7 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
     return cables
 
 
-@numba.njit(cache=True)
+@kernel
 def stretch(
     x: float, v: float, tip: float, rate: float, push: float, load: float, rest: float, cables: Any
 ) -> tuple[float, float, float, float]:

@@ -13,10 +13,10 @@ Rule 3: this module knows nothing of perception; see `netboard.participants.sens
 from collections.abc import Iterable
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
@@ -142,7 +142,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     return arm
 
 
-@numba.njit(cache=True)
+@kernel
 def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
     """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
     grip = STEP * arm["friction"] / arm["mass"]
@@ -157,7 +157,7 @@ def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
     return x, v
 
 
-@numba.njit(cache=True)
+@kernel
 def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     asked = s["aim"]
@@ -174,7 +174,7 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
     return float(asked)
 
 
-@numba.njit(cache=True)
+@kernel
 def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64]) -> tuple[float, float]:
     """Advance equilibrium point and tremor by one step.
 
@@ -209,7 +209,7 @@ def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArr
     return effort, s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
 
 
-@numba.njit(cache=True)
+@kernel
 def swing(
     state: Any,
     constants: Any,
@@ -247,7 +247,7 @@ def swing(
         s["z"], s["vz"] = _push(s["z"], s["vz"], pull + s["tremor_z"] + fz, arm)
 
 
-@numba.njit(cache=True)
+@kernel
 def swing_on_cables(
     state: Any,
     tip: Any,

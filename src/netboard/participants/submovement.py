@@ -6,8 +6,7 @@ neither of the two.
 
 from dataclasses import dataclass
 
-import numba
-
+from netboard.base.compiled import kernel
 from netboard.base.config import Side
 
 
@@ -48,7 +47,7 @@ class Submovement:
         return float(minimum_jerk((when - self.start) / self.duration))
 
 
-@numba.njit(cache=True)
+@kernel
 def minimum_jerk(s: float) -> float:
     """Return the minimum-jerk profile of a movement from rest to rest (Flash and Hogan 1985).
 

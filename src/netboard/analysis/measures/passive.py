@@ -15,10 +15,11 @@ from functools import lru_cache
 from math import ceil
 from typing import Literal, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import cont2discrete, lfilter
+
+from netboard.base.compiled import kernel
 
 Side = Literal["left", "right"]
 Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.float64]]
@@ -181,7 +182,7 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     return np.asarray(lfilter(above, below, f - f[0]))
 
 
-@numba.njit(cache=True)
+@kernel
 def _rubbed(
     force: NDArray[np.float64],
     parts: int,

@@ -11,10 +11,10 @@ Rule 3: after a gap longer than `GAP_NS` a filter restarts from the slope over t
 
 from typing import final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.base.tick import TICK_SECONDS
 
 WINDOW_NS = 15_000_000
@@ -81,7 +81,7 @@ class Window:
         return vx, vy, vz
 
 
-@numba.njit(cache=True)
+@kernel
 def _windowed(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],
@@ -142,7 +142,7 @@ class Observer:
         return vx, vy, vz
 
 
-@numba.njit(cache=True)
+@kernel
 def _observed(
     stamps: NDArray[np.int64],
     states: NDArray[np.float64],

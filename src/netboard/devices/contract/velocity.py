@@ -13,10 +13,10 @@ comparison.
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.devices.contract import estimators
 
 SAMPLES = 9
@@ -26,7 +26,7 @@ SLACK = 1.01
 """Width of the band in encoder steps, slightly more than one to allow for rounding [1]."""
 
 
-@numba.njit(cache=True)
+@kernel
 def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, band: float) -> float:
     """Return the slope over the longest window in which a straight line fits all values.
 
@@ -56,7 +56,7 @@ def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, b
     return best
 
 
-@numba.njit(cache=True)
+@kernel
 def taken(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],

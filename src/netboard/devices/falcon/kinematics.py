@@ -14,7 +14,7 @@ inverted elbows.
 
 from math import acos, atan2, cos, hypot, isfinite, nan, pi, radians, sin, sqrt
 
-import numba
+from netboard.base.compiled import kernel
 
 Vector = tuple[float, float, float]
 
@@ -86,7 +86,7 @@ def encoders_at(angles: Vector) -> tuple[int, int, int]:
     return first, second, third
 
 
-@numba.njit(cache=True)
+@kernel
 def inverse(place: Vector) -> Vector:
     """Return the arm angles for a grip position.
 
@@ -98,7 +98,7 @@ def inverse(place: Vector) -> Vector:
     return _swing(0, place), _swing(1, place), _swing(2, place)
 
 
-@numba.njit(cache=True)
+@kernel
 def _swing(leg: int, place: Vector) -> float:
     """Return the angle of one arm: of the two solutions of its chain, the one with the elbow outside."""
     x, y, z = place
@@ -117,7 +117,7 @@ def _swing(leg: int, place: Vector) -> float:
     return atan2(z, along) - acos(share)
 
 
-@numba.njit(cache=True)
+@kernel
 def _closure(leg: int, angle: float, place: Vector) -> tuple[float, float, float, float, float]:
     """Return the closure error of one chain and its derivatives by x, y, z and the arm's angle.
 
@@ -139,12 +139,12 @@ def _closure(leg: int, angle: float, place: Vector) -> tuple[float, float, float
     return gap, gx, gy, q, A * (p * sin(angle) - q * cos(angle))
 
 
-@numba.njit(cache=True)
+@kernel
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@numba.njit(cache=True)
+@kernel
 def forward(angles: Vector, guess: Vector) -> Vector:
     """Return the grip position for three arm angles, by Newton's method.
 
@@ -181,7 +181,7 @@ def forward(angles: Vector, guess: Vector) -> Vector:
     return lost
 
 
-@numba.njit(cache=True)
+@kernel
 def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
     """Return the columns of the Jacobian: motion of the grip per arm angle.
 
@@ -202,7 +202,7 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
     return (p * u[0], p * u[1], p * u[2]), (q * v[0], q * v[1], q * v[2]), (r * w[0], r * w[1], r * w[2])
 
 
-@numba.njit(cache=True)
+@kernel
 def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
     """Return the arm torques equivalent to a force at the grip: the transposed Jacobian times the force.
 

@@ -4,8 +4,7 @@ The agent computes it from its own reading, so it needs no network. It is the sa
 passes the safety chain like any other.
 """
 
-import numba
-
+from netboard.base.compiled import kernel
 from netboard.base.tables.rig import Fixture
 from netboard.devices.contract.device import Reading
 
@@ -16,7 +15,7 @@ def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
     return drawn_in(k, c, reading.x, reading.vx), drawn_in(k, c, reading.y, reading.vy)
 
 
-@numba.njit(cache=True)
+@kernel
 def drawn_in(k: float, c: float, place: float, rate: float) -> float:
     """Return the force of the fixture along one axis [N].
 

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Annotated, Any, final
 
-import numba
 import numpy as np
 from pydantic import StrictBool
 
+from netboard.base.compiled import kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.base.tick import TICK_NS
@@ -51,7 +51,7 @@ class Options:
     held: Annotated[StrictBool, about("false: nobody holds the stylus")] = True
 
 
-@numba.njit(cache=True)
+@kernel
 def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
     """Return the hand's position a given time after its state, in whole encoder steps."""
     s = state[0]
@@ -61,7 +61,7 @@ def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
     return round(x / step) * step, round(y / step) * step, round(z / step) * step
 
 
-@numba.njit(cache=True)
+@kernel
 def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
     """Scale a force down to a limit [N]."""
     size = np.hypot(np.hypot(fx, fy), fz)
