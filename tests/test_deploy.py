@@ -17,7 +17,7 @@ from netboard.base.process import IO_ABOVE, Priority
 from netboard.devices.setup.usb_access import NAMES
 from netboard.network.keys import encrypted
 from netboard.nodes.operator.launcher import STOP_SECONDS
-from netboard.nodes.server.session import FINISH_NS
+from netboard.nodes.server.record_keeping import FINISH_NS
 from netboard.services.cli import app
 
 DEPLOY = Path(__file__).parent.parent / "deploy"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from netboard.network.protocol import codec
+from netboard.network.protocol.joining import ROLES
 from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
 from netboard.network.protocol.motion import Safeguard
 
@@ -54,6 +55,14 @@ def _markdown(text: str) -> str:
     return re.sub(r"\bNone\b", "nil", text)
 
 
+def _listed(roles: tuple[str, ...]) -> str:
+    """Roles as words."""
+    if set(roles) == set(ROLES):
+        return "every peer"
+    *others, last = (f"{role}s" for role in roles)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
 def section(number: int, kind: Kind) -> str:
     """All about one message."""
     text, meanings = described(kind.message)
@@ -63,10 +72,13 @@ def section(number: int, kind: Kind) -> str:
         limits += f", arrays of at most {kind.most_items} items"
     if kind.most_pairs:
         limits += f", maps of at most {kind.most_pairs} pairs"
+    senders = [f"{_listed(kind.up)} to the server"] if kind.up else []
+    senders += [f"the server to {_listed(kind.down)}"] if kind.down else []
+    sent = f" From {' and from '.join(senders)}." if senders else ""
     lines = [
         f"### {kind.message.__name__}: kind {number}",
         "",
-        f"{_markdown(text)} ({limits[0].upper()}{limits[1:]}.)",
+        f"{_markdown(text)}{sent} ({limits[0].upper()}{limits[1:]}.)",
         "",
     ]
     names = [field.name for field in dataclasses.fields(kind.message)]

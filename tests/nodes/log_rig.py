@@ -99,4 +99,4 @@ def end(rig: Rig) -> None:
     rig.port.close()
     if rig.spill._thread is not None:
         rig.spill._thread.join(30)
-    assert rig.port.closed
+    assert rig.port.store.closed

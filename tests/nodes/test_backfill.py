@@ -158,7 +158,7 @@ def test_an_agent_that_was_started_anew_has_forgotten_it(link: Link) -> None:
     link.go(500, cut=True)
     link.ring, link.seq = RenderedRing(), -1
     link.go(100, cut=True)
-    link.rig.port.seats["left"].leave()
+    link.rig.port.agents["left"].leave()
     link.greet()
     link.go(400)
     rows = link.filled()

@@ -30,14 +30,14 @@ class Rig:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = ControlPort(self.router, WELCOME, Answers())  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, WELCOME)  # type: ignore[arg-type]
         assert isinstance(self.say(D, hello("display", "left"))[0], Welcome)
         assert isinstance(self.say(C, hello("console"))[0], Welcome)
 
     def say(self, peer: bytes, message: Message | bytes) -> list[Message]:
         self.router.say(peer, message)
         self.port.drain(0)
-        self.port.answer()
+        self.port.answer(Answers())
         return self.router.heard(peer)
 
 
@@ -143,7 +143,7 @@ def test_a_console_that_was_suspended_may_answer_every_ping_that_waited_for_it()
 
 def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
     router = FakeRouter(room=1)
-    port = ControlPort(router, WELCOME, Answers())  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     router.say(b"console", hello("console"))
     port.drain(0)
     another = replace(WELCOME, config="another block")

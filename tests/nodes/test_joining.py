@@ -53,14 +53,14 @@ class SlowLink:
 def test_a_logger_joins_over_a_way_that_takes_longer_than_it_waits_to_say_hello_again(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=50_000)
     config: Config = parse("", "test")
-    rig.port._welcomes = [(0, Welcome("session", PROTOCOL_VERSION, 0, resolve(config)))]
+    rig.port.store._welcomes = [(0, Welcome("session", PROTOCOL_VERSION, 0, resolve(config)))]
     rig.port.append(encode(EventRecord(0, 0, 0, "session_started", {})))
     settings = Settings(directory=str(tmp_path / "recordings"))
     logger = Logger(settings, SlowLink(rig, 0.4), once=True, clock=rig.clock)
     for _ in range(500):  # ten seconds
         logger.step()
     assert rig.port.loggers == 1
-    assert rig.port.backlog == 0, "it has brought to disk what there is"
+    assert rig.port.store.backlog == 0, "it has brought to disk what there is"
     rig.port.end()
     for _ in range(500):
         logger.step()
@@ -109,12 +109,12 @@ class Control:
 
     def __init__(self) -> None:
         self.router, self.clock = FakeRouter(), FakeClock()
-        self.port = ControlPort(self.router, Welcome("s", PROTOCOL_VERSION, 0, ""), Answers())  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, Welcome("s", PROTOCOL_VERSION, 0, ""))  # type: ignore[arg-type]
 
     def tick(self) -> None:
         self.clock.advance(1e-3)
         self.port.drain(self.clock())
-        self.port.answer()
+        self.port.answer(Answers())
 
 
 def test_a_console_joins_while_others_say_all_they_can() -> None:

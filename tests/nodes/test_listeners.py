@@ -69,7 +69,7 @@ def test_a_listener_is_no_logger(rig: Rig) -> None:
     listen(rig, E)
     rig.record(900)
     rig.pump(E)
-    assert (rig.port.loggers, rig.port.backlog, len(rig.port.listeners)) == (0, 900, 1)
+    assert (rig.port.loggers, rig.port.store.backlog, len(rig.port.listeners)) == (0, 900, 1)
     assert not rig.port.done
     assert rig.port.trouble == "the logger is too far behind"
     assert rig.port.recordings(rig.clock()) == ()
@@ -84,7 +84,7 @@ def test_what_a_listener_says_counts_for_nothing(rig: Rig) -> None:
     listen(rig, E)
     assert rig.pump(E, LogAck(5, 1, "a.mcap", 0)) == [Refusal("a listener does not send LogAck")]
     assert rig.pump(E, StatusRequest()) == [Refusal("a listener does not send StatusRequest")]
-    assert (rig.port.backlog, rig.port.free_bytes, rig.port.notice) == (5, 0, "")
+    assert (rig.port.store.backlog, rig.port.free_bytes, rig.port.notice) == (5, 0, "")
 
 
 def test_nobody_is_both(rig: Rig) -> None:
@@ -164,7 +164,7 @@ def test_the_end_waits_for_no_listener(tmp_path: Path) -> None:
     assert rig.port.done
     end(rig)
     assert router.heard(E) == [Goodbye("the session is over")]
-    assert rig.port.shortfall == ""
+    assert rig.port.store.shortfall == ""
 
 
 def test_the_clock_of_a_listener_is_probed(rig: Rig) -> None:
@@ -248,11 +248,19 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
         rig.clock.advance(seconds)
         rig.port.pump(rig.clock())
         port = rig.port
-        told += [router.heard(L), port.backlog, port.loggers, port.trouble, port.notice, port.free_bytes, port.done]
+        told += [
+            router.heard(L),
+            port.store.backlog,
+            port.loggers,
+            port.trouble,
+            port.notice,
+            port.free_bytes,
+            port.done,
+        ]
         told += [port.ring.acknowledged, port.recordings(rig.clock()), rig.spill.next > 0]
     told.append([one for one in rig.port.news if "listener" not in str(one)])
     end(rig)
-    told.append(rig.port.shortfall.replace(str(folder), ""))
+    told.append(rig.port.store.shortfall.replace(str(folder), ""))
     return told
 
 

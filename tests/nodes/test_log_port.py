@@ -11,7 +11,8 @@ from log_rig import L, M, Rig, end
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.ports.log_port import FULL_SHARE, GONE_NS, LISTEN_NS
+from netboard.nodes.ports.log_port import GONE_NS, LISTEN_NS
+from netboard.nodes.ports.record_store import FULL_SHARE
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery import spill as spilling
 from netboard.recording.recovery.spill import read_spill
@@ -31,9 +32,9 @@ def test_a_logger_gets_every_record_once_in_order(rig: Rig) -> None:
     rig.record(3)
     assert rig.numbers(rig.pump(L)) == [5, 6, 7]
     assert rig.pump(L) == []
-    assert rig.port.backlog == 8
+    assert rig.port.store.backlog == 8
     rig.pump(L, LogAck(8, 10**9, "a.mcap", 0))
-    assert (rig.port.backlog, rig.port.free_bytes) == (0, 10**9)
+    assert (rig.port.store.backlog, rig.port.free_bytes) == (0, 10**9)
 
 
 def test_a_full_queue_delays_and_loses_nothing(tmp_path: Path) -> None:
@@ -110,7 +111,7 @@ def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays(rig: Rig) -
     rig.pump(L, LogRequest(-1), Goodbye("done"))
     assert not rig.port.done
     assert rig.names() == ["logger_joined", "logger_left"]
-    assert rig.port.backlog == 3
+    assert rig.port.store.backlog == 3
     assert rig.port.trouble == "the logger has left: done"
     rig.join(M)
     assert rig.port.trouble == ""
@@ -147,7 +148,7 @@ def test_what_no_logger_takes_goes_to_the_spill_and_from_there_to_the_next_one(r
     assert rig.names()[-1] == "log_spill_taken"
     end(rig)
     assert not rig.spill.path.exists()
-    assert rig.port.shortfall == ""
+    assert rig.port.store.shortfall == ""
 
 
 def test_two_loggers_read_the_spill_at_their_own_pace(rig: Rig) -> None:
@@ -195,7 +196,7 @@ def test_without_a_spill_the_trial_stops_before_anything_is_lost(tmp_path: Path)
     assert rig.port.trouble == "the logger is too far behind"
     assert "log_losing" not in rig.names()
     end(rig)
-    assert rig.port.shortfall == "81 records are not known to be on disk: no logger took them"
+    assert rig.port.store.shortfall == "81 records are not known to be on disk: no logger took them"
 
 
 def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
@@ -236,7 +237,7 @@ def test_what_no_logger_took_by_the_end_is_in_the_spill(rig: Rig) -> None:
     rig.port.end()
     end(rig)
     assert rig.router.closed
-    assert rig.port.shortfall == (
+    assert rig.port.store.shortfall == (
         f"3000 records are not known to be on disk: no logger took them; 3000 records are in {rig.spill.path}: "
         "netboard recover makes a recording of it"
     )

@@ -1,4 +1,4 @@
-"""The two seats: who may sit, which sample counts, what is answered."""
+"""The motion channel: who may register for a side, which sample counts, what is answered."""
 
 import math
 import struct
@@ -22,9 +22,9 @@ from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Styl
 from netboard.network.transport import sockets
 from netboard.network.transport.sockets import LARGEST_SAMPLE
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.crowd import DEAF_NS
 from netboard.nodes.ports.motion_port import BEAT_TICKS, GONE_NS
 from netboard.nodes.ports.samples import ARMED, LIVE, SANE_NS
+from netboard.nodes.ports.unregistered import DEAF_NS
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
@@ -34,7 +34,7 @@ STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 class Rig(MotionRig):
     """A port with its router, and somebody who does what the session does."""
 
-    def seated(self) -> "Rig":
+    def registered(self) -> "Rig":
         self.router.say(A, hello("agent", "left"))
         self.router.say(B, hello("agent", "right"))
         self.drain(lambda: 0)
@@ -75,7 +75,7 @@ def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not(rig: Rig) -> None:
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("say hello first")]
-    rig.seated().router.say(A, STYLUS)
+    rig.registered().router.say(A, STYLUS)
     rig.drain(lambda: MS)
     assert rig.router.heard(A) == []
     assert rig.row(MS)["left_live"] == 1
@@ -95,7 +95,7 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(rig: Rig, message: An
 
 
 def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(b"other", hello("agent", "left", "host:9"))
     rig.drain(lambda: MS)
     (answer,) = rig.router.heard(b"other")
@@ -110,7 +110,7 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> No
 
 
 def test_the_newest_sample_wins_whatever_the_order(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     for seq in (3, 5, 4, 5, 1):
         rig.router.say(A, replace(STYLUS, seq=seq, z=seq * 1e-3))
     rig.drain(lambda: MS)
@@ -120,7 +120,7 @@ def test_the_newest_sample_wins_whatever_the_order(rig: Rig) -> None:
 
 
 def test_a_sample_grows_old_and_one_that_is_no_number_never_counts(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
     assert rig.row(TIMEOUT_NS - 1)["left_live"] == 1
@@ -131,7 +131,7 @@ def test_a_sample_grows_old_and_one_that_is_no_number_never_counts(rig: Rig) -> 
 
 
 def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(A, STYLUS, STYLUS)
     rig.router.say(A, b"", STYLUS, b"")
     rig.router.say(A, bytes(LARGEST_SAMPLE + 1))
@@ -142,7 +142,7 @@ def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None
 
 
 def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     ahead = 7_000_000_000
     sent, received, answered = 10 * MS, 10 * MS + 100_000 + ahead, 10 * MS + 300_000 + ahead
     probe = replace(
@@ -160,8 +160,8 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Ri
 def test_each_probe_of_an_agent_is_recorded_once_and_under_the_name_of_its_connection(rig: Rig) -> None:
     peers = []
     for start in (10 * MS, 20 * MS, 30 * MS):
-        rig.seated()
-        rig.seated()  # it says hello until it is answered
+        rig.registered()
+        rig.registered()  # it says hello until it is answered
         stamps = {"force_sent_ns": start, "force_received_ns": start + 10, "sent_ns": start + 20}
         rig.router.say(A, replace(STYLUS, stamp_ns=start, force_tick=1, **stamps))  # type: ignore[arg-type]
         rig.drain(lambda start=start: start + 30)  # type: ignore[misc]
@@ -171,7 +171,7 @@ def test_each_probe_of_an_agent_is_recorded_once_and_under_the_name_of_its_conne
 
 
 def test_an_agent_whose_answer_is_impossible_has_no_probe(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     stamps = {"force_sent_ns": 10 * MS, "force_received_ns": 30, "sent_ns": 20}
     rig.router.say(A, replace(STYLUS, stamp_ns=20, force_tick=1, **stamps))  # type: ignore[arg-type]
     rig.drain(lambda: 11 * MS)
@@ -179,7 +179,7 @@ def test_an_agent_whose_answer_is_impossible_has_no_probe(rig: Rig) -> None:
 
 
 def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):
         rig.router.say(A, replace(STYLUS, seq=seq, safeguards=int(bits)))
     rig.drain(lambda: MS)
@@ -188,7 +188,7 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
 
 
 def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     for tick in range(2 * BEAT_TICKS):
         rig.force(tick, -0.5, 0.25)
     assert [(m.tick, m.force) for m in rig.router.heard(A)] == [(t, -0.5) for t in range(2 * BEAT_TICKS)]  # type: ignore[union-attr]
@@ -200,7 +200,7 @@ def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -
 
 
 def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(A, replace(STYLUS, seq=9))
     rig.drain(lambda: 700_000, TICK_NS)
     rig.row(TICK_NS)
@@ -211,7 +211,7 @@ def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_th
 
 def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
     """What the server alone computes goes out as before there was another way; and softened, if that is wanted."""
-    rig.seated()
+    rig.registered()
     for force in (0.5, -0.0, 1e-310, float("inf")):
         row = np.zeros(1, TICK)
         row["tick"], row["left_force"] = 12, force
@@ -227,7 +227,7 @@ def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
 
 
 def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     row, earlier = np.zeros(1, TICK), np.zeros(1, TICK)
     row["tick"], row["left_force"], row["right_force"] = 12, 9.0, 9.0
     earlier["tick"], earlier["left_force"], earlier["right_force"] = 8, 0.5, -0.25
@@ -238,7 +238,7 @@ def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig)
 
 def test_agents_that_compute_their_own_force_are_told_where_the_board_is(new_rig: Callable[..., Rig]) -> None:
     physics = Physics(coupling="right")
-    rig = new_rig(samples.ends_of(physics)).seated()
+    rig = new_rig(samples.ends_of(physics)).registered()
     for peer, ahead in ((A, 5 * MS), (B, 0)):
         rig.router.say(peer, replace(STYLUS, seq=9, force_tick=1, force_received_ns=ahead, sent_ns=ahead))
     rig.drain(lambda: 700_000, TICK_NS)
@@ -273,7 +273,7 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[],
     fixed.write(frame, *fixed.STYLUS[:2], words)
     rows = []
     for form in (frame.tobytes(), encode(stylus)):
-        rig = new_rig().seated()
+        rig = new_rig().registered()
         rig.router.say(A, form)
         rig.drain(lambda: MS)
         rows.append(rig.row(MS))
@@ -282,7 +282,7 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[],
 
 
 def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     assert not rig.port.complete
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
@@ -302,7 +302,7 @@ def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> 
 
 
 def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(B, replace(STYLUS, safeguards=int(Safeguard.ARMED)))
     rig.drain(lambda: MS)
     rig.row(MS)
@@ -312,7 +312,7 @@ def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
 
 
 def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     for seq, delay_ns, may in ((0, 600_000, False), (1, 400_000, True)):
         sent = seq * MS
         probe = replace(
@@ -332,7 +332,7 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Ri
 
 
 def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.port.expire(GONE_NS)
     assert not rig.port.empty
     rig.port.expire(GONE_NS + 1)
@@ -341,7 +341,7 @@ def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
 
 
 def test_the_link_to_an_agent_is_described(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     for seq in (0, 1, 4):
         rig.router.say(A, replace(STYLUS, seq=seq))
     rig.drain(lambda: MS)
@@ -351,8 +351,8 @@ def test_the_link_to_an_agent_is_described(rig: Rig) -> None:
     assert right[0] == "agent.right"
 
 
-def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more(rig: Rig) -> None:
-    rig.seated()
+def test_an_agent_that_leaves_frees_its_side_and_is_sent_nothing_more(rig: Rig) -> None:
+    rig.registered()
     rig.router.say(A, Goodbye("done"))
     rig.drain(lambda: MS)
     assert rig.port.news == [("agent_left", {"side": "left", "reason": "done"})]
@@ -362,7 +362,7 @@ def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more(rig: Rig) 
 
 
 def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(A, StatusRequest())
     rig.drain(lambda: MS)
     assert rig.router.heard(A) == [Refusal("an agent does not send StatusRequest")]
@@ -371,7 +371,7 @@ def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
 @pytest.mark.parametrize("field", ["stamp_ns", "force_sent_ns", "force_received_ns", "sent_ns"])
 @pytest.mark.parametrize("value", [2**63 - 1, -(2**63), SANE_NS + 1])
 def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, value: int) -> None:
-    rig.seated()
+    rig.registered()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
     rig.drain(lambda: MS)
     assert rig.row(MS)["left_live"] == 0
@@ -379,7 +379,7 @@ def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, valu
 
 
 def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent(rig: Rig) -> None:
-    rig.seated()
+    rig.registered()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
     rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]
     rig.drain(lambda: 2 * MS)

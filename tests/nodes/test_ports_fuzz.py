@@ -104,15 +104,15 @@ def test_the_motion_port(seed: int) -> None:
                 port.lacks(clock.now_ns, SIDES)
                 encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
                 recordable(port.news, port.clock_records(tick))
-            seated = [seat.agent for seat in port.seats.values() if seat.hello is not None]
-            assert len(set(seated)) == len(seated)
-            assert port.empty == (not seated)
+            registered = [agent.peer for agent in port.agents.values() if agent.hello is not None]
+            assert len(set(registered)) == len(registered)
+            assert port.empty == (not registered)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_control_port(seed: int) -> None:
     chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
-    port = ControlPort(router, WELCOME, Answers())  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
         router.say(peer, word)
         port.drain(clock.now_ns)
@@ -120,7 +120,7 @@ def test_the_control_port(seed: int) -> None:
         if tick % 5 == 0:
             encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
             recordable(port.news, port.clock_records(tick))
-            port.answer()
+            port.answer(Answers())
             for frame in port.take_frames(3):
                 encode(frame)
             router.sent.clear()

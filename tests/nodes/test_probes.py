@@ -7,7 +7,6 @@ from itertools import count
 import numpy as np
 import pytest
 from fake_router import WELCOME, FakeRouter, hello
-from test_control_port import Answers
 
 from netboard.network.protocol.joining import Goodbye, Ping, Pong
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
@@ -24,7 +23,7 @@ class Station:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = ControlPort(self.router, WELCOME, Answers())  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, WELCOME)  # type: ignore[arg-type]
         self.records: list[ClockRecord] = []
         self.clocks: dict[bytes, int] = {}
         self.held: list[tuple[int, bytes, Pong]] = []

@@ -18,7 +18,7 @@ from netboard.benchmarks.recording.damage import Found, Harm, cuts, cuts_of_last
 from netboard.benchmarks.recording.feeding import live_log
 from netboard.benchmarks.recording.kills import LONGEST, Killed, kill_one
 from netboard.benchmarks.recording.specimen import Specimen, make_specimen
-from netboard.nodes.ports.log_port import BATCH_RECORDS
+from netboard.nodes.ports.record_store import BATCH_RECORDS
 
 TICKS, QUICK_TICKS = 1250, 650
 """Ticks of the recording that is damaged, in full and short form [1]."""

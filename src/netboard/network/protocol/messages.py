@@ -1,9 +1,10 @@
-"""The registry of the protocol: every message under its number.
+"""The registry of the protocol: every message under its number, with its limits and who sends it to whom.
 
 Each message is one frozen dataclass, in the module of its senders. A message is data only;
 `netboard.network.protocol.codec` converts it to bytes and back. Field order is wire order, so fields are only ever
 appended, and `PROTOCOL_VERSION` grows when one is. All times are nanoseconds of the sender's monotonic clock unless a
-field says "server time"; all other quantities are SI. PROTOCOL.md says who sends what to whom, and when.
+field says "server time"; all other quantities are SI. PROTOCOL.md says when each is sent; its tables are made from
+here, and so is what the server takes from a peer.
 """
 
 from dataclasses import dataclass
@@ -101,51 +102,65 @@ class Kind:
         Length of the longest array in a field; 0 for a message without arrays [1].
     most_pairs : int
         Pairs of the largest map in a field; 0 for a message without maps [1].
+    up, down : tuple of str
+        Roles of the peers that send it to the server, and of those that the server sends it to.
     """
 
     message: type[Message]
     most_bytes: int
     most_items: int = 0
     most_pairs: int = 0
+    up: tuple[str, ...] = ()
+    down: tuple[str, ...] = ()
 
+
+_AGENT, _DISPLAY, _CONSOLE, _LOGGER = ("agent",), ("display",), ("console",), ("logger",)
+_LOGGERS = ("logger", "listener")
+_PINGED = ("display", "logger", "console", "listener")
 
 KINDS: dict[int, Kind] = {
-    1: Kind(Hello, 4096, most_pairs=32),
-    2: Kind(Welcome, 262_144),
-    3: Kind(Refusal, 8192),  # may quote anything of a Hello
-    4: Kind(Goodbye, 4096),
-    5: Kind(Ping, 64),
-    6: Kind(Pong, 64),
-    10: Kind(Stylus, 256),
-    11: Kind(Force, 64),
-    12: Kind(Beat, 64),
-    13: Kind(Point, 128),
-    14: Kind(BackfillRequest, 64),
-    15: Kind(Backfill, 2304),
-    20: Kind(View, 4096),
-    21: Kind(Frames, 8192, MOST_SHOWN),
-    30: Kind(LogRequest, 64),
-    31: Kind(LogBatch, 1_048_576, 4096),
-    32: Kind(LogAck, 1024),
-    33: Kind(LogEnd, 64),
+    1: Kind(Hello, 4096, most_pairs=32, up=ROLES),
+    2: Kind(Welcome, 262_144, down=ROLES),
+    3: Kind(Refusal, 8192, down=ROLES),  # may quote anything of a Hello
+    4: Kind(Goodbye, 4096, up=ROLES, down=ROLES),
+    5: Kind(Ping, 64, down=_PINGED),
+    6: Kind(Pong, 64, up=_PINGED),
+    10: Kind(Stylus, 256, up=_AGENT),
+    11: Kind(Force, 64, down=_AGENT),
+    12: Kind(Beat, 64, down=_AGENT),
+    13: Kind(Point, 128, down=_AGENT),
+    14: Kind(BackfillRequest, 64, down=_AGENT),
+    15: Kind(Backfill, 2304, up=_AGENT),
+    20: Kind(View, 4096, down=_DISPLAY),
+    21: Kind(Frames, 8192, MOST_SHOWN, up=_DISPLAY),
+    30: Kind(LogRequest, 64, up=_LOGGERS),
+    31: Kind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
+    32: Kind(LogAck, 1024, up=_LOGGER),
+    33: Kind(LogEnd, 64, down=_LOGGERS),
     34: Kind(TickRecord, 4096),
     35: Kind(EventRecord, 65_536, most_pairs=4096),
     36: Kind(ClockRecord, 256),
     37: Kind(FrameRecord, 256),
     38: Kind(BackfillRecord, 2304),
-    50: Kind(Command, 8192),
-    51: Kind(StatusRequest, 16),
-    52: Kind(Status, 262_144, 10_240),
-    53: Kind(Reply, 4096),
-    54: Kind(OutcomesRequest, 64),
-    55: Kind(Outcomes, 65_536, 512),
-    56: Kind(TraceRequest, 64),
-    57: Kind(Trace, 65_536, 512),
+    50: Kind(Command, 8192, up=_CONSOLE),
+    51: Kind(StatusRequest, 16, up=_CONSOLE),
+    52: Kind(Status, 262_144, 10_240, down=_CONSOLE),
+    53: Kind(Reply, 4096, down=_CONSOLE),
+    54: Kind(OutcomesRequest, 64, up=_CONSOLE),
+    55: Kind(Outcomes, 65_536, 512, down=_CONSOLE),
+    56: Kind(TraceRequest, 64, up=_CONSOLE),
+    57: Kind(Trace, 65_536, 512, down=_CONSOLE),
     60: Kind(Move, 128),
     61: Kind(Pointer, 64),
     62: Kind(Felt, 64),
 }
 """Messages by their numbers on the wire. Append only; 127 is the highest."""
+
+
+def sent_by(role: str) -> frozenset[type[Message]]:
+    """Return the messages that peers of a role send to the server."""
+    return frozenset(kind.message for kind in KINDS.values() if role in kind.up)
+
 
 CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Hello, "role"): ROLES,

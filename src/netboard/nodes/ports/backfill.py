@@ -68,7 +68,7 @@ class Backfiller:
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
         """Take the answers that have arrived, scan the new ticks, and send the requests that are due."""
-        taken = [self.take(side, answer, motion.seats[side].clock.offset_ns) for side, answer in motion.backfills]
+        taken = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
         self.look(rows, number)
         for side in SIDES:

@@ -25,7 +25,7 @@ from netboard.network.protocol.control import (
     TraceRequest,
 )
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
-from netboard.network.protocol.messages import Message
+from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.views import MOST_SHOWN, Frames
 from netboard.network.transport import endpoints
@@ -39,8 +39,7 @@ ROLES = ("display", "console")
 QUESTIONS: tuple[type[Message], ...] = (StatusRequest, OutcomesRequest, TraceRequest)
 MAY_SAY: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello, Goodbye)),
-    "display": frozenset((Hello, Goodbye, Pong, Frames)),
-    "console": frozenset((Hello, Goodbye, Pong, Command, *QUESTIONS)),
+    **{role: sent_by(role) for role in ("display", "console")},
 }
 """Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
@@ -87,13 +86,12 @@ class Wish(NamedTuple):
 class ControlPort:
     """Peers on the control channel, their commands and their reports of painted frames."""
 
-    def __init__(self, router: endpoints.Router, welcome: Welcome, answers: Answers) -> None:
+    def __init__(self, router: endpoints.Router, welcome: Welcome) -> None:
         self.wishes: list[Wish] = []
         self.news: News = []
         self.refusals = Refusals(router, self.news)
         self._router = router
         self._welcome = encode(welcome)
-        self._answers = answers
         self._peers: dict[bytes, Peer] = {}
         self._silent: set[bytes] = set()
         self._allowance, self._commands = Allowance(), Allowance(COMMANDS_HZ, COMMANDS_AT_ONCE)
@@ -122,12 +120,12 @@ class ControlPort:
             frames += 1
         return True
 
-    def answer(self) -> None:
+    def answer(self, answers: Answers) -> None:
         """Answer the oldest open question, if any; only one, because an answer takes as long as several messages."""
         if self._asked:
             who, kind = next(iter(self._asked))
-            answer = self._find_answer(self._asked.pop((who, kind)))
-            self._router.send(who, encode(answer))
+            question = self._asked.pop((who, kind))
+            self._router.send(who, encode(_answer_to(question, answers)))
 
     def take_frames(self, most: int | None = None) -> list[FrameRecord]:
         """Take records of painted frames, at most this many [1]."""
@@ -235,15 +233,6 @@ class ControlPort:
         else:
             self.wishes.append(wish)
 
-    def _find_answer(self, question: Message) -> Message:
-        """Return the answer to an operator's question."""
-        match question:
-            case OutcomesRequest(first=first):
-                return self._answers.outcomes(first)
-            case TraceRequest(after=after):
-                return self._answers.trace(after)
-        return self._answers.status()
-
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
         if hello.role not in ROLES:
@@ -293,3 +282,13 @@ class ControlPort:
             raise WireError(f"{CROWDED}: {MOST_REPORTS} reports of up to {MOST_SHOWN} frames wait already")
         if frames.shown:
             self._reports.append((side, deque(frames.shown), frames.dropped))
+
+
+def _answer_to(question: Message, answers: Answers) -> Message:
+    """Return the answer to an operator's question."""
+    match question:
+        case OutcomesRequest(first=first):
+            return answers.outcomes(first)
+        case TraceRequest(after=after):
+            return answers.trace(after)
+    return answers.status()

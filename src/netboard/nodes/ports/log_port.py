@@ -1,14 +1,13 @@
-"""The server's endpoint of the lossless log: the records of a session, and a cursor for every logger.
+"""The server's endpoint of the lossless log: it sends every logger the records that it has not yet got.
 
-Rules: a record gets its number when it is made and keeps it. A logger that was away asks for the records that it
-misses, and gets them from the ring or from the spill, a file that takes what leaves the ring while no logger is there.
-Records that neither holds are counted and reported with the cause. Nothing here waits: what a logger's queue cannot
-take now, or a disk has not read yet, is sent later. Subscribers use the same channel, and nothing here depends on them.
-No peer can hold up a tick: a few messages are taken and a few batches sent at a time, the rate of each peer is limited
-(`netboard.nodes.ports.rate_limit`), and messages that a peer may not send are not decoded.
+A logger that was away asks for the records that it misses; `netboard.nodes.ports.record_store` keeps them until a
+logger has them on disk. Nothing here waits: what a logger's queue cannot take now is sent later. Subscribers use the
+same channel, and nothing here depends on them. No peer can hold up a tick: a few messages are taken and a few batches
+sent at a time, the rate of each peer is limited (`netboard.nodes.ports.rate_limit`), and messages that a peer may not
+send are not decoded.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from math import nan
 
 from netboard.base.clock import now_ns
@@ -16,32 +15,23 @@ from netboard.base.errors import WireError
 from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
-from netboard.network.protocol.messages import Message
-from netboard.network.protocol.record_buffer import LogRing
-from netboard.network.protocol.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
+from netboard.network.protocol.messages import Message, sent_by
+from netboard.network.protocol.records import ClockRecord, LogAck, LogEnd, LogRequest
 from netboard.network.transport import endpoints
 from netboard.nodes.ports.arrivals import Comings, News
 from netboard.nodes.ports.peer import Link, Peer, Probes
 from netboard.nodes.ports.rate_limit import Allowance
+from netboard.nodes.ports.record_store import BATCHES, RecordStore
 from netboard.nodes.ports.refusals import CROWDED, Refusals
 from netboard.nodes.ports.subscribers import Listeners
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery.spill import Spill
 
-BATCHES, MOST_BATCHES = 2, 3
-"""Batches sent at once to one logger, and to all: a long backlog must not hold up a tick [1]."""
-
-BATCH_RECORDS = 256
-BATCH_BYTES = 65_536
+MOST_BATCHES = 3
+"""Batches sent at once to all loggers [1]."""
 
 GONE_NS = 2_000_000_000
 """Silence after which a logger is gone, unless it was sent the end of the log and may still be writing [ns]."""
-
-MARGIN = 4096
-"""Records are spilled this many before the ring drops them, at most a quarter of the ring [1]."""
-
-FULL_SHARE = 0.8
-"""Share of the ring held by nobody else at which a trial stops, if the spill takes nothing [1]."""
 
 LISTEN_NS = 20_000_000
 """Time after a ping for which every tick looks for the answer [ns]."""
@@ -52,8 +42,7 @@ MOST_FRAMES = 8
 
 MAY_SAY: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello,)),
-    "logger": frozenset((Hello, Goodbye, Pong, LogRequest, LogAck)),
-    "listener": frozenset((Hello, Goodbye, Pong, LogRequest)),
+    **{role: sent_by(role) for role in ("logger", "listener")},
 }
 """Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
@@ -94,28 +83,22 @@ class LogPort:
         spill: Spill,
         clock: Callable[[], int] = now_ns,
     ) -> None:
-        self.ring = LogRing(capacity)
-        self.append = self.ring.append
         self.trouble = ""
         self.free_bytes = 0
         self.news: News = []
+        self.store = RecordStore(capacity, spill, welcome, self.news)
+        self.ring = self.store.ring
+        self.append = self.ring.append
         self.refusals = Refusals(router, self.news)
         self._router = router
         self._allowance = Allowance()
         self._comings = Comings(self.news)
-        self._welcomes = [(0, welcome)]
-        self._spill = spill
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
         self._listen_until_ns = 0
         self._unheard = False
         self._first_fed = 0
-        self._margin = min(MARGIN, capacity // 4)
-        self._recorded = False
         self._farewell = ""
-        self._losing = ""
-        self._cause = ""
-        self._spill_trouble = ""
         self._space_is_low = False
         self._ended = False
         self._probes = Probes()
@@ -127,18 +110,12 @@ class LogPort:
         return sum(logger.takes for logger in self._loggers.values())
 
     @property
-    def backlog(self) -> int:
-        """Number of records not yet acknowledged as safely on disk."""
-        return self.ring.next - self.ring.acknowledged
-
-    @property
     def notice(self) -> str:
         """What an operator should know; empty if nothing."""
         if self._space_is_low:
             return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
-        if self._spill.next > self.ring.acknowledged and not self.loggers:
-            return f"no logger takes the records: they go to {self._spill.path}"
-        return ""
+        spilled_to = self.store.spilled_to
+        return f"no logger takes the records: they go to {spilled_to}" if spilled_to and not self.loggers else ""
 
     def links(self, now_ns: int) -> list[Link]:
         """Return the connections of the loggers and the subscribers."""
@@ -153,25 +130,11 @@ class LogPort:
         )
 
     def renew(self, welcome: Welcome) -> None:
-        """Begin a block with the next record, and welcome the loggers that have been sent all records.
-
-        A welcome has the configuration of the first record that no logger has on disk, where a logger begins.
-        """
-        self._welcomes.append((self.ring.next, welcome))
+        """Begin a block with the next record, and welcome the loggers that have been sent all records."""
+        self.store.begin_block(welcome)
         for name, logger in self._loggers.items():
             if logger.cursor is None or logger.cursor >= self.ring.next:
-                self._router.send(name, encode(self._welcome))
-
-    @property
-    def _welcome(self) -> Welcome:
-        """Welcome for a logger that joins now."""
-        while len(self._welcomes) > 1 and self._welcomes[1][0] <= self.ring.acknowledged:
-            del self._welcomes[0]
-        return self._welcome_of(self.ring.acknowledged)
-
-    def _welcome_of(self, record: int) -> Welcome:
-        """Return the configuration of the block to which a record belongs."""
-        return next(welcome for first, welcome in reversed(self._welcomes) if first <= record)
+                self._router.send(name, encode(self.store.welcome()))
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
@@ -195,16 +158,10 @@ class LogPort:
             else:
                 self._ping(name, logger)
         self._feed_all()
-        self._let_go()
+        self.store.spill()
         if self.listeners.pump(self._clock(), ended=self._ended, unheard=self._unheard):
             self._listen_until_ns = self._clock() + LISTEN_NS
         self.trouble = self._find_trouble()
-
-    def batch(self, cursor: int) -> LogBatch | None:
-        """Make the next batch for a logger; None while it is being read from the spill."""
-        if cursor < self.ring.first and cursor < self._spill.next:
-            return self._spill.batch(cursor)
-        return self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
 
     def end(self) -> None:
         """End the log: later records are dropped, and loggers are sent the end once they have all records."""
@@ -215,7 +172,7 @@ class LogPort:
     @property
     def done(self) -> bool:
         """Whether everything is safely on disk."""
-        return self.backlog == 0
+        return self.store.backlog == 0
 
     def close(self) -> None:
         """Dismiss the loggers, and spill the records that none has on disk; `closed` says when that is done."""
@@ -224,23 +181,7 @@ class LogPort:
                 self._router.send(name, encode(Goodbye("the session is over")))
         self.listeners.dismiss()
         self._router.close_after_goodbye()
-        self._spill.close(self._rest() if self.backlog and self._recorded else None)
-
-    @property
-    def closed(self) -> bool:
-        """Whether the spill has finished."""
-        return self._spill.closed
-
-    @property
-    def shortfall(self) -> str:
-        """Records not known to be on a logger's disk, and where they are; empty if none. Valid once `closed`."""
-        if self.done:
-            return ""
-        said = f"{self.backlog} records are not known to be on disk: no logger took them"
-        held = self._spill.held
-        if not held:
-            return said + (f"; {self._spill.trouble}" if self._spill.trouble else "")
-        return f"{said}; {held} records are in {self._spill.path}: netboard recover makes a recording of it"
+        self.store.close()
 
     # --- loggers -------------------------------------------------------------------------------------------------
 
@@ -298,12 +239,12 @@ class LogPort:
         if name in (self.listeners if hello.role == "logger" else self._loggers):
             raise WireError(f"it has come as another than a {hello.role}")
         if hello.role == "listener":
-            self.listeners.greet(name, hello, self._welcome_of(self.ring.next), now_ns)
+            self.listeners.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
             return
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
             self._make_room(now_ns)
-        self._router.owe(name, encode(self._welcome))
+        self._router.owe(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self._comings.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
@@ -322,16 +263,12 @@ class LogPort:
         self._comings.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:
-        self._recorded = True
         self.free_bytes = free_bytes
         low = free_bytes < LOW_BYTES
         if low and not self._space_is_low:
             self.news.append(("logger_disk_low", {"free_gb": f"{free_bytes / 1e9:.1f}"}))
         self._space_is_low = low
-        if self.ring.acknowledge(durable) and self._spill.next:
-            self._spill.forget(self.ring.acknowledged)
-            if not self._spill.next:
-                self.news.append(("log_spill_taken", {}))
+        self.store.acknowledge(durable)
 
     def _ping(self, name: bytes, logger: _Logger) -> None:
         ping = logger.peer.ping(self._clock())
@@ -351,7 +288,7 @@ class LogPort:
         """Send a logger at most this many batches, and the end after the last; return how many were sent [1]."""
         sent = 0
         while sent < most and cursor < self.ring.next:
-            batch = self.batch(cursor)
+            batch = self.store.batch(cursor)
             if batch is None or not self._router.send(name, encode(batch)):
                 return sent
             if batch.lost:
@@ -363,63 +300,14 @@ class LogPort:
             logger.told_end = True
         return sent
 
-    # --- records that no logger takes ----------------------------------------------------------------------------
-
-    @property
-    def _kept(self) -> int:
-        """Number of the first record that is neither on a logger's disk nor in the spill."""
-        return max(self.ring.acknowledged, self._spill.next)
-
-    @property
-    def _refusal(self) -> str:
-        """Why the spill takes nothing now; empty if it does.
-
-        Before a logger has written anything, no block that must be recorded can have begun.
-        """
-        return self._spill.refusal if self._recorded else "no logger was there yet"
-
-    def _let_go(self) -> None:
-        """Spill the records that will soon leave the ring."""
-        ring, spill = self.ring, self._spill
-        for _ in range(BATCHES):
-            if ring.next - self._kept <= ring.capacity - self._margin or self._refusal:
-                break
-            if not spill.next:
-                spill.introduce(self._welcome_of(self._kept))
-                self.news.append(("log_spilling", {"file": str(spill.path)}))
-            spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES))
-        if spill.trouble != self._spill_trouble:
-            self._spill_trouble = spill.trouble
-            if self._spill_trouble:
-                self.news.append(("log_spill_failed", {"reason": self._spill_trouble}))
-        self._watch_losses()
-
-    def _watch_losses(self) -> None:
-        """Note why the ring drops records that are nowhere else."""
-        losing = (self._refusal or "the disk does not follow") if self.ring.first > self._kept else ""
-        if losing and losing != self._losing:
-            self._cause = losing
-            if self._recorded:
-                self.news.append(("log_losing", {"first": str(self._kept), "cause": losing}))
-        self._losing = losing
-
     def _note_lost(self, logger: _Logger, first: int, count: int) -> None:
         """Report records that a logger cannot be given, once even if it asks again."""
-        if first < logger.lost_before:
-            return
-        logger.lost += count
-        logger.lost_before = first + count
-        acknowledged = logger.lost_before <= self.ring.acknowledged
-        cause = "another logger has them on disk" if acknowledged else self._cause or self._spill.trouble
-        self.news.append(("log_lost", {"first": str(first), "count": str(count), "cause": cause}))
+        if first >= logger.lost_before:
+            logger.lost += count
+            logger.lost_before = first + count
+            self.store.report_lost(first, count)
 
     def _find_trouble(self) -> str:
         if self._farewell and not self.loggers:
             return f"the logger has left: {self._farewell}"
-        full = FULL_SHARE * self.ring.capacity if self._refusal else self.ring.capacity - self._margin // 2
-        return "the logger is too far behind" if self.ring.next - self._kept > full else ""
-
-    def _rest(self) -> Iterator[LogBatch]:
-        """Yield all records that are neither on a logger's disk nor in the spill."""
-        while (first := self._kept) < self.ring.next:
-            yield self.ring.batch(first, BATCH_RECORDS, BATCH_BYTES)
+        return "the logger is too far behind" if self.store.behind else ""

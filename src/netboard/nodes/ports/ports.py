@@ -8,7 +8,7 @@ from typing import Any
 from netboard.base.config import Config
 from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import authenticator, channels, sockets
-from netboard.nodes.ports.control_port import Answers, ControlPort
+from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.motion_port import MotionPort
 from netboard.nodes.ports.refusals import Refusals
@@ -40,7 +40,6 @@ class Ports:
         self,
         config: Config,
         welcome: Welcome,
-        answers: Answers,
         context: sockets.Context,
         door: authenticator.Door | None,
     ) -> None:
@@ -51,7 +50,7 @@ class Ports:
         self.motion = MotionPort(
             motion, welcome, int(network.sample_timeout_ms * 1e6), int(network.clock_bound_ms * 1e6)
         )
-        self.control = ControlPort(control, welcome, answers)
+        self.control = ControlPort(control, welcome)
         spill = Spill(spill_path(config, welcome.session), welcome, int(network.log_spill_mb * 1e6))
         ring = int(network.log_ring_s * 1000 * RING_SHARE)
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)

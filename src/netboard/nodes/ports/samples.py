@@ -1,6 +1,6 @@
 """The server's state of both agents, as rows of 64-bit words that compiled code reads and writes.
 
-A seat holds the newest sample of its agent and the state of the link. Whatever happens 1000 times a second (a sample
+A row holds an agent's newest sample and the state of its link. Whatever happens 1000 times a second (a sample
 arrives, the row of a tick is filled, a force is sent) happens here, without a Python object for each number: in a loop
 that sleeps most of the time, each Python step costs four times what it costs in a benchmark.
 
@@ -18,7 +18,7 @@ from netboard.base.tick import KNOWN_NS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.motion import Safeguard, Stylus
 from netboard.network.transport import fastpath
-from netboard.nodes.ports.crowd import CROWD, keep
+from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
 
 SANE_NS = 2**60
@@ -41,12 +41,12 @@ OWN = (
 )
 """What the server notes beside a sample."""
 
-SEAT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
-"""One seat. Every field is one word; those of the sample come first, in the order of `Stylus`."""
+AGENT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
+"""The row of an agent. Every field is one word; those of the sample come first, in the order of `Stylus`."""
 
-WORDS = len(SEAT.names or ())
+WORDS = len(AGENT.names or ())
 SAMPLE_WORDS = WORDS - len(OWN)
-_AT = {name: place for place, name in enumerate(SEAT.names or ())}
+_AT = {name: place for place, name in enumerate(AGENT.names or ())}
 
 # Plain integers, which numba folds into the kernels below as constants.
 SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
@@ -85,7 +85,7 @@ _COPIED = {
     "loop_ns": "loop_ns",
     "lead_ns": "lead_ns",
 }
-"""Fields of a row, without their side, and the fields of the seat from which they are filled."""
+"""Fields of a row, without their side, and the fields of the agent's row from which they are filled."""
 
 _FROM = np.array([_AT[name] for name in _COPIED.values()])
 _TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
@@ -116,61 +116,61 @@ LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
 
 
 @kernel
-def empty(seat: Any) -> None:
-    """Reset a seat for another agent or none."""
-    for k in range(len(seat)):
-        seat[k] = 0
-    seat[SEQ] = -1
+def empty(agent: Any) -> None:
+    """Reset a row, for another agent or none."""
+    for k in range(len(agent)):
+        agent[k] = 0
+    agent[SEQ] = -1
 
 
 @kernel
-def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
+def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
     """Take a sample if it is the newest; return False if it is older or its stamps are invalid."""
     for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -SANE_NS <= sample[k] <= SANE_NS:
             return False
-    seq, newest = sample[SEQ], seat[SEQ]
+    seq, newest = sample[SEQ], agent[SEQ]
     if seq <= newest:
-        seat[STALE] += 1
+        agent[STALE] += 1
         return False
-    if seat[TAKEN] > 0:  # what came before the agent was registered is not missing
-        seat[MISSING] += seq - newest - 1
+    if agent[TAKEN] > 0:  # what came before the agent was registered is not missing
+        agent[MISSING] += seq - newest - 1
     for k in range(SAMPLE_WORDS):
-        seat[k] = sample[k]
-    seat[TAKEN] += 1
-    seat[ARRIVED] = now_ns
-    seat[STAMP] = seat[STAMPED] - seat[OFFSET] if seat[CLOCK_KNOWN] else now_ns
-    seat[LEAD] = due_ns - now_ns
-    seat[GATHERED] |= seat[SAFEGUARDS]
-    seat[FRESH] = 1
+        agent[k] = sample[k]
+    agent[TAKEN] += 1
+    agent[ARRIVED] = now_ns
+    agent[STAMP] = agent[STAMPED] - agent[OFFSET] if agent[CLOCK_KNOWN] else now_ns
+    agent[LEAD] = due_ns - now_ns
+    agent[GATHERED] |= agent[SAFEGUARDS]
+    agent[FRESH] = 1
     return True
 
 
 @kernel
-def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+def take_frame(agent: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
     """Take a fixed-form sample; return -1 if the frame is anything else, else whether the sample was taken."""
     if not fixed.read(frame, head, markers, sample):
         return -1
-    return 1 if take(seat, sample, now_ns, due_ns) else 0
+    return 1 if take(agent, sample, now_ns, due_ns) else 0
 
 
 @kernel
-def awaited(seats: Any) -> bool:
+def awaited(agents: Any) -> bool:
     """Return whether a tick should wait for its deadline.
 
     It should if a side that was punctual at the last tick has not sent a sample yet, or no side has.
     """
     fresh = 0
     for place in range(2):
-        fresh += seats[place, FRESH]
-        if seats[place, PUNCTUAL] and not seats[place, FRESH]:
+        fresh += agents[place, FRESH]
+        if agents[place, PUNCTUAL] and not agents[place, FRESH]:
             return True
     return fresh == 0
 
 
 @kernel
 def drain(
-    seats: Any,
+    agents: Any,
     fast: Any,
     frame: Any,
     head: Any,
@@ -179,7 +179,7 @@ def drain(
     due_ns: int,
     eager: bool,
     most: int,
-    crowd: Any,
+    unregistered: Any,
 ) -> int:
     """Take the samples that have arrived.
 
@@ -193,7 +193,7 @@ def drain(
         last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
     found = frames = strangers = give_up_ns = 0
-    while frames < most and (strangers < FEW_STRANGERS or awaited(seats)):
+    while frames < most and (strangers < FEW_STRANGERS or awaited(agents)):
         place = fastpath.receive(fast, frame)
         if place == fastpath.NOTHING:
             if fastpath.now_ns(fast) < give_up_ns:
@@ -204,15 +204,15 @@ def drain(
         frames += 1
         now_ns = fastpath.now_ns(fast)
         if place < 0:
-            keep(crowd, fast, frame, now_ns)
+            keep(unregistered, fast, frame, now_ns)
             strangers += 1
             continue
         size = fast[0]["size"]
-        taken = take_frame(seats[place], frame[:size], head, markers, sample, now_ns, due_ns)
+        taken = take_frame(agents[place], frame[:size], head, markers, sample, now_ns, due_ns)
         if taken < 0:
             return found + frames * FRAMES + OTHER
         found |= taken << place
-        if eager and not awaited(seats):
+        if eager and not awaited(agents):
             break
         if eager and give_up_ns == 0:
             give_up_ns = now_ns + PATIENCE_NS
@@ -220,7 +220,7 @@ def drain(
 
 
 @kernel
-def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
+def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
     """Begin the row of a tick with the newest samples; return which sides are live, armed, stopped or newly tripped.
 
     The rendered force is NaN where the newest sample is too old, or too new, to tell it.
@@ -234,34 +234,34 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
         row[k] = 0
     row[_TICK], row[_TIME], row[_LATE] = number, due_ns, late_ns
     found = 0
-    values, numbers = seats.view(np.float64), row.view(np.float64)
+    values, numbers = agents.view(np.float64), row.view(np.float64)
     for place in range(2):
-        seat = seats[place]
+        agent = agents[place]
         for k in range(len(_FROM)):
-            row[_TO[place, k]] = seat[_FROM[k]]
+            row[_TO[place, k]] = agent[_FROM[k]]
         finite = np.isfinite(values[place, _Z] + values[place, _VZ])
-        in_time = due_ns - seat[ARRIVED] < timeout_ns and abs(due_ns - seat[STAMP]) < timeout_ns
-        if seat[TAKEN] > 0 and finite and in_time:
+        in_time = due_ns - agent[ARRIVED] < timeout_ns and abs(due_ns - agent[STAMP]) < timeout_ns
+        if agent[TAKEN] > 0 and finite and in_time:
             row[_LIVE[place]] = 1
             found |= LIVE << place
-        old = due_ns - seat[STAMP] - seat[TRANSIT] > KNOWN_NS or abs(due_ns - seat[ARRIVED]) > KNOWN_NS
-        if seat[TAKEN] == 0 or not in_time or old:
+        old = due_ns - agent[STAMP] - agent[TRANSIT] > KNOWN_NS or abs(due_ns - agent[ARRIVED]) > KNOWN_NS
+        if agent[TAKEN] == 0 or not in_time or old:
             numbers[_RENDERED[place]] = np.nan
-        if seat[SAFEGUARDS] & ARMED_BIT:
+        if agent[SAFEGUARDS] & ARMED_BIT:
             found |= ARMED << place
-        if seat[GATHERED] & _STOPPED_BIT:
+        if agent[GATHERED] & _STOPPED_BIT:
             found |= STOPPED << place
-        trips = seat[GATHERED] & _TRIP_BITS
-        if trips & ~seat[_TRIPPED]:
+        trips = agent[GATHERED] & _TRIP_BITS
+        if trips & ~agent[_TRIPPED]:
             found |= TRIPPED << place
-        if seat[FRESH]:
-            seat[_TRIPPED] = trips
-        seat[PUNCTUAL], seat[FRESH], seat[GATHERED] = seat[FRESH], 0, 0
+        if agent[FRESH]:
+            agent[_TRIPPED] = trips
+        agent[PUNCTUAL], agent[FRESH], agent[GATHERED] = agent[FRESH], 0, 0
     return found
 
 
 @kernel
-def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: int, now_ns: int) -> None:
+def tell_force(words: Any, row: Any, told: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
     """Fill in one side's `Force` of a tick.
 
     Parameters
@@ -269,13 +269,13 @@ def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: i
     told : ndarray of int64
         Words of the row whose force is sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
     """
-    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
+    words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
     words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
-    words[4] = seats[place, LEAD]
+    words[4] = agents[place, LEAD]
 
 
 @kernel
-def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
+def tell_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
     """Fill in one side's `Point` of a tick: position and velocity of its end of the board after the tick.
 
     Parameters
@@ -285,17 +285,17 @@ def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: A
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
     s, c = sincos(values[_TILT])
-    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
-    words[3] = row[_TIME] + seats[place, OFFSET] if seats[place, CLOCK_KNOWN] else 0
+    words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
+    words[3] = row[_TIME] + agents[place, OFFSET] if agents[place, CLOCK_KNOWN] else 0
     numbers[4] = values[_HEIGHT] + ends[place, 0] * s
     numbers[5] = values[_CLIMB] + ends[place, 0] * values[_TURN] * c
     numbers[6], numbers[7] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
-    words[8] = seats[place, LEAD]
+    words[8] = agents[place, LEAD]
 
 
 @kernel
 def send_forces(
-    fast: Any, frame: Any, row: Any, told: Any, seats: Any, gains: Any, head: Any, markers: Any, words: Any
+    fast: Any, frame: Any, row: Any, told: Any, agents: Any, gains: Any, head: Any, markers: Any, words: Any
 ) -> int:
     """Send each connected side its `Force` of a tick; the side that goes first alternates.
 
@@ -315,7 +315,7 @@ def send_forces(
         place = first ^ turn
         if fast[0]["known"][place] == 0:
             continue
-        tell_force(words, row, told, seats, gains, place, fastpath.now_ns(fast))
+        tell_force(words, row, told, agents, gains, place, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
@@ -324,7 +324,7 @@ def send_forces(
 
 @kernel
 def send_points(
-    fast: Any, frame: Any, row: Any, seats: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
+    fast: Any, frame: Any, row: Any, agents: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
 ) -> int:
     """Send each live side its `Point` of a tick, as `send_forces` sends forces.
 
@@ -346,7 +346,7 @@ def send_points(
         place = first ^ turn
         if fast[0]["known"][place] == 0 or row[_LIVE[place]] == 0:
             continue
-        tell_point(words, row, seats, gains, place, ends, fastpath.now_ns(fast))
+        tell_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
@@ -364,15 +364,19 @@ def ends_of(physics: Physics) -> Any:
 def warm() -> None:
     """Compile or load the kernels, so that the first sample is not delayed."""
     fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
-    row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
-    for seat in seats:
-        empty(seat)
-    crowd = np.zeros(1, CROWD)
-    drain(seats, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES, crowd)
-    take(seats[0], sample, TICK_NS, TICK_NS)
-    awaited(seats)
-    fill(row, seats, 0, TICK_NS, 0, TICK_NS)
+    row, agents, sample = (
+        np.zeros(len(_ROW), np.int64),
+        np.zeros((2, WORDS), np.int64),
+        np.zeros(SAMPLE_WORDS, np.int64),
+    )
+    for agent in agents:
+        empty(agent)
+    unregistered = np.zeros(1, UNREGISTERED)
+    drain(agents, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES, unregistered)
+    take(agents[0], sample, TICK_NS, TICK_NS)
+    awaited(agents)
+    fill(row, agents, 0, TICK_NS, 0, TICK_NS)
     gains = np.ones(2)
-    send_forces(fast, frame, row, row, seats, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    send_forces(fast, frame, row, row, agents, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
     point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
-    send_points(fast, point, row, seats, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)
+    send_points(fast, point, row, agents, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)

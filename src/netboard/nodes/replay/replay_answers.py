@@ -4,7 +4,6 @@ Nothing is armed, no peer is waited for, and the peers are those of the replay i
 """
 
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +12,13 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tick import LATE_NS
 from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
 from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.ports.control_port import ControlPort
+from netboard.nodes.replay.state import ReplayState
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
 from netboard.nodes.server.attempts import MOST_ROWS
 from netboard.recording.replay.orders import in_words
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
-
-if TYPE_CHECKING:
-    from netboard.nodes.replay.replay_server import ReplayServer
 
 TRACE_TICKS = 1000
 """Largest number of ticks before the current one in an answer [1]."""
@@ -31,18 +29,17 @@ _LIMITED = int(Safeguard.CLAMPED)
 class ReplayAnswers:
     """Answers operators' questions about a replay."""
 
-    def __init__(self, server: "ReplayServer") -> None:
-        self._server = server
-        ticks = server.reel.ticks
-        self._late = np.cumsum(ticks["late_ns"] > LATE_NS)
+    def __init__(self, state: ReplayState, control: ControlPort) -> None:
+        self._state, self._control = state, control
+        self._late = np.cumsum(state.reel.ticks["late_ns"] > LATE_NS)
 
     def status(self) -> Status:
         """Return the status of the recorded session."""
-        server, reel, now = self._server, self._server.reel, now_ns()
-        index = server.index
+        state, reel, now = self._state, self._state.reel, now_ns()
+        index = state.index
         row, config, outcomes = reel.ticks[index], reel.config, reel.outcomes(index)
         return Status(
-            session=server.session,
+            session=state.session,
             tick=int(row["tick"]) + 1,
             phase=PHASE_NAMES[int(row["phase"])],
             trial=int(row["trial"]),
@@ -52,9 +49,9 @@ class ReplayAnswers:
             completions=tuple(outcome[4] for outcome in outcomes if outcome[3] == "success"),
             late_ticks=int(self._late[index]),
             waiting_for=(),
-            peers=server.control.peers,
-            notice=f"{REPLAY_OF}{reel.name}: {in_words(server.playback, reel, now * 1e-9)}",
-            links=tuple(server.control.links(now)),
+            peers=self._control.peers,
+            notice=f"{REPLAY_OF}{reel.name}: {in_words(state.playback, reel, now * 1e-9)}",
+            links=tuple(self._control.links(now)),
             loops=(),
             name=config.session.name,
             dyad=config.session.dyad,
@@ -78,7 +75,7 @@ class ReplayAnswers:
 
     def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
         """Return the state of a station as an item of `Status.stations`."""
-        ticks = self._server.reel.ticks
+        ticks = self._state.reel.ticks
         row = ticks[index]
         age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
         bits = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
@@ -89,7 +86,7 @@ class ReplayAnswers:
 
     def _begun(self, index: int) -> int:
         """Return the index of the row with which the current attempt began; that of the next row without an attempt."""
-        ticks = self._server.reel.ticks
+        ticks = self._state.reel.ticks
         if int(ticks["phase"][index]) not in BALL_FREE:
             return index + 1
         return max(int(np.searchsorted(ticks["tick"], ticks["tick"][index] - ticks["run_ticks"][index])), 0)
@@ -97,12 +94,12 @@ class ReplayAnswers:
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
-        known = self._server.reel.outcomes(self._server.index)
+        known = self._state.reel.outcomes(self._state.index)
         return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one, up to the current one."""
-        reel, index = self._server.reel, self._server.index
+        reel, index = self._state.reel, self._state.index
         rows = reel.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
         rows = rows[(rows["tick"] > after) & (rows["tick"] % TRACE_EVERY == 0)]
         return trace_of(rows, rows["tick"].tolist(), ball=reel.curtain.ball)

@@ -5,7 +5,6 @@ control. Nothing is computed and there are no forces: agents and loggers are ref
 """
 
 import logging
-import uuid
 from collections.abc import Callable
 
 import numpy as np
@@ -20,6 +19,7 @@ from netboard.nodes.ports.control_port import ControlPort, Wish
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.nodes.replay.replay_answers import ReplayAnswers
+from netboard.nodes.replay.state import ReplayState
 from netboard.recording.replay.loaded import Reel
 from netboard.recording.replay.orders import Order, in_words, obey
 from netboard.recording.replay.position import Playback
@@ -75,11 +75,6 @@ class ReplayServer:
         Authenticator of the peers; None without authentication.
     at : float or None
         Where to begin; None for the start of the block [s].
-
-    Attributes
-    ----------
-    session : str
-        Id of this run; not that of the recording, because numbering starts anew.
     """
 
     def __init__(
@@ -91,18 +86,16 @@ class ReplayServer:
         speed: float = 1.0,
         at: float | None = None,
     ) -> None:
-        self.reel = reel
-        self.session = uuid.uuid4().hex
-        self.playback = Playback(
-            reel.length, min(reel.begin if at is None else at, reel.length), now_ns() * 1e-9, speed
-        )
+        begin = min(reel.begin if at is None else at, reel.length)
+        self.state = ReplayState(reel, Playback(reel.length, begin, now_ns() * 1e-9, speed))
         self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
         self._door = door
         self._over = False
         where = channels.addresses(network, door)
         control = sockets.control_server(context, where.listen(channels.CONTROL))
-        welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), reel.text)
-        self.control = ControlPort(control, welcome, ReplayAnswers(self))
+        welcome = Welcome(self.state.session, PROTOCOL_VERSION, now_ns(), reel.text)
+        self.control = ControlPort(control, welcome)
+        self._answers = ReplayAnswers(self.state, self.control)
         self._views = ViewPort(network, context, door)
         what = f"this is a replay of {reel.name}"
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
@@ -112,11 +105,6 @@ class ReplayServer:
             ClosedPort(records, f"{what}: there is nothing to record"),
         )
         self._waiter = poller.Waiter([control.socket])
-
-    @property
-    def index(self) -> int:
-        """The row that is shown now [1]."""
-        return self.reel.at(self.playback.at(now_ns() * 1e-9))
 
     def run(self, stopping: Callable[[], bool], keys: Callable[[], Order | None], say: Callable[[str], None]) -> None:
         """Serve until somebody ends it.
@@ -128,7 +116,7 @@ class ReplayServer:
         say : callable
             Takes a line for people whenever an order was carried out or refused.
         """
-        self.playback = self.playback.play(now_ns() * 1e-9)
+        self.state.playback = self.state.playback.play(now_ns() * 1e-9)
         begun_ns, rounds = now_ns(), 0
         while not (self._over or stopping()):
             for words in self.go_on((now_ns() - begun_ns) // ROUND_NS):
@@ -152,14 +140,14 @@ class ReplayServer:
         """
         self._show(milliseconds)
         self.control.drain(now_ns())
-        self.control.answer()
+        self.control.answer(self._answers)
         wishes = list(self.control.wishes)
         self.control.wishes.clear()
         return [self._grant(wish) for wish in wishes]
 
     def _show(self, milliseconds: int) -> None:
         """Send each station its view, if it is due."""
-        index, reel = self.index, self.reel
+        index, reel = self.state.index, self.state.reel
         seen = reel.ticks[index], self._words[index]
         self._views.show(milliseconds, reel.curtain, *seen, reel.best(index), reel.rest(index))
 
@@ -172,17 +160,17 @@ class ReplayServer:
 
     def _carry_out(self, order: Order, by: str) -> tuple[bool, str]:
         """Carry out an order; return whether it succeeded, and what to say."""
-        now = now_ns() * 1e-9
+        now, state = now_ns() * 1e-9, self.state
         if order.name == "take":
             return True, "everybody may command a replay"
         try:
-            self.playback = obey(self.playback, self.reel, now, order)
+            state.playback = obey(state.playback, state.reel, now, order)
         except NetboardError as error:
             return False, str(error)
         self._views.renew()
         self._over = order.name == "end"
         log.info("%s", printable_line(f"{order.name} {order.argument} by {by}"))
-        return True, "the replay ends" if self._over else in_words(self.playback, self.reel, now)
+        return True, "the replay ends" if self._over else in_words(state.playback, state.reel, now)
 
     def keep_house(self) -> None:
         """Check the peers and the authentication."""

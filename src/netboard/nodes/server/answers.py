@@ -5,7 +5,7 @@ Nothing here changes the session. Answers are made between two ticks, so a frequ
 
 from collections.abc import Iterable
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.network.protocol.control import Outcomes, Status, Trace
+from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
-
-if TYPE_CHECKING:
-    from netboard.nodes.server.session import Session
 
 TRACE_EVERY = 5
 """Ticks between two points of a trace [1]."""
@@ -33,31 +31,31 @@ _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "r
 class SessionAnswers:
     """Answers operators' questions about a session."""
 
-    def __init__(self, session: "Session") -> None:
-        self._session = session
+    def __init__(self, state: SessionState) -> None:
+        self._state = state
 
     def status(self) -> Status:
         """Return the status of the session."""
-        session = self._session
-        state, config, delays = session.state[0], session.block.config, session.block.delays
+        session, ports = self._state, self._state.ports
+        stage, config, delays = session.stage[0], session.block.config, session.block.delays
         now = now_ns()
-        agents = tuple(f"agent.{side}" for side in SIDES if session.motion.seats[side].hello is not None)
-        loggers = ("logger",) * session.log.loggers + ("listener",) * len(session.log.listeners)
-        said = session.watch.notice or session.ledger.trouble or session.log.notice or delays.notice
+        agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
+        loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.listeners)
+        said = session.watch.notice or session.ledger.trouble or ports.log.notice or delays.notice
         return Status(
             session=session.session,
             tick=session.number,
-            phase=PHASE_NAMES[int(state["phase"])],
-            trial=int(state["trial"]),
-            trials=config.block.trials + int(state["extra"]),
-            successes=int(state["successes"]),
-            failures=int(state["failures"]),
+            phase=PHASE_NAMES[int(stage["phase"])],
+            trial=int(stage["trial"]),
+            trials=config.block.trials + int(stage["extra"]),
+            successes=int(stage["successes"]),
+            failures=int(stage["failures"]),
             completions=tuple(session.ledger.completions),
             late_ticks=session.pace.late_ticks,
             waiting_for=session.missing,
-            peers=(*agents, *loggers, *session.control.peers),
+            peers=(*agents, *loggers, *ports.control.peers),
             notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),
-            links=(*session.motion.links(now), *session.log.links(now), *session.control.links(now)),
+            links=(*ports.motion.links(now), *ports.log.links(now), *ports.control.links(now)),
             loops=self._loops(),
             name=config.session.name,
             dyad=config.session.dyad,
@@ -66,7 +64,7 @@ class SessionAnswers:
             consent=config.session.consent,
             opened=session.desk.opened,
             armed=session.desk.armed,
-            commander=session.desk.name if session.control.is_there(session.desk.commander) else "",
+            commander=session.desk.name if ports.control.is_there(session.desk.commander) else "",
             block=config.block.number,
             blocks=config.block.blocks,
             label=config.block.label,
@@ -74,39 +72,39 @@ class SessionAnswers:
             rest=session.rest(now) or 0.0,
             pending=session.desk.pending,
             outcomes=len(session.ledger.attempts),
-            recordings=session.log.recordings(now),
+            recordings=ports.log.recordings(now),
             stations=tuple(self._station(side, now) for side in SIDES),
-            refused=session.refused,
+            refused=ports.refused(session.door),
         )
 
     def _loops(self) -> tuple[tuple[str, float, float], ...]:
         """Return the side, current sample-to-force latency and its limit [s] of each connected agent."""
-        delays, seated = self._session.block.delays, self._session.motion.seats
+        delays, agents_of = self._state.block.delays, self._state.ports.motion.agents
         late = dict(zip(SIDES, delays.late, strict=True))
         limit = delays.limit_ns * 1e-9
-        return tuple((f"agent.{side}", late[side], limit) for side in SIDES if seated[side].hello is not None)
+        return tuple((f"agent.{side}", late[side], limit) for side in SIDES if agents_of[side].hello is not None)
 
     def _station(self, side: Side, now: int) -> tuple[str, float, int, float, int, int]:
         """Return the state of a station as an item of `Status.stations`."""
-        session = self._session
-        seat = session.motion.seats[side]
-        if seat.hello is None:
+        session = self._state
+        agent = session.ports.motion.agents[side]
+        if agent.hello is None:
             return side, nan, 0, 0.0, *session.ledger.counts(side)
         newest = np.arange(max(session.number - SAFEGUARD_TICKS, 0), session.number) % len(session.rows)
         bits = int(np.bitwise_or.reduce(session.rows[f"{side}_safeguards"][newest], initial=0))
         rendered = float(session.rows[f"{side}_rendered"][(session.number - 1) % len(session.rows)])
-        return side, seat.silent_ns(now) * 1e-9, bits, rendered, *session.ledger.counts(side)
+        return side, agent.silent_ns(now) * 1e-9, bits, rendered, *session.ledger.counts(side)
 
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes of the attempts, starting with attempt number `first`."""
-        return self._session.ledger.outcomes(first)
+        return self._state.ledger.outcomes(first)
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one that are still in the ring."""
-        oldest = max(after + 1, self._session.number - len(self._session.rows) + FRESH_TICKS, 0)
-        numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._session.number, TRACE_EVERY)
-        rows = self._session.rows[np.array(numbers, np.int64) % len(self._session.rows)]
-        return trace_of(rows, numbers, ball=self._session.block.curtain.ball)
+        oldest = max(after + 1, self._state.number - len(self._state.rows) + FRESH_TICKS, 0)
+        numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._state.number, TRACE_EVERY)
+        rows = self._state.rows[np.array(numbers, np.int64) % len(self._state.rows)]
+        return trace_of(rows, numbers, ball=self._state.block.curtain.ball)
 
 
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:

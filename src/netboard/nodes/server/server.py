@@ -49,7 +49,7 @@ class Server:
     @property
     def everything_recorded(self) -> bool:
         """Whether every record that matters is known to be on disk."""
-        return all(session.everything_recorded for session in self.sessions)
+        return all(session.records.everything_recorded for session in self.sessions)
 
     def run(self, stopping: Callable[[], bool], machine: dict[str, str]) -> None:
         """Run all sessions until each has ended, by itself or because the process is asked to stop.
@@ -67,13 +67,13 @@ class Server:
         running = list(self.sessions)
         while running:
             self._run(running, stopping)
-            for session in [session for session in running if session.over]:
-                session.close()
+            for session in [session for session in running if session.records.over]:
+                session.records.close()
                 running.remove(session)
 
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
-        inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
+        inlets = {socket: session for session in running if not session.records.ending for socket in session.inlets}
         waiter = poller.Waiter(inlets)
         while True:
             sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
@@ -83,10 +83,10 @@ class Server:
             for session in running:
                 if session not in called and now < session.wake_ns:
                     continue
-                before = session.ending
+                before = session.records.ending
                 motion, control = (socket in signalled for socket in session.inlets)
                 session.go_on(motion, control)
-                if session.over or session.ending != before:
+                if session.records.over or session.records.ending != before:
                     return
             if stopping():
                 for session in running:

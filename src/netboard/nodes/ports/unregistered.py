@@ -37,7 +37,7 @@ STRANGER = np.dtype(
 )
 """A frame of an unregistered peer, and its sender."""
 
-CROWD = np.dtype(
+UNREGISTERED = np.dtype(
     [
         ("kept", "<i8"),
         ("dropped", "<i8"),
@@ -50,13 +50,13 @@ CROWD = np.dtype(
 
 
 @kernel
-def keep(crowd: Any, fast: Any, frame: Any, now_ns: int) -> None:
+def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     """Keep a frame of an unregistered peer for later, or only count it.
 
     The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is
     thus heard however much others send.
     """
-    us, them = fast[0], crowd[0]
+    us, them = fast[0], unregistered[0]
     size = us["size"]
     # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261

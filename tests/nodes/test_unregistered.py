@@ -29,7 +29,7 @@ def rig() -> Iterator[MotionRig]:
         yield MotionRig(context)
 
 
-def seat(rig: MotionRig) -> None:
+def register(rig: MotionRig) -> None:
     rig.router.say(A, hello("agent", "left"))
     rig.drain(lambda: 0)
     rig.router.heard(A)
@@ -44,7 +44,7 @@ def newest(rig: MotionRig, now_ns: int) -> int:
 
 
 def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: MotionRig) -> None:
-    seat(rig)
+    register(rig)
     flood = 10 * MOST_FRAMES
     for _ in range(flood):
         rig.router.say(b"flood", b"\x00")
@@ -101,7 +101,7 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart_and_all_ar
 
 
 def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: MotionRig) -> None:
-    seat(rig)
+    register(rig)
     for seq in range(4 * MOST_ODD):
         rig.router.say(A, replace(STYLUS, seq=seq))
         rig.router.say(A, b"\x00")
@@ -112,8 +112,8 @@ def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: 
     assert taken == [(tick + 1) * MOST_ODD // 2 for tick in range(4)]
 
 
-def test_a_seated_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig) -> None:
-    seat(rig)
+def test_a_registered_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig) -> None:
+    register(rig)
     for _ in range(2 * ODD_AT_ONCE):
         rig.router.say(A, hello("agent", "left"))
     for _ in range(2 * ODD_AT_ONCE // MOST_ODD):
@@ -122,7 +122,7 @@ def test_a_seated_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig
 
 
 def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:
-    seat(rig)
+    register(rig)
     rig.router.say(b"x", *[b""] * 10_000)
     rig.router.say(A, STYLUS)
     rounds = 0
@@ -133,7 +133,7 @@ def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:
 
 
 def test_what_may_not_be_said_is_not_unpacked(rig: MotionRig) -> None:
-    seat(rig)
+    register(rig)
     rig.router.say(A, b"\x97\x1e\xc1")  # a request for records, and then nonsense
     rig.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("an agent does not send LogRequest")]

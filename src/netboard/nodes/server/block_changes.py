@@ -1,0 +1,73 @@
+"""How a session goes from block to block: it opens, begins a block, shows its last page, and begins the next."""
+
+from dataclasses import asdict
+
+from netboard.network.protocol.records import BLOCK_BEGAN
+from netboard.nodes.server.state import SessionState
+from netboard.task.studies.factors import TrialDetails
+
+PAGE_TICKS = 1500
+"""Ticks between the last trial of a block and the next block, so that participants see that the block is over [1]."""
+
+
+class BlockChanges:
+    """Opens the session and changes its blocks."""
+
+    def __init__(self, state: SessionState) -> None:
+        self._state = state
+        self._due = -1
+
+    def begin_session(self) -> None:
+        """Open the session, or wait for its form."""
+        state = self._state
+        if state.ledger.opened or not state.programme.planned or state.block.config.session.ready:
+            self.open()
+        else:
+            state.enter_block()
+
+    def open(self) -> None:
+        """Open the session: record everything from now on."""
+        state = self._state
+        state.block = state.programme.block
+        state.ledger.open(state.block.config, state.session)
+        state.desk.opened = state.chronicle.opened = True
+        self._begin_block()
+        state.chronicle.catch_up(state.number)
+
+    def details_of(self, trial: int) -> dict[str, str]:
+        """Return what the plan says of a trial, as event details."""
+        return self._details.of(trial)
+
+    def finish_block(self, number: int) -> None:
+        """Begin the next block some time after the last trial, which ended at this tick."""
+        self._due = number + PAGE_TICKS
+
+    def skip_block(self) -> None:
+        """Begin the next block with the next tick."""
+        self._due = self._state.number + 1
+        self._state.desk.end_after = False
+        self._state.ledger.give_up()
+
+    def change_if_due(self, number: int) -> None:
+        """Begin the next block if that is due at this tick, or end the session if an operator asked for that."""
+        if not 0 <= self._due <= number:
+            return
+        self._due = -1
+        state = self._state
+        if state.desk.end_after:
+            state.end_requested = True
+        elif not state.programme.last:
+            state.programme.next()
+            self._begin_block()
+
+    def _begin_block(self) -> None:
+        """Begin the programme's block: all following records belong to it."""
+        self._due = -1
+        state = self._state
+        state.enter_block()
+        config = state.block.config
+        self._details = TrialDetails(config)
+        state.ledger.begin(config, state.number)
+        stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
+        label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
+        state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.text})

@@ -1,0 +1,123 @@
+"""What a session records beside its ticks, and how it ends: its loggers must first have everything on disk."""
+
+import logging
+
+from netboard.base.clock import now_ns
+from netboard.nodes.ports.backfill import Backfiller
+from netboard.nodes.server.state import SessionState
+
+log = logging.getLogger(__name__)
+
+CLOCKS_NS = 1_000_000_000
+"""Interval at which clock probes are recorded [ns]."""
+
+FRAMES_A_TICK = 4
+"""Painted frames recorded after each tick; displays paint at most one frame in several ticks [1]."""
+
+FAREWELL_NS = 200_000_000
+"""Time before the control channel closes, so that its peers can read the last messages [ns]."""
+
+FINISH_NS = 10_000_000_000
+"""Longest wait for the loggers to bring the last records to disk [ns]."""
+
+
+class RecordKeeping:
+    """Passes to the loggers what the ports report.
+
+    Attributes
+    ----------
+    started : bool
+        Whether a trial has started: before, nothing is lost if there is no logger.
+    """
+
+    def __init__(self, state: SessionState) -> None:
+        self._state = state
+        self._log = state.ports.log
+        self._backfiller = Backfiller()
+        self.started = False
+        self._clocks_ns = 0
+        self._ended_ns = self._ending_until_ns = 0
+        self._log_closing = False
+
+    @property
+    def ending(self) -> bool:
+        """Whether the blocks are over and the loggers are taking the remaining records."""
+        return self._ending_until_ns > 0
+
+    @property
+    def over(self) -> bool:
+        """Whether the session is complete, and the loggers have all records or have run out of time."""
+        return self._log_closing and self._log.store.closed and now_ns() - self._ended_ns > FAREWELL_NS
+
+    @property
+    def everything_recorded(self) -> bool:
+        """Whether every record that matters is known to be on disk."""
+        return self._log.done or not self._records_expected
+
+    @property
+    def _records_expected(self) -> bool:
+        return self._state.block.config.network.require_logger and self.started
+
+    def keep_frames(self, most: int | None = FRAMES_A_TICK) -> None:
+        """Record the painted frames that displays have reported, at most this many [1]."""
+        state = self._state
+        state.chronicle.keep_frames(state.ports.control.take_frames(most), state.ledger)
+
+    def keep(self, now: int) -> None:
+        """Record clock probes, samples that arrived late, and the news of all ports [ns]."""
+        state = self._state
+        if now >= self._clocks_ns:
+            self._clocks_ns = now + CLOCKS_NS
+            for port in (state.ports.motion, state.ports.control, self._log):
+                state.chronicle.record_probes(port.clock_records(state.chronicle.probes))
+        if state.desk.opened:
+            for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
+                state.chronicle.record(record)
+        self._keep_news(now)
+
+    def _keep_news(self, now: int) -> None:
+        """Record the news of all ports, and send records to the loggers."""
+        state = self._state
+        delays = state.block.delays
+        for port in (state.ports.motion, state.ports.control, self._log, delays):
+            for name, details in port.news:
+                state.note(name, details)
+                if name == "agent_joined":
+                    delays.know("left" if details["side"] == "left" else "right", details)
+            port.news.clear()
+        for details in state.door.news(now) if state.door is not None else ():
+            state.note("refused", details)
+        self._log.pump(now)
+
+    def end(self) -> None:
+        """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""
+        state = self._state
+        self.keep_frames(None)
+        for refusals in state.ports.refusals:
+            refusals.settle()
+        for details in state.door.rest() if state.door is not None else ():
+            state.note("refused", details)
+        self._keep_news(now_ns())
+        state.ports.goodbye("the session is over")
+        state.note("session_ended", {"late_ticks": str(state.pace.late_ticks)})
+        self._keep_news(now_ns())
+        self._log.end()
+        self._ended_ns = now_ns()
+        self._ending_until_ns = self._ended_ns + FINISH_NS
+
+    def go_on_ending(self, now: int) -> None:
+        """Feed the loggers until they have everything or the time is up [ns]."""
+        if self._log_closing:
+            return
+        self._keep_news(now)
+        awaited = self._records_expected or self._log.loggers
+        if self._log.done or not awaited or now > self._ending_until_ns:
+            self._log_closing = True
+            self._log.close()
+
+    def close(self) -> None:
+        """Close what is still open, and log which records are not known to be on disk."""
+        self._state.ports.close()
+        if self._log.store.shortfall:
+            log.error("%s", self._log.store.shortfall)
+        self._state.ledger.close()

@@ -1,0 +1,131 @@
+"""The state of a session: what its parts share, and what answers to operators are made from."""
+
+import uuid
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES
+from netboard.base.tick import STATE, TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.transport import authenticator, sockets
+from netboard.nodes.ports.emergency import Alarm, Event
+from netboard.nodes.ports.ports import Ports
+from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.commands import Desk
+from netboard.nodes.server.event_log import Chronicle
+from netboard.nodes.server.readiness import Readiness
+from netboard.nodes.server.supervision import Supervisor
+from netboard.nodes.server.tick_clock import Pace
+from netboard.task.trials.state_machine import Phase
+
+RING_ROWS = 1024
+"""Ticks kept in memory: more than the longest force delay, and a second of what operators see [1]."""
+
+_FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
+
+
+class SessionState:
+    """What a session consists of, and where it stands.
+
+    Attributes
+    ----------
+    number : int
+        Number of the next tick [1].
+    rows, words : ndarray
+        The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
+    stage : ndarray
+        State of the stage after the last tick: one record of `STATE`.
+    missing : tuple of str
+        What is missing before the block can begin.
+    rest_until_ns : int
+        End of the rest before the block [ns].
+    questionnaires : str
+        Questionnaires that are to be filled in now.
+    end_requested : bool
+        Whether the session is to end as soon as it can.
+    """
+
+    def __init__(
+        self,
+        programme: Programme,
+        ledger: Ledger,
+        context: sockets.Context,
+        door: authenticator.Door | None,
+        *,
+        autostart: bool,
+    ) -> None:
+        self.session = uuid.uuid4().hex
+        self.programme, self.ledger, self.door = programme, ledger, door
+        self.block = programme.block
+        self.ports = Ports(self.block.config, self._welcome(), context, door)
+        self.pace = Pace()
+        self.watch = Supervisor(autostart)
+        self.alarm = Alarm()
+        self.desk = Desk(opened=False, armed=autostart or not programme.planned)
+        self.readiness = Readiness(self.ports, self.desk, self.alarm, self.pace)
+        self.chronicle = Chronicle(self.ports.log)
+        self.rows = np.zeros(RING_ROWS, TICK)
+        self.words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
+        self.number = 0
+        self.missing: tuple[str, ...] = ()
+        self.rest_until_ns = 0
+        self.questionnaires = ""
+        self.end_requested = False
+        self.set_alarm([])
+
+    def _welcome(self) -> Welcome:
+        return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
+
+    @property
+    def phase(self) -> Phase:
+        """Phase of the trial state machine."""
+        return Phase(int(self._phase_word[0]))
+
+    @property
+    def active(self) -> bool:
+        """Whether a trial is under way."""
+        return bool(_FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no trial is under way and no agent is connected."""
+        return self.ports.motion.empty and not self.active
+
+    def enter_block(self) -> None:
+        """Make the programme's block the current one."""
+        block = self.block = self.programme.block
+        self.stage = block.stage.initial(**self.ledger.place(block.config.block.number))
+        self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
+        for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
+            self.rows[f"{side}_force"] = 0.0
+        block.delays.gains[:] = 1.0
+        motion = self.ports.motion
+        motion.gains = block.delays.gains
+        for side, agent in motion.agents.items():
+            if agent.hello is not None:
+                block.delays.know(side, agent.hello.details)
+        self.ports.renew(self._welcome(), block.ends)
+        self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
+
+    def rest(self, now: int) -> float | None:
+        """Return the remaining rest before the block [s], or None."""
+        left = (self.rest_until_ns - now) * 1e-9
+        return left if left > 0 and self.phase == Phase.IDLE else None
+
+    def lacks(self) -> tuple[str, ...]:
+        """Return what is missing now before the block can begin."""
+        now = now_ns()
+        return self.readiness.lacks(self.block, self.watch.autostart and self.rest(now) is not None, now)
+
+    def set_alarm(self, events: list[Event]) -> None:
+        """Record the events of an emergency stop; the next heartbeat tells the devices."""
+        self.ports.motion.may_arm = self.desk.armed and not self.alarm.halted
+        for name, details in events:
+            self.note(name, details)
+
+    def note(self, name: str, details: dict[str, str]) -> None:
+        """Record an event with the current tick."""
+        self.chronicle.note(self.number, name, details)
