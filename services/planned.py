@@ -13,8 +13,8 @@ from rich.console import Console
 from netboard.base.config import Config, digest
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
-from netboard.nodes.server.attempts import Ledger
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.attempts import Attempts
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path
 from netboard.services import studies
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
@@ -125,7 +125,7 @@ class Planned:
             return whole
         return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
 
-    def begun(self) -> tuple[Programme, Ledger]:
+    def begun(self) -> tuple[BlockSequence, Attempts]:
         """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
@@ -133,10 +133,10 @@ class Planned:
                 "or give the new session another name in its form (name, dyad), else it will not open",
                 soft_wrap=True,
             )
-        ledger = Ledger(lambda config: Journal.create(self._path(config), self.header(config.session)))
-        return Programme(self.blocks(self.config.session), self.blocks), ledger
+        attempts = Attempts(lambda config: Journal.create(self._path(config), self.header(config.session)))
+        return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
-    def resumed(self, ask: Callable[[str], bool]) -> tuple[Programme, Ledger]:
+    def resumed(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
         """Resume a session where it was left.
 
         Parameters
@@ -161,7 +161,7 @@ class Planned:
             journal.close()
             raise
         blocks = self.blocks(session)
-        return Programme(blocks, self.blocks, progress.block - 1), Ledger(journal=journal, progress=progress)
+        return BlockSequence(blocks, self.blocks, progress.block - 1), Attempts(journal=journal, progress=progress)
 
 
 def agreed(yes: bool) -> Callable[[str], bool]:

@@ -68,12 +68,12 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
     from netboard.nodes.replay.replay_server import ReplayServer, printable_line
     from netboard.recording.replay.orders import KEYS
 
-    door = keys.door(config.network)
+    authenticator = keys.make_authenticator(config.network)
     console = Console(highlight=False)
     reel = loaded(path)
     speak("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
-        server = ReplayServer(reel, config.network, context, door, speed, at)
+        server = ReplayServer(reel, config.network, context, authenticator, speed, at)
         console.print(f"{reel.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
         if keyboard.there:
             console.print(HELP)

@@ -6,8 +6,8 @@ from netboard.base.config import Config
 from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
 from netboard.network import keys
 from netboard.network.transport import sockets
-from netboard.nodes.server.attempts import Ledger
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.attempts import Attempts
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.server import Server
 from netboard.services.planned import Planned, Wanted, agreed
 
@@ -25,7 +25,7 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
     int
         Exit code: 1 if records are not known to be on disk.
     """
-    return serve([(Programme([config]), Ledger()) for config in configs], autostart=autostart)
+    return serve([(BlockSequence([config]), Attempts()) for config in configs], autostart=autostart)
 
 
 def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes: bool) -> int:
@@ -35,16 +35,16 @@ def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes:
     return serve([session], autostart=autostart)
 
 
-def serve(sessions: Sequence[tuple[Programme, Ledger]], *, autostart: bool) -> int:
+def serve(sessions: Sequence[tuple[BlockSequence, Attempts]], *, autostart: bool) -> int:
     """Serve sessions until all have ended; return 1 if records are not known to be on disk."""
-    configs = [programme.block.config for programme, _ in sessions]
-    doors = [keys.door(config.network) for config in configs]
+    configs = [sequence.block.config for sequence, _ in sessions]
+    authenticators = [keys.make_authenticator(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime
     came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     above = io_priority(came, Priority.SERVER)
     network = sockets.open_context(above, apart=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
-        server = Server(sessions, context, doors, autostart=autostart)
+        server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, came)
     return 0 if server.everything_recorded else 1

@@ -1,6 +1,6 @@
 """Sessions in memory that break no rule: simulated participants, a server, and an operator who does what is allowed.
 
-A session is the trial machine, the ledger with its journal, and the log channel's records in the order in which a
+A session is the trial machine, the attempts with its journal, and the log channel's records in the order in which a
 server makes them. The records become files as a logger writes them: whole, or in parts where a logger was restarted.
 """
 
@@ -20,7 +20,7 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
 from netboard.nodes.rehearsal.block import START_TICK, Rehearsal
-from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.attempts import Attempts
 from netboard.recording.files.offline_writer import event_of
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Entry, Header, line_of
@@ -136,9 +136,9 @@ def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, st
     made = Session(config, rows)
     if stood_still:
         rows["time_ns"][stood_still:] += 30 * TICK_NS
-    ledger = Ledger(journal=made)  # type: ignore[arg-type]
-    ledger.open(config, proofs.SESSION)
-    ledger.begin(config, 0)
+    attempts = Attempts(journal=made)  # type: ignore[arg-type]
+    attempts.open(config, proofs.SESSION)
+    attempts.begin(config, 0)
     _note(made, 0, BLOCK_BEGAN, {"config": resolve(config)})
     frames = 0
     for number, row in enumerate(rows):
@@ -148,17 +148,17 @@ def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, st
         if row["event"]:
             after = rows[number + 1] if number + 1 < len(rows) else _over(row)
             _note(made, number, *event_of(row))
-            ledger.happened(Cause(int(row["event"])), row, after, rows, number)
+            attempts.happened(Cause(int(row["event"])), row, after, rows, number)
         if number % 10 == 0:
-            ledger.look(rows, number + 1)
+            attempts.look(rows, number + 1)
         if number and number % reported_ticks == 0:
             for tick in range(number - reported_ticks, number, 17):
                 frame = FrameRecord(frames, "left", tick, tick * TICK_NS, tick * TICK_NS, 0)
                 made.records.append(frame)
-                ledger.painted(frame)
+                attempts.painted(frame)
                 frames += 1
     _note(made, len(rows), "session_ended", {})
-    ledger.close()
+    attempts.close()
     return made
 
 

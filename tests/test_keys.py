@@ -25,12 +25,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def ring(folder: Path) -> keys.Ring:
+def ring(folder: Path) -> keys.KeyRing:
     keys.init(folder)
     for peer in PEERS:
         role, _, side = peer.partition(".")
         keys.add(folder, role, side, folder)  # type: ignore[arg-type]
-    return keys.Ring(folder)
+    return keys.KeyRing(folder)
 
 
 def public(folder: Path, peer: str) -> str:
@@ -41,7 +41,7 @@ def mode(path: Path) -> int:
     return stat.S_IMODE(path.stat().st_mode)
 
 
-def test_every_file_is_for_its_owner_only_and_whole(ring: keys.Ring, folder: Path) -> None:
+def test_every_file_is_for_its_owner_only_and_whole(ring: keys.KeyRing, folder: Path) -> None:
     assert mode(folder) == 0o700
     files = {path.name for path in folder.iterdir()}
     assert files == {"server.key", "authorized.toml", *(f"{peer}.key" for peer in PEERS)}
@@ -52,7 +52,7 @@ def test_every_file_is_for_its_owner_only_and_whole(ring: keys.Ring, folder: Pat
         assert lock.server == authenticator.public_of(ring.secret)
 
 
-def test_the_list_has_no_secret(ring: keys.Ring, folder: Path) -> None:
+def test_the_list_has_no_secret(ring: keys.KeyRing, folder: Path) -> None:
     text = (folder / "authorized.toml").read_text()
     assert ring.secret not in text
     for peer in PEERS:
@@ -72,7 +72,7 @@ def test_the_list_has_no_secret(ring: keys.Ring, folder: Path) -> None:
     ],
 )
 def test_a_key_opens_the_channels_of_its_role_and_side(
-    ring: keys.Ring, folder: Path, channel: str, opened_by: set[str]
+    ring: keys.KeyRing, folder: Path, channel: str, opened_by: set[str]
 ) -> None:
     assert {peer for peer in PEERS if not ring.refuses(public(folder, peer), channel)} == opened_by
     assert "not known" in ring.refuses("x" * 40, channel)
@@ -82,7 +82,7 @@ def test_the_channels_with_keys_are_all_but_the_nerve() -> None:
     assert set(keys.OPENS) == set(channels.CHANNELS) - {"nerve"}
 
 
-def test_a_key_speaks_for_what_it_is_for(ring: keys.Ring, folder: Path) -> None:
+def test_a_key_speaks_for_what_it_is_for(ring: keys.KeyRing, folder: Path) -> None:
     key = public(folder, "display.left")
     assert ring.owner(key) == "display.left"
     assert ring.forbids(key, "display", "left") == ""
@@ -93,7 +93,7 @@ def test_a_key_speaks_for_what_it_is_for(ring: keys.Ring, folder: Path) -> None:
 
 
 def test_a_revoked_key_is_refused_at_once_and_its_successor_let_in(
-    ring: keys.Ring, folder: Path, tmp_path: Path
+    ring: keys.KeyRing, folder: Path, tmp_path: Path
 ) -> None:
     key = public(folder, "agent.left")
     assert keys.revoke(folder, "agent.left").revoked is not None
@@ -109,7 +109,7 @@ def test_a_revoked_key_is_refused_at_once_and_its_successor_let_in(
 
 
 @pytest.mark.parametrize("text", ["no TOML at all", "[[peer]]\nname = 1\n", "other = 1\n", "[[peer]]\nname = 'a'\n"])
-def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.Ring, folder: Path, text: str) -> None:
+def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.KeyRing, folder: Path, text: str) -> None:
     path, key = folder / "authorized.toml", public(folder, "agent.left")
     good = path.read_text()
     path.write_text(text)
@@ -134,25 +134,25 @@ def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.Ring,
         ('public = "', 'public = "_', "public"),
     ],
 )
-def test_a_list_that_makes_no_sense_is_refused(ring: keys.Ring, folder: Path, old: str, new: str, problem: str) -> None:
+def test_an_impossible_list_is_refused(ring: keys.KeyRing, folder: Path, old: str, new: str, problem: str) -> None:
     path = folder / "authorized.toml"
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError, match=problem):
-        keys.Ring(folder)
+        keys.KeyRing(folder)
 
 
-def test_the_same_key_twice_is_refused(ring: keys.Ring, folder: Path) -> None:
+def test_the_same_key_twice_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     path = folder / "authorized.toml"
     text = path.read_text()
     path.write_text(text + text[text.index("[[peer]]") :])
     with pytest.raises(ConfigError, match="twice"):
-        keys.Ring(folder)
+        keys.KeyRing(folder)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no modes")
 @pytest.mark.parametrize(("name", "loose", "proper"), [("", 0o750, "700"), ("agent.left.key", 0o640, "600")])
 def test_what_others_can_read_is_refused_with_what_to_do(
-    ring: keys.Ring, folder: Path, name: str, loose: int, proper: str
+    ring: keys.KeyRing, folder: Path, name: str, loose: int, proper: str
 ) -> None:
     path = folder / name if name else folder
     path.chmod(loose)
@@ -161,7 +161,7 @@ def test_what_others_can_read_is_refused_with_what_to_do(
     assert str(caught.value) == f"{path}: is open to others (mode {loose:04o}); do: chmod {proper} {path}"
 
 
-def test_nothing_is_ever_overwritten(ring: keys.Ring, folder: Path) -> None:
+def test_nothing_is_ever_overwritten(ring: keys.KeyRing, folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(ConfigError, match=r"server\.key: is there already and is left as it is"):
         keys.init(folder)
@@ -170,7 +170,7 @@ def test_nothing_is_ever_overwritten(ring: keys.Ring, folder: Path) -> None:
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_two_do_not_change_the_list_at_once(ring: keys.Ring, folder: Path) -> None:
+def test_two_do_not_change_the_list_at_once(ring: keys.KeyRing, folder: Path) -> None:
     (folder / "authorized.toml.new").touch(0o600)
     with pytest.raises(ConfigError, match=r"authorized\.toml\.new: is there already"):
         keys.revoke(folder, "logger")
@@ -181,10 +181,10 @@ def test_a_lost_key_file_is_said_with_what_to_do(folder: Path) -> None:
     with pytest.raises(ConfigError, match=r"display\.right\.key: is not there; .*netboard keys add display right, and"):
         keys.credentials(folder, "display.right")
     with pytest.raises(ConfigError, match=r"server\.key: is not there; make it with: netboard keys init"):
-        keys.Ring(folder)
+        keys.KeyRing(folder)
 
 
-def test_a_file_that_holds_no_key_is_refused(ring: keys.Ring, folder: Path) -> None:
+def test_a_file_that_holds_no_key_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     path = folder / "agent.left.key"
     path.write_text(path.read_text().replace('secret = "', 'secret = "_'))
     with pytest.raises(ConfigError, match=r"agent\.left\.key: secret"):
@@ -220,14 +220,14 @@ def test_keys_are_in_use_where_another_machine_can_be_reached(settings: dict[str
     assert keys.encrypted(Network(**settings)) is on  # type: ignore[arg-type]
 
 
-def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.Ring, folder: Path) -> None:
+def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.KeyRing, folder: Path) -> None:
     network = Network(bind="0.0.0.0", keys=str(folder))
     lock = keys.reach(network, "agent.left").reach(channels.MOTION).lock
     assert lock == keys.credentials(folder, "agent.left")
-    assert keys.door(network) is not None
+    assert keys.make_authenticator(network) is not None
     off = replace(network, curve="off")
     assert keys.reach(off, "agent.left").reach(channels.MOTION).lock is None
-    assert keys.door(off) is None
+    assert keys.make_authenticator(off) is None
 
 
 @pytest.mark.parametrize(

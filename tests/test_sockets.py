@@ -243,36 +243,36 @@ class SmallRing:
         return key[:4]
 
 
-def told_by(door: authenticator.Door) -> list[dict[str, str]]:
-    """Let a door do its work, and take what it tells."""
-    door.attend()
-    return door.news(time.monotonic_ns())
+def reports_of(own: authenticator.Authenticator) -> list[dict[str, str]]:
+    """Let an authenticator do its work, and return its reports."""
+    own.answer_handshakes()
+    return own.reports(time.monotonic_ns())
 
 
-class TestDoor:
+class TestAuthenticator:
     @pytest.fixture
     def ring(self) -> SmallRing:
         return SmallRing("agent.left")
 
     @pytest.fixture
-    def door(self, ring: SmallRing) -> authenticator.Door:
-        return authenticator.Door(ring, 1)
+    def own(self, ring: SmallRing) -> authenticator.Authenticator:
+        return authenticator.Authenticator(ring, 1)
 
     @pytest.fixture
-    def server(self, made: Made, door: authenticator.Door) -> endpoints.Router:
-        return made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, door))
+    def server(self, made: Made, own: authenticator.Authenticator) -> endpoints.Router:
+        return made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, own))
 
     def agent(self, made: Made, server: endpoints.Router, lock: authenticator.Credentials, name: str) -> sockets.Socket:
         endpoint = channels.Endpoint(endpoint_of(server).address, channels.MOTION, lock)
         return made.motion_agent(endpoint, name)
 
-    def let_in(self, door: authenticator.Door, agent: sockets.Socket) -> None:
-        until(lambda: told_by(door) or sockets.send(agent, b"hello"))
+    def let_in(self, own: authenticator.Authenticator, agent: sockets.Socket) -> None:
+        until(lambda: reports_of(own) or sockets.send(agent, b"hello"))
 
     def test_who_is_let_in_is_known_by_the_key(
-        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
+        self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
-        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
         peer, frame = until(server.receive)
         assert frame == b"hello"
         assert peer.startswith(b"agent.left@test.")
@@ -282,19 +282,19 @@ class TestDoor:
         assert server.forbids("agent", "right") == "somebody else"
 
     def test_a_frame_in_another_name_is_nobodys_and_the_secret_of_a_name_is_not_told(
-        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
+        self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
-        self.let_in(door, self.agent(made, server, ring.lock(), "agent.lefty@test"))
+        self.let_in(own, self.agent(made, server, ring.lock(), "agent.lefty@test"))
         assert until(server.receive) == endpoints.NOBODY
-        (told,) = told_by(door)
+        (told,) = reports_of(own)
         assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", told["reason"])
         assert told["address"] == "127.0.0.1"
 
     def test_a_fast_path_knows_a_peer_by_its_key_too(
-        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
+        self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         agent = self.agent(made, server, ring.lock(), "agent.left@test")
-        self.let_in(door, agent)
+        self.let_in(own, agent)
         name, _ = until(server.receive)
         fast, frame = fastpath.FastPath(server.socket, server.keyed), np.zeros(64, np.uint8)
 
@@ -311,32 +311,32 @@ class TestDoor:
         fast.close()
 
     def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
-        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
+        self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         other_ring = SmallRing("agent.left")
-        other_door = authenticator.Door(other_ring, 2)
-        other = made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, other_door))
+        other_own = authenticator.Authenticator(other_ring, 2)
+        other = made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, other_own))
         lock = replace(ring.lock(), server=other_ring.public)
         stray = self.agent(made, other, lock, "agent.left@stray")
-        (told,) = until(lambda: told_by(other_door))
+        (told,) = until(lambda: reports_of(other_own))
         assert told["reason"] == "unknown"
         assert not sockets.send(stray, b"hello")
-        assert told_by(door) == []
-        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        assert reports_of(own) == []
+        self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
         assert until(server.receive)[1] == b"hello"
 
-    def test_who_is_refused_is_told_of_once_for_a_while_and_counted_whole(self, door: authenticator.Door) -> None:
+    def test_a_refusal_is_reported_once_for_a_while_and_counted_whole(self, own: authenticator.Authenticator) -> None:
         for _ in range(400):
-            door.refuse("motion", "10.0.0.1", "key5", "why")
+            own.refuse("motion", "10.0.0.1", "key5", "why")
         told = {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why"}
-        assert door.news(0) == [told | {"times": "400"}]
-        door.refuse("motion", "10.0.0.1", "key5", "why")
-        assert door.news(0) == []
-        assert door.rest() == [told | {"times": "401"}]
-        assert door.totals == {"why": 401}
+        assert own.reports(0) == [told | {"times": "400"}]
+        own.refuse("motion", "10.0.0.1", "key5", "why")
+        assert own.reports(0) == []
+        assert own.final_reports() == [told | {"times": "401"}]
+        assert own.totals == {"why": 401}
 
     def test_a_crowd_of_strangers_is_told_of_and_keeps_nobody_out(
-        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
+        self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
         for _ in range(2 * authenticator.MOST_FULL * authenticator.MOST_HANDSHAKES):
@@ -345,8 +345,8 @@ class TestDoor:
                 with contextlib.suppress(ConnectionResetError):
                     while stranger.recv(1000):
                         pass
-        until(lambda: any(it["reason"].startswith("more handshakes fail") for it in told_by(door)))
-        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        until(lambda: any(it["reason"].startswith("more handshakes fail") for it in reports_of(own)))
+        self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
         assert until(server.receive)[1] == b"hello"
 
 

@@ -106,7 +106,7 @@ def served(folder: Path, path: Path, *settings: str) -> Rig:
 
 @pytest.fixture(scope="module")
 def rig(live: tuple[Path, dict[Side, list[View]]], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """A replay behind a door with keys."""
+    """A replay behind a authenticator with keys."""
     folder = tmp_path_factory.mktemp("served")
     keys.init(folder / "keys")
     for role, side in (("display", "left"), ("display", "right"), ("agent", "left"), ("console", "")):

@@ -1,7 +1,7 @@
 """The alarm: emergency stops, and what trips a device's safety is told once."""
 
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import AGAIN_NS, RELEASE, STOP, WORDS, Alarm
+from netboard.nodes.ports.emergency import AGAIN_NS, RELEASE, STOP, WORDS, EmergencyStop
 from netboard.nodes.ports.samples import STOPPED, TRIPPED, TRIPS
 
 FINE = {"left": 0, "right": 0}
@@ -12,7 +12,7 @@ def test_there_are_words_for_all_that_trips() -> None:
 
 
 def test_an_emergency_stop_holds_until_it_is_released() -> None:
-    alarm = Alarm()
+    alarm = EmergencyStop()
     assert alarm.halt("by an operator") == [(STOP, {"reason": "by an operator"})]
     assert alarm.halt("again") == []
     assert alarm.halted == "by an operator"
@@ -23,13 +23,13 @@ def test_an_emergency_stop_holds_until_it_is_released() -> None:
 
 def test_a_button_at_either_device_stops_everything() -> None:
     for found, side in ((STOPPED, "left"), (STOPPED << 1, "right")):
-        alarm = Alarm()
+        alarm = EmergencyStop()
         assert alarm.look(found, FINE, 0) == [(STOP, {"reason": f"emergency stop at the {side} device"})]
         assert alarm.look(found, FINE, 1) == []
 
 
 def test_a_trip_is_told_with_its_cause_once_in_a_while() -> None:
-    alarm = Alarm()
+    alarm = EmergencyStop()
     bits = {"left": Safeguard.ARMED.value, "right": (Safeguard.TOO_FAST | Safeguard.STALE).value}
     told = alarm.look(TRIPPED << 1, bits, 0)
     assert [name for name, _ in told] == ["safeguard"] * 2
@@ -41,7 +41,7 @@ def test_a_trip_is_told_with_its_cause_once_in_a_while() -> None:
 
 
 def test_why_a_device_is_not_armed_is_what_tripped_a_moment_ago() -> None:
-    alarm = Alarm()
+    alarm = EmergencyStop()
     alarm.look(TRIPPED, {"left": Safeguard.NOT_READY.value, "right": 0}, 0)
     assert alarm.why("left", 1) == f" ({WORDS[Safeguard.NOT_READY]})"
     assert alarm.why("right", 1) == ""

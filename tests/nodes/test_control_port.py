@@ -47,9 +47,9 @@ def test_an_operator_asks_and_commands() -> None:
     assert rig.say(C, OutcomesRequest(3)) == [Outcomes(3, ())]
     assert rig.say(C, TraceRequest(7)) == [Trace(())]
     assert rig.say(C, Command("pause", "", 5)) == []
-    (wish,) = rig.port.wishes
-    assert (wish.who, wish.command.name) == (C, "pause")
-    rig.port.reply(wish, False, "cannot pause while idle")
+    (request,) = rig.port.requests
+    assert (request.who, request.command.name) == (C, "pause")
+    rig.port.reply(request, False, "cannot pause while idle")
     assert rig.router.heard(C) == [Reply(5, False, "cannot pause while idle")]
 
 
@@ -59,7 +59,7 @@ def test_a_display_cannot_command_nor_report_for_another_station() -> None:
         assert rig.say(D, message) == [Refusal(f"a display may not send {type(message).__name__}")]
     answer = Refusal("the left display may not report for the right station")
     assert rig.say(D, Frames("right", ((1, 2, 3),), 0)) == [answer]
-    assert rig.port.wishes == []
+    assert rig.port.requests == []
     assert rig.port.take_frames() == []
     assert [name for name, _ in rig.port.news].count("refused") == 4
 

@@ -174,8 +174,8 @@ def test_commands_beyond_a_few_are_answered_and_not_carried_out_but_for_an_emerg
     rig.router.say(b"console", Command("emergency_stop", "", 99))
     for _ in range(10):
         rig.tick()
-    assert rig.port.wishes[0].command.name == "emergency_stop"
-    assert len(rig.port.wishes) == 9
+    assert rig.port.requests[0].command.name == "emergency_stop"
+    assert len(rig.port.requests) == 9
     assert rig.port.refusals.totals == {"too many commands at once": 22}
 
 

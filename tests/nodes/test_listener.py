@@ -162,7 +162,7 @@ def test_a_link_that_was_gone_costs_nothing_the_ring_still_has(rig: Rig) -> None
     rig.link.deaf = True
     server.tick(20)
     rig.step(int(2 * GONE_NS / 20e6))
-    assert len(server.port.listeners) == 0
+    assert len(server.port.subscribers) == 0
     server.router.sent.clear()
     rig.link.deaf = False
     server.tick(20)
@@ -226,7 +226,7 @@ def test_nothing_is_heard_before_a_welcome_and_a_goodbye_is_followed_by_a_hello(
     rig.step(3)
     server.router.send(NAME, encode(Goodbye("the session is over")))
     rig.step(40)
-    assert len(server.port.listeners) == 1
+    assert len(server.port.subscribers) == 1
     assert rig.told.sessions == ["one"]
 
 
@@ -247,5 +247,5 @@ def test_it_says_goodbye(rig: Rig) -> None:
     rig.step(3)
     rig.listener.run(lambda: True)
     server.port.pump(rig.clock())
-    assert len(server.port.listeners) == 0
+    assert len(server.port.subscribers) == 0
     assert not [message for message in server.router.heard(NAME) if isinstance(message, Refusal)]

@@ -1,4 +1,4 @@
-"""Listeners of the log: they hear what is recorded, and whatever they do, the loggers never notice."""
+"""Subscribers of the log: they hear what is recorded, and whatever they do, the loggers never notice."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,7 +40,7 @@ def stalling(folder: Path, capacity: int = 1000) -> tuple[Rig, Stalling]:
     """A rig on which peers can be stalled."""
     rig = Rig(folder, capacity)
     router = Stalling()
-    rig.router = rig.port._router = rig.port.listeners._router = rig.port.refusals._router = router  # type: ignore[assignment]
+    rig.router = rig.port._router = rig.port.subscribers._router = rig.port.refusals._router = router  # type: ignore[assignment]
     return rig, router
 
 
@@ -69,7 +69,7 @@ def test_a_listener_is_no_logger(rig: Rig) -> None:
     listen(rig, E)
     rig.record(900)
     rig.pump(E)
-    assert (rig.port.loggers, rig.port.store.backlog, len(rig.port.listeners)) == (0, 900, 1)
+    assert (rig.port.loggers, rig.port.store.backlog, len(rig.port.subscribers)) == (0, 900, 1)
     assert not rig.port.done
     assert rig.port.trouble == "the logger is too far behind"
     assert rig.port.recordings(rig.clock()) == ()
@@ -92,7 +92,7 @@ def test_nobody_is_both(rig: Rig) -> None:
     assert rig.pump(E, hello("logger")) == [Refusal("it has come as another than a logger")]
     rig.join(L)
     assert rig.pump(L, hello("listener")) == [Refusal("it has come as another than a listener")]
-    assert (rig.port.loggers, len(rig.port.listeners)) == (1, 1)
+    assert (rig.port.loggers, len(rig.port.subscribers)) == (1, 1)
 
 
 def test_who_may_not_listen_is_refused(rig: Rig) -> None:
@@ -144,7 +144,7 @@ def test_a_silent_listener_is_gone_and_one_that_says_hello_again_goes_on(rig: Ri
     rig.pump(E, LogRequest(3))
     rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
     rig.pump(E)
-    assert len(rig.port.listeners) == 0
+    assert len(rig.port.subscribers) == 0
     assert rig.pump(E, LogRequest(0)) == [Refusal("say hello first")]
     assert rig.names()[:2] == ["listener_joined", "listener_left"]
 
@@ -228,7 +228,7 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
     """All that a logger hears and an operator is told, step by step, with listeners or without."""
     rig = Rig(folder, capacity=200, spill_bytes=0)  # the spill has a thread with a time of its own
     router = Keyed()
-    rig.router = rig.port._router = rig.port.listeners._router = rig.port.refusals._router = router  # type: ignore[assignment]
+    rig.router = rig.port._router = rig.port.subscribers._router = rig.port.refusals._router = router  # type: ignore[assignment]
     told: list[object] = []
     for made, said, stalled, logger, seconds in deeds:
         for _ in range(made):

@@ -124,7 +124,7 @@ def test_the_control_port(seed: int) -> None:
             for frame in port.take_frames(3):
                 encode(frame)
             router.sent.clear()
-        assert {wish.command.name for wish in port.wishes} <= set(COMMANDS)
+        assert {request.command.name for request in port.requests} <= set(COMMANDS)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -118,9 +118,9 @@ def reach(network: Network, peer: str) -> channels.Addresses:
     return channels.addresses(network, lock)
 
 
-def door(network: Network) -> authenticator.Door | None:
+def make_authenticator(network: Network) -> authenticator.Authenticator | None:
     """Make the authenticator of a server; None if keys are not in use."""
-    return authenticator.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
+    return authenticator.Authenticator(KeyRing(Path(network.keys)), network.port) if encrypted(network) else None
 
 
 def credentials(folder: Path, peer: str) -> authenticator.Credentials:
@@ -134,7 +134,7 @@ def credentials(folder: Path, peer: str) -> authenticator.Credentials:
     return authenticator.Credentials(authenticator.public_of(file.secret), file.secret, file.server)
 
 
-class Ring:
+class KeyRing:
     """The server's own key, and the role of each peer's key as the files say now."""
 
     def __init__(self, folder: Path) -> None:

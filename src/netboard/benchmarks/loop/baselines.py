@@ -20,7 +20,8 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.loop.workers import serve
 from netboard.network import keys
 from netboard.network.protocol.fixed import FORCE, STYLUS
-from netboard.network.transport import authenticator, channels, endpoints, sockets
+from netboard.network.transport import channels, endpoints, sockets
+from netboard.network.transport.authenticator import Authenticator
 
 PATIENCE_MS = 10_000
 """Timeout of an echo, after which the benchmark ends [ms]."""
@@ -31,7 +32,7 @@ Order = dict[str, Any]
 ANSWER = bytes(FORCE.size)
 
 
-def echo(router: endpoints.Router, door: authenticator.Door | None, order: Order) -> Order:
+def echo(router: endpoints.Router, authenticator: Authenticator | None, order: Order) -> Order:
     """Answer so many frames.
 
     Parameters
@@ -40,7 +41,7 @@ def echo(router: endpoints.Router, door: authenticator.Door | None, order: Order
         ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
     """
     if order["greeting"]:
-        _greet(router, door, order["count"])
+        _greet(router, authenticator, order["count"])
         return {}
     socket = router.socket
     for _ in range(order["count"]):
@@ -49,11 +50,11 @@ def echo(router: endpoints.Router, door: authenticator.Door | None, order: Order
     return {}
 
 
-def _greet(router: endpoints.Router, door: authenticator.Door | None, count: int) -> None:
+def _greet(router: endpoints.Router, authenticator: Authenticator | None, count: int) -> None:
     """Answer a number of frames, and authenticate their senders meanwhile."""
     while count > 0:
-        if door is not None:
-            door.attend()
+        if authenticator is not None:
+            authenticator.answer_handshakes()
         if (received := router.receive()) is None:
             time.sleep(TICK_SECONDS)
         elif router.send(received[0], ANSWER):
@@ -118,10 +119,11 @@ def _role(role: str, name: str, config: Config, context: sockets.Context) -> Cal
     """Return what carries out the orders of a role."""
     match role:
         case "echo":
-            door = keys.door(config.network)
-            router = sockets.motion_server(context, channels.addresses(config.network, door).listen(channels.MOTION))
+            authenticator = keys.make_authenticator(config.network)
+            where = channels.addresses(config.network, authenticator).listen(channels.MOTION)
+            router = sockets.motion_server(context, where)
             router.socket.rcvtimeo = PATIENCE_MS
-            return partial(echo, router, door)
+            return partial(echo, router, authenticator)
         case "peer":
             where = keys.reach(config.network, name).reach(channels.MOTION)
             socket = sockets.motion_agent(context, where, f"{name}@{NAME}")

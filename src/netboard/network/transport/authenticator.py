@@ -2,7 +2,7 @@
 
 CURVE (ZeroMQ's RFC 26) encrypts, and at each handshake libzmq asks whether the peer's key is accepted (ZAP, RFC 27).
 The server's own loop answers, a few handshakes at a time, so no thread can hold up a tick. This module does not know
-which role a key has; a `Ring` does.
+which role a key has; a `KeyRing` does.
 
 Only `netboard.network.transport.sockets`, `netboard.network.transport.endpoints`,
 `netboard.network.transport.fastpath` and this module import zmq.
@@ -55,7 +55,7 @@ class Credentials:
     server: str
 
 
-class Ring(Protocol):
+class KeyRing(Protocol):
     """The server's own key, and the role of each peer's key."""
 
     secret: str
@@ -85,7 +85,7 @@ def public_of(secret: str) -> str:
     return zmq.curve_public(secret.encode()).decode()
 
 
-class Door:
+class Authenticator:
     """The authenticator of one server's peers, by their keys.
 
     Parameters
@@ -94,11 +94,11 @@ class Door:
         The server's port, which distinguishes it from other servers in the same context.
     """
 
-    def __init__(self, ring: Ring, port: int) -> None:
+    def __init__(self, ring: KeyRing, port: int) -> None:
         self.ring = ring
         self._port = port
-        self._gates: list[_Gate] = []
-        self._watched: list[_Watched] = []
+        self._handlers: list[_ZapHandler] = []
+        self._monitors: list[_HandshakeMonitor] = []
         self._refused = RefusalCount()
 
     @property
@@ -106,23 +106,23 @@ class Door:
         """Refused handshakes and frames so far, by reason [1]."""
         return self._refused.totals
 
-    def attend(self) -> None:
+    def answer_handshakes(self) -> None:
         """Answer waiting handshakes, a few at a time, in the context of each channel.
 
         Nobody gets in unless this is called; the session calls it a thousand times a second.
         """
-        for gate in self._gates:
-            gate.answer()
+        for handler in self._handlers:
+            handler.answer()
 
-    def news(self, now_ns: int) -> list[dict[str, str]]:
+    def reports(self, now_ns: int) -> list[dict[str, str]]:
         """Count the handshakes that failed, and return the reports of refusals that are due."""
-        for watched in self._watched:
-            for reason in watched.listen():
-                watched.gate.press()
-                self.refuse(watched.channel, "", "", reason)
+        for monitor in self._monitors:
+            for reason in monitor.listen():
+                monitor.handler.press()
+                self.refuse(monitor.channel, "", "", reason)
         return self._refused.reports(now_ns)
 
-    def rest(self) -> list[dict[str, str]]:
+    def final_reports(self) -> list[dict[str, str]]:
         """Return the final counts of refusals."""
         return self._refused.rest()
 
@@ -134,22 +134,22 @@ class Door:
 
     def guard(self, context: "Context", socket: Socket, name: str) -> None:
         """Require keys on the socket of a channel with this name, before it is bound."""
-        gate = context.gate = context.gate or _Gate(context)
-        gate.doors[f"{self._port}.{name}"] = (self, name)
-        if gate not in self._gates:
-            self._gates.append(gate)
+        handler = context.handler = context.handler or _ZapHandler(context)
+        handler.authenticators[f"{self._port}.{name}"] = (self, name)
+        if handler not in self._handlers:
+            self._handlers.append(handler)
         socket.setsockopt(zmq.CURVE_SERVER, 1)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
         socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
         socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
-        self._watched.append(_Watched(context, socket, name, gate))
+        self._monitors.append(_HandshakeMonitor(context, socket, name, handler))
 
 
-class _Gate:
+class _ZapHandler:
     """The ZAP handler of one context, for all its authenticators."""
 
     def __init__(self, context: "Context") -> None:
-        self.doors: dict[str, tuple[Door, str]] = {}
+        self.authenticators: dict[str, tuple[Authenticator, str]] = {}
         self._context = context
         self._pressed_until_ns = 0
         self._socket: Socket = context.socket(zmq.REP)
@@ -168,10 +168,10 @@ class _Gate:
                 return
             version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(NOBLOCK)
             key = z85.encode(credentials[0]).decode()
-            door, channel = self.doors[domain.decode()]
-            reason = door.ring.refuses(key, channel)
+            authenticator, channel = self.authenticators[domain.decode()]
+            reason = authenticator.ring.refuses(key, channel)
             if reason:
-                door.refuse(channel, address.decode(errors="replace"), key, reason)
+                authenticator.refuse(channel, address.decode(errors="replace"), key, reason)
                 verdict = (b"400", reason.encode(), b"")
                 self.press()
             else:
@@ -179,11 +179,11 @@ class _Gate:
             self._socket.send_multipart((version, request, *verdict, b""), NOBLOCK)
 
 
-class _Watched:
+class _HandshakeMonitor:
     """A socket monitored for handshakes that failed before the key was checked; libzmq does not say whose they were."""
 
-    def __init__(self, context: "Context", socket: Socket, channel: str, gate: _Gate) -> None:
-        self.channel, self.gate = channel, gate
+    def __init__(self, context: "Context", socket: Socket, channel: str, handler: _ZapHandler) -> None:
+        self.channel, self.handler = channel, handler
         self._context = context
         self._socket = socket
         self._deaf_until_ns = self._full = 0
@@ -243,7 +243,7 @@ class Context(zmq.Context["zmq.Socket[bytes]"]):
     below the loop: no tick then waits for a handshake, and forces leave when the loop has finished its tick.
     """
 
-    gate: _Gate | None = None
+    handler: _ZapHandler | None = None
     patient: "Context | None" = None
     threads: tuple[int, ...] = ()
     above = below = 0

@@ -13,7 +13,7 @@ from pathlib import Path
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Network
-from netboard.network.transport.authenticator import Credentials, Door
+from netboard.network.transport.authenticator import Authenticator, Credentials
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
 """Channels: TCP port = network.port + channel."""
@@ -31,13 +31,13 @@ class Endpoint:
 
     Attributes
     ----------
-    lock : Door or Credentials or None
+    lock : Authenticator or Credentials or None
         The server's authenticator, or a peer's keys; None without encryption.
     """
 
     address: str
     channel: int = MOTION
-    lock: Door | Credentials | None = None
+    lock: Authenticator | Credentials | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Addresses:
 
     Attributes
     ----------
-    lock : Door or Credentials or None
+    lock : Authenticator or Credentials or None
         The server's authenticator, or a peer's keys; None without encryption.
     """
 
@@ -54,7 +54,7 @@ class Addresses:
     bind: str
     port: int
     transport: str = "tcp"
-    lock: Door | Credentials | None = None
+    lock: Authenticator | Credentials | None = None
 
     def listen(self, channel: int) -> Endpoint:
         """Return the endpoint that the server binds for a channel."""
@@ -91,7 +91,7 @@ class Addresses:
         return Endpoint(f"tcp://{machine}:{port}", channel, self.lock)
 
 
-def addresses(network: Network, lock: Door | Credentials | None = None) -> Addresses:
+def addresses(network: Network, lock: Authenticator | Credentials | None = None) -> Addresses:
     """Take the addresses from the configuration."""
     return Addresses(network.host, network.bind, network.port, network.transport, lock)
 

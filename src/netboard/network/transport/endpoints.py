@@ -8,7 +8,7 @@ import re
 import zmq
 from zmq import Again, ZMQError
 
-from netboard.network.transport.authenticator import NOBLOCK, Door, Socket, readable
+from netboard.network.transport.authenticator import NOBLOCK, Authenticator, Socket, readable
 from netboard.network.transport.channels import CHANNELS, Endpoint
 
 GOODBYE_LINGER_MS = 200
@@ -55,7 +55,7 @@ class Router:
         self.key = ""
         self.channel = CHANNELS[endpoint.channel]
         self.socket = socket
-        self._door = endpoint.lock if isinstance(endpoint.lock, Door) else None
+        self._authenticator = endpoint.lock if isinstance(endpoint.lock, Authenticator) else None
         self._more = False
         self._names: dict[bytes, str] = {}
         self._owed: dict[bytes, bytes] = {}
@@ -76,7 +76,7 @@ class Router:
         frame = socket.recv(NOBLOCK, copy=False)
         self._more = frame.more
         said = b"" if frame.more else frame.bytes
-        if self._door is None:
+        if self._authenticator is None:
             return peer, said
         return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), said)
 
@@ -92,7 +92,8 @@ class Router:
     def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
         """Return (peer, frame), or `NOBODY` if the peer's name does not match its key."""
         self.key = key
-        return (peer, frame) if self._door is None or self._rightly_named(self._door, peer, key, address) else NOBODY
+        own = self._authenticator
+        return (peer, frame) if own is None or self._rightly_named(own, peer, key, address) else NOBODY
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         """Send without waiting; return False if the peer is gone or its queue is full."""
@@ -121,25 +122,25 @@ class Router:
     @property
     def keyed(self) -> bool:
         """Whether peers are authenticated by keys."""
-        return self._door is not None
+        return self._authenticator is not None
 
     def forbids(self, role: str, side: str) -> str:
         """Return why the last frame's sender may not act in this role and side.
 
         Empty if it may, as always without keys.
         """
-        return "" if self._door is None else self._door.ring.forbids(self.key, role, side)
+        return "" if self._authenticator is None else self._authenticator.ring.forbids(self.key, role, side)
 
     def close_after_goodbye(self) -> None:
         """Close after the last messages have been sent."""
         self.socket.close(linger=GOODBYE_LINGER_MS)
 
-    def _rightly_named(self, door: Door, peer: bytes, key: str, address: str) -> bool:
+    def _rightly_named(self, authenticator: Authenticator, peer: bytes, key: str, address: str) -> bool:
         """Return whether a name matches the key; a match is remembered."""
         if self._names.get(peer) == key:
             return True
-        if peer.partition(b"@")[0] != door.ring.owner(key).encode():
-            door.refuse(self.channel, address, key, f"it calls itself {shown(peer)}")
+        if peer.partition(b"@")[0] != authenticator.ring.owner(key).encode():
+            authenticator.refuse(self.channel, address, key, f"it calls itself {shown(peer)}")
             return False
         if len(self._names) >= MOST_NAMES:
             self._names.clear()

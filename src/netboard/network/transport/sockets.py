@@ -2,8 +2,8 @@
 
 Rules: options are set before bind or connect, because later ones have no effect. The motion channel queues a few frames
 at most and never waits: the newest sample wins, and an absent peer gets nothing stale. The log channel queues many
-frames and lingers. Views are single frames, sent to subscribers and conflated by them. With keys (a `Door` at the
-server, `Credentials` at a peer) every frame is encrypted, and peers are authenticated at the handshake. A broken
+frames and lingers. Views are single frames, sent to subscribers and conflated by them. With keys (`Authenticator` at
+the server, `Credentials` at a peer) every frame is encrypted, and peers are authenticated at the handshake. A broken
 connection is detected by TCP keepalive and, much earlier, by silence. ZeroMQ's heartbeats are off: with them, libzmq
 4.3.5 aborts a process that was stopped for some seconds with full queues. A socket is used by the thread that made it.
 """
@@ -27,7 +27,7 @@ from zmq import Again, ZMQError
 
 from netboard.base.errors import NetboardError
 from netboard.network.transport import authenticator
-from netboard.network.transport.authenticator import Credentials, Door
+from netboard.network.transport.authenticator import Authenticator, Credentials
 from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
 
@@ -223,7 +223,7 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
 
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or raise an error that says why not."""
-    if isinstance(endpoint.lock, Door):
+    if isinstance(endpoint.lock, Authenticator):
         endpoint.lock.guard(context, socket, CHANNELS[endpoint.channel])
     try:
         _refuse_taken(endpoint.address)

@@ -30,9 +30,9 @@ from netboard.network.protocol.records import ClockRecord, FrameRecord
 from netboard.network.protocol.views import MOST_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
-from netboard.nodes.ports.arrivals import Comings, News
 from netboard.nodes.ports.peer import Link, Peer, Probes, what
-from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, Allowance
+from netboard.nodes.ports.peer_events import News, PeerEvents
+from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
 from netboard.nodes.ports.refusals import CROWDED, Refusals
 
 ROLES = ("display", "console")
@@ -52,7 +52,7 @@ MOST_PEERS = 16
 TRY_NS = 20_000_000
 """Shortest interval between two checks whether all peers are still connected [ns]."""
 
-MOST_WISHES = 8
+MOST_REQUESTS = 8
 """Commands of one peer that may wait for a decision [1]."""
 
 MOST_REPORTS = 16
@@ -75,7 +75,7 @@ class Answers(Protocol):
         """Return what has happened after this tick."""
 
 
-class Wish(NamedTuple):
+class CommandRequest(NamedTuple):
     """A command, and the peer that sent it."""
 
     who: bytes
@@ -87,15 +87,15 @@ class ControlPort:
     """Peers on the control channel, their commands and their reports of painted frames."""
 
     def __init__(self, router: endpoints.Router, welcome: Welcome) -> None:
-        self.wishes: list[Wish] = []
+        self.requests: list[CommandRequest] = []
         self.news: News = []
         self.refusals = Refusals(router, self.news)
         self._router = router
         self._welcome = encode(welcome)
         self._peers: dict[bytes, Peer] = {}
         self._silent: set[bytes] = set()
-        self._allowance, self._commands = Allowance(), Allowance(COMMANDS_HZ, COMMANDS_AT_ONCE)
-        self._comings = Comings(self.news)
+        self._rate_limit, self._commands = RateLimit(), RateLimit(COMMANDS_HZ, COMMANDS_AT_ONCE)
+        self._peer_events = PeerEvents(self.news)
         self._asked: dict[tuple[bytes, type[Message]], Message] = {}
         self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
         self._probes = Probes()
@@ -164,9 +164,9 @@ class ControlPort:
         for name in self._peers:
             self._router.owe(name, self._welcome)
 
-    def reply(self, wish: Wish, accepted: bool, reason: str) -> None:
+    def reply(self, request: CommandRequest, accepted: bool, reason: str) -> None:
         """Reply to the peer that sent a command."""
-        self._router.send(wish.who, encode(Reply(wish.command.number, accepted, reason)))
+        self._router.send(request.who, encode(Reply(request.command.number, accepted, reason)))
 
     def is_there(self, who: bytes) -> bool:
         """Return whether a peer is connected and not silent."""
@@ -183,7 +183,7 @@ class ControlPort:
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
         """Handle a message; return False if its peer sends too much and the message was dropped unread."""
-        if not self._allowance.takes(name, len(frame), now_ns):
+        if not self._rate_limit.takes(name, len(frame), now_ns):
             self.refusals.refuse(name, CROWDED, now_ns)
             return False
         peer = self._peers.get(name)
@@ -215,23 +215,23 @@ class ControlPort:
             case Frames() as frames:
                 self._note(name, peer.hello.side, frames)
             case Command() as command:
-                self._wish(Wish(name, peer.hello.name, command), now_ns)
+                self._queue(CommandRequest(name, peer.hello.name, command), now_ns)
             case question:
                 self._asked.setdefault((name, kind), question)
 
-    def _wish(self, wish: Wish, now_ns: int) -> None:
+    def _queue(self, request: CommandRequest, now_ns: int) -> None:
         """Queue a command; an emergency stop goes first."""
-        waiting = sum(other.who == wish.who for other in self.wishes)
-        if wish.command.name == emergency.STOP:
-            if not any(other.command.name == emergency.STOP for other in self.wishes):
-                self.wishes.insert(0, wish)
+        waiting = sum(other.who == request.who for other in self.requests)
+        if request.command.name == emergency.STOP:
+            if not any(other.command.name == emergency.STOP for other in self.requests):
+                self.requests.insert(0, request)
             else:
-                self.reply(wish, True, "")
-        elif waiting >= MOST_WISHES or not self._commands.takes(wish.who, 0, now_ns):
-            self.reply(wish, False, "too many commands at once")
-            self.refusals.note(endpoints.shown(wish.who), "too many commands at once", now_ns)
+                self.reply(request, True, "")
+        elif waiting >= MOST_REQUESTS or not self._commands.takes(request.who, 0, now_ns):
+            self.reply(request, False, "too many commands at once")
+            self.refusals.note(endpoints.shown(request.who), "too many commands at once", now_ns)
         else:
-            self.wishes.append(wish)
+            self.requests.append(request)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
@@ -270,7 +270,7 @@ class ControlPort:
 
     def _tell(self, happened: str, hello: Hello, now_ns: int) -> None:
         details = {"side": hello.side, "name": hello.name, **hello.details}
-        self._comings.tell(f"{hello.role}_{happened}", details, now_ns)
+        self._peer_events.tell(f"{hello.role}_{happened}", details, now_ns)
 
     def _note(self, name: bytes, side: str, frames: Frames) -> None:
         """Queue a display's report of painted frames."""

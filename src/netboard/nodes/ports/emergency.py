@@ -32,7 +32,7 @@ WORDS = {
 Event = tuple[str, dict[str, str]]
 
 
-class Alarm:
+class EmergencyStop:
     """State of the emergency stop, and what has tripped."""
 
     def __init__(self) -> None:

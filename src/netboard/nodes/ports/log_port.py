@@ -18,12 +18,12 @@ from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping,
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, LogAck, LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.arrivals import Comings, News
 from netboard.nodes.ports.peer import Link, Peer, Probes
-from netboard.nodes.ports.rate_limit import Allowance
+from netboard.nodes.ports.peer_events import News, PeerEvents
+from netboard.nodes.ports.rate_limit import RateLimit
 from netboard.nodes.ports.record_store import BATCHES, RecordStore
 from netboard.nodes.ports.refusals import CROWDED, Refusals
-from netboard.nodes.ports.subscribers import Listeners
+from netboard.nodes.ports.subscribers import Subscribers
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery.spill import Spill
 
@@ -71,7 +71,7 @@ class LogPort:
     ----------
     trouble : str
         Why a trial that must be recorded cannot go on, or empty; set by `pump`.
-    listeners : Listeners
+    subscribers : Subscribers
         Subscribers, which get the records but have no part in keeping them.
     """
 
@@ -91,8 +91,8 @@ class LogPort:
         self.append = self.ring.append
         self.refusals = Refusals(router, self.news)
         self._router = router
-        self._allowance = Allowance()
-        self._comings = Comings(self.news)
+        self._rate_limit = RateLimit()
+        self._peer_events = PeerEvents(self.news)
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
         self._listen_until_ns = 0
@@ -102,7 +102,7 @@ class LogPort:
         self._space_is_low = False
         self._ended = False
         self._probes = Probes()
-        self.listeners = Listeners(router, self.ring, self._comings)
+        self.subscribers = Subscribers(router, self.ring, self._peer_events)
 
     @property
     def loggers(self) -> int:
@@ -120,7 +120,7 @@ class LogPort:
     def links(self, now_ns: int) -> list[Link]:
         """Return the connections of the loggers and the subscribers."""
         loggers = [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
-        return loggers + self.listeners.links(now_ns)
+        return loggers + self.subscribers.links(now_ns)
 
     def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
         """Return what each logger writes, as in `Status.recordings`."""
@@ -138,7 +138,7 @@ class LogPort:
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """Return the newest raw probe of each peer with the current estimate, numbered from `seq`."""
-        peers = [*(logger.peer for logger in self._loggers.values()), *self.listeners.peers]
+        peers = [*(logger.peer for logger in self._loggers.values()), *self.subscribers.peers]
         return self._probes.records(peers, seq)
 
     def listen(self, now_ns: int) -> None:
@@ -159,7 +159,7 @@ class LogPort:
                 self._ping(name, logger)
         self._feed_all()
         self.store.spill()
-        if self.listeners.pump(self._clock(), ended=self._ended, unheard=self._unheard):
+        if self.subscribers.pump(self._clock(), ended=self._ended, unheard=self._unheard):
             self._listen_until_ns = self._clock() + LISTEN_NS
         self.trouble = self._find_trouble()
 
@@ -179,7 +179,7 @@ class LogPort:
         for name, logger in self._loggers.items():
             if not logger.told_end:
                 self._router.send(name, encode(Goodbye("the session is over")))
-        self.listeners.dismiss()
+        self.subscribers.dismiss()
         self._router.close_after_goodbye()
         self.store.close()
 
@@ -196,7 +196,7 @@ class LogPort:
         self._unheard = True
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
-        if not self._allowance.takes(name, len(frame), now_ns):
+        if not self._rate_limit.takes(name, len(frame), now_ns):
             self.refusals.refuse(name, CROWDED, now_ns)
             return
         try:
@@ -209,14 +209,14 @@ class LogPort:
         logger = self._loggers.get(name)
         if logger is not None:
             logger.peer.hear(now_ns)
-        role, kind = "listener" if name in self.listeners else "logger" if logger else "", kind_of(frame)
+        role, kind = "listener" if name in self.subscribers else "logger" if logger else "", kind_of(frame)
         if kind not in MAY_SAY[role]:
             raise WireError(f"a {role} does not send {kind.__name__}" if role else HELLO_FIRST)
         match decode(frame):
             case Hello() as hello:
                 self._greet(name, hello, now_ns)
             case said if logger is None:
-                self.listeners.hear(name, said, now_ns)
+                self.subscribers.hear(name, said, now_ns)
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
                 logger.takes, logger.told_end = True, False
@@ -236,10 +236,10 @@ class LogPort:
             raise WireError(f"this is the log channel, not one for a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
-        if name in (self.listeners if hello.role == "logger" else self._loggers):
+        if name in (self.subscribers if hello.role == "logger" else self._loggers):
             raise WireError(f"it has come as another than a {hello.role}")
         if hello.role == "listener":
-            self.listeners.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
+            self.subscribers.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
             return
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
@@ -247,7 +247,7 @@ class LogPort:
         self._router.owe(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
-            self._comings.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
         logger.cursor = None  # it asks again after the new welcome
 
     def _make_room(self, now_ns: int) -> None:
@@ -260,7 +260,7 @@ class LogPort:
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         logger = self._loggers.pop(name)
-        self._comings.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
+        self._peer_events.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:
         self.free_bytes = free_bytes

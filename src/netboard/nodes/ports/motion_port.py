@@ -24,8 +24,8 @@ from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport import endpoints, fastpath, sockets
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.agent_state import AgentState
-from netboard.nodes.ports.arrivals import Comings, News
 from netboard.nodes.ports.peer import Link, Probes
+from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.refusals import CROWDED, Refusals
 from netboard.nodes.ports.unregistered import UNREGISTERED
 
@@ -79,7 +79,7 @@ class MotionPort:
         self._bound_ns = bound_ns
         self._by_peer: dict[bytes, AgentState] = {}
         self.refusals = Refusals(router, self.news)
-        self._comings = Comings(self.news)
+        self._peer_events = PeerEvents(self.news)
         self._unregistered = np.zeros(1, UNREGISTERED)
         self._looked_at = 0
         self._odd_ns = dict.fromkeys(SIDES, 0)
@@ -279,7 +279,7 @@ class MotionPort:
             self.refusals.refuse(peer, str(error), now_ns)
 
     def _leave(self, agent: AgentState, reason: str, now_ns: int) -> None:
-        self._comings.tell("agent_left", {"side": agent.side, "reason": reason}, now_ns)
+        self._peer_events.tell("agent_left", {"side": agent.side, "reason": reason}, now_ns)
         del self._by_peer[agent.peer]
         self.fast.forget(SIDES.index(agent.side))
         agent.leave()
@@ -300,7 +300,7 @@ class MotionPort:
         if not self._router.send(peer, self._welcome):
             return
         if not taken:
-            self._comings.tell("agent_joined", {"side": agent.side, "name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell("agent_joined", {"side": agent.side, "name": hello.name, **hello.details}, now_ns)
         self._by_peer.pop(agent.peer, None)
         agent.register(peer, hello, now_ns)
         self._by_peer[peer] = agent

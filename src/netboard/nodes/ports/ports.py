@@ -7,7 +7,8 @@ from typing import Any
 
 from netboard.base.config import Config
 from netboard.network.protocol.joining import Welcome
-from netboard.network.transport import authenticator, channels, sockets
+from netboard.network.transport import channels, sockets
+from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.ports.log_port import LogPort
 from netboard.nodes.ports.motion_port import MotionPort
@@ -27,7 +28,7 @@ class Ports:
 
     Parameters
     ----------
-    door : authenticator.Door or None
+    authenticator : Authenticator or None
         Authenticator of the peers; None without authentication.
 
     Attributes
@@ -41,10 +42,10 @@ class Ports:
         config: Config,
         welcome: Welcome,
         context: sockets.Context,
-        door: authenticator.Door | None,
+        authenticator: Authenticator | None,
     ) -> None:
         network = config.network
-        where = channels.addresses(network, door)
+        where = channels.addresses(network, authenticator)
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
         control = sockets.control_server(context, where.listen(channels.CONTROL))
         self.motion = MotionPort(
@@ -54,7 +55,7 @@ class Ports:
         spill = Spill(spill_path(config, welcome.session), welcome, int(network.log_spill_mb * 1e6))
         ring = int(network.log_ring_s * 1000 * RING_SHARE)
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
-        self.views = ViewPort(network, context, door)
+        self.views = ViewPort(network, context, authenticator)
         self.inlets = (motion.socket, control.socket)
 
     def renew(self, welcome: Welcome, ends: Any) -> None:
@@ -69,9 +70,9 @@ class Ports:
         """The refusals of each channel."""
         return self.motion.refusals, self.control.refusals, self.log.refusals
 
-    def refused(self, door: authenticator.Door | None) -> tuple[tuple[str, str, int], ...]:
+    def refused(self, authenticator: Authenticator | None) -> tuple[tuple[str, str, int], ...]:
         """Return the most frequent refusals, of handshakes and on the channels, as in `Status.refused`."""
-        totals = [("handshake", door.totals)] if door is not None else []
+        totals = [("handshake", authenticator.totals)] if authenticator is not None else []
         totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
         found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
         return tuple(sorted(found, key=lambda item: -item[2])[:MOST_REFUSED])

@@ -20,7 +20,7 @@ FULL_NS = 1_000_000_000
 """Silence after which a peer has its full allowance again [ns]."""
 
 
-class Allowance:
+class RateLimit:
     """What each peer may still send.
 
     Parameters

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.record_buffer import LogRing
 from netboard.network.protocol.records import LogBatch
-from netboard.nodes.ports.arrivals import News
+from netboard.nodes.ports.peer_events import News
 from netboard.recording.recovery.spill import Spill
 
 BATCHES = 2

@@ -8,7 +8,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Refusal
 from netboard.network.transport import endpoints
 from netboard.network.transport.refusal_count import RefusalCount
-from netboard.nodes.ports.arrivals import News
+from netboard.nodes.ports.peer_events import News
 
 AGAIN_NS = 1_000_000_000
 """Interval at which the same refusal is sent to its peer again [ns]."""

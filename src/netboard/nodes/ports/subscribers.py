@@ -12,8 +12,8 @@ from netboard.network.protocol.messages import Message
 from netboard.network.protocol.record_buffer import LogRing
 from netboard.network.protocol.records import LogEnd, LogRequest
 from netboard.network.transport import endpoints
-from netboard.nodes.ports.arrivals import Comings
 from netboard.nodes.ports.peer import Link, Peer
+from netboard.nodes.ports.peer_events import PeerEvents
 
 MOST_LISTENERS = 4
 
@@ -35,13 +35,13 @@ class _Listener:
         self.told_end = False
 
 
-class Listeners:
+class Subscribers:
     """The subscribers of a session."""
 
-    def __init__(self, router: endpoints.Router, ring: LogRing, comings: Comings) -> None:
+    def __init__(self, router: endpoints.Router, ring: LogRing, peer_events: PeerEvents) -> None:
         self._router = router
         self._ring = ring
-        self._comings = comings
+        self._peer_events = peer_events
         self._listeners: dict[bytes, _Listener] = {}
 
     def __contains__(self, name: object) -> bool:
@@ -67,7 +67,7 @@ class Listeners:
         self._router.owe(name, encode(welcome))
         if known is None or known.peer.hello != hello:
             self._listeners[name] = _Listener(Peer(hello, now_ns))
-            self._comings.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
+            self._peer_events.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
 
     def hear(self, name: bytes, message: Message, now_ns: int) -> None:
         """Handle a subscriber's message."""
@@ -115,4 +115,4 @@ class Listeners:
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         listener = self._listeners.pop(name)
-        self._comings.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)
+        self._peer_events.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)

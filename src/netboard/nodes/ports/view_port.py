@@ -10,7 +10,8 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tables.rig import Network
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import encode
-from netboard.network.transport import authenticator, channels, sockets
+from netboard.network.transport import channels, sockets
+from netboard.network.transport.authenticator import Authenticator
 from netboard.stage.curtain import Curtain, view_of
 
 SAME_VIEW_TICKS = 50
@@ -31,8 +32,8 @@ class ViewPort:
         Their addresses, and the largest rate of views.
     """
 
-    def __init__(self, network: Network, context: sockets.Context, door: authenticator.Door | None) -> None:
-        where = channels.addresses(network, door)
+    def __init__(self, network: Network, context: sockets.Context, authenticator: Authenticator | None) -> None:
+        where = channels.addresses(network, authenticator)
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
         self._turn: dict[Side, int] = {"left": 0, "right": self._every // 2}

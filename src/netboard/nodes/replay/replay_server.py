@@ -14,8 +14,9 @@ from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.transport import authenticator, channels, endpoints, poller, sockets
-from netboard.nodes.ports.control_port import ControlPort, Wish
+from netboard.network.transport import channels, endpoints, poller, sockets
+from netboard.network.transport.authenticator import Authenticator
+from netboard.nodes.ports.control_port import CommandRequest, ControlPort
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.nodes.replay.replay_answers import ReplayAnswers
@@ -71,7 +72,7 @@ class ReplayServer:
     ----------
     network : Network
         Its addresses, and the largest rate of views.
-    door : authenticator.Door or None
+    authenticator : Authenticator or None
         Authenticator of the peers; None without authentication.
     at : float or None
         Where to begin; None for the start of the block [s].
@@ -82,21 +83,21 @@ class ReplayServer:
         reel: Reel,
         network: Network,
         context: sockets.Context,
-        door: authenticator.Door | None,
+        authenticator: Authenticator | None,
         speed: float = 1.0,
         at: float | None = None,
     ) -> None:
         begin = min(reel.begin if at is None else at, reel.length)
         self.state = ReplayState(reel, Playback(reel.length, begin, now_ns() * 1e-9, speed))
         self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
-        self._door = door
+        self._authenticator = authenticator
         self._over = False
-        where = channels.addresses(network, door)
+        where = channels.addresses(network, authenticator)
         control = sockets.control_server(context, where.listen(channels.CONTROL))
         welcome = Welcome(self.state.session, PROTOCOL_VERSION, now_ns(), reel.text)
         self.control = ControlPort(control, welcome)
         self._answers = ReplayAnswers(self.state, self.control)
-        self._views = ViewPort(network, context, door)
+        self._views = ViewPort(network, context, authenticator)
         what = f"this is a replay of {reel.name}"
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
         records = sockets.log_server(context, where.listen(channels.LOG))
@@ -141,9 +142,9 @@ class ReplayServer:
         self._show(milliseconds)
         self.control.drain(now_ns())
         self.control.answer(self._answers)
-        wishes = list(self.control.wishes)
-        self.control.wishes.clear()
-        return [self._grant(wish) for wish in wishes]
+        requests = list(self.control.requests)
+        self.control.requests.clear()
+        return [self._grant(request) for request in requests]
 
     def _show(self, milliseconds: int) -> None:
         """Send each station its view, if it is due."""
@@ -151,11 +152,11 @@ class ReplayServer:
         seen = reel.ticks[index], self._words[index]
         self._views.show(milliseconds, reel.curtain, *seen, reel.best(index), reel.rest(index))
 
-    def _grant(self, wish: Wish) -> str:
+    def _grant(self, request: CommandRequest) -> str:
         """Carry out a command and reply to it."""
-        command = wish.command
-        accepted, words = self._carry_out(Order(command.name, command.argument), wish.name)
-        self.control.reply(wish, accepted, words[:MOST_LETTERS])
+        command = request.command
+        accepted, words = self._carry_out(Order(command.name, command.argument), request.name)
+        self.control.reply(request, accepted, words[:MOST_LETTERS])
         return words[:MOST_LETTERS]
 
     def _carry_out(self, order: Order, by: str) -> tuple[bool, str]:
@@ -184,9 +185,9 @@ class ReplayServer:
             for name, details in port.news:
                 log.info("%s %s", name, printable(details))
             port.news.clear()
-        if self._door is not None:
-            self._door.attend()
-            for details in self._door.news(now):
+        if self._authenticator is not None:
+            self._authenticator.answer_handshakes()
+            for details in self._authenticator.reports(now):
                 log.info("refused %s", printable(details))
 
     def leave(self) -> None:

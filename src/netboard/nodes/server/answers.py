@@ -40,8 +40,8 @@ class SessionAnswers:
         stage, config, delays = session.stage[0], session.block.config, session.block.delays
         now = now_ns()
         agents = tuple(f"agent.{side}" for side in SIDES if ports.motion.agents[side].hello is not None)
-        loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.listeners)
-        said = session.watch.notice or session.ledger.trouble or ports.log.notice or delays.notice
+        loggers = ("logger",) * ports.log.loggers + ("listener",) * len(ports.log.subscribers)
+        said = session.supervisor.notice or session.attempts.trouble or ports.log.notice or delays.notice
         return Status(
             session=session.session,
             tick=session.number,
@@ -50,8 +50,8 @@ class SessionAnswers:
             trials=config.block.trials + int(stage["extra"]),
             successes=int(stage["successes"]),
             failures=int(stage["failures"]),
-            completions=tuple(session.ledger.completions),
-            late_ticks=session.pace.late_ticks,
+            completions=tuple(session.attempts.completions),
+            late_ticks=session.clock.late_ticks,
             waiting_for=session.missing,
             peers=(*agents, *loggers, *ports.control.peers),
             notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),
@@ -62,19 +62,19 @@ class SessionAnswers:
             study=config.session.study,
             pilot=config.session.pilot,
             consent=config.session.consent,
-            opened=session.desk.opened,
-            armed=session.desk.armed,
-            commander=session.desk.name if ports.control.is_there(session.desk.commander) else "",
+            opened=session.operators.opened,
+            armed=session.operators.armed,
+            commander=session.operators.name if ports.control.is_there(session.operators.commander) else "",
             block=config.block.number,
             blocks=config.block.blocks,
             label=config.block.label,
             condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
             rest=session.rest(now) or 0.0,
-            pending=session.desk.pending,
-            outcomes=len(session.ledger.attempts),
+            pending=session.operators.pending,
+            outcomes=len(session.attempts.finished),
             recordings=ports.log.recordings(now),
             stations=tuple(self._station(side, now) for side in SIDES),
-            refused=ports.refused(session.door),
+            refused=ports.refused(session.authenticator),
         )
 
     def _loops(self) -> tuple[tuple[str, float, float], ...]:
@@ -89,15 +89,15 @@ class SessionAnswers:
         session = self._state
         agent = session.ports.motion.agents[side]
         if agent.hello is None:
-            return side, nan, 0, 0.0, *session.ledger.counts(side)
+            return side, nan, 0, 0.0, *session.attempts.counts(side)
         newest = np.arange(max(session.number - SAFEGUARD_TICKS, 0), session.number) % len(session.rows)
         bits = int(np.bitwise_or.reduce(session.rows[f"{side}_safeguards"][newest], initial=0))
         rendered = float(session.rows[f"{side}_rendered"][(session.number - 1) % len(session.rows)])
-        return side, agent.silent_ns(now) * 1e-9, bits, rendered, *session.ledger.counts(side)
+        return side, agent.silent_ns(now) * 1e-9, bits, rendered, *session.attempts.counts(side)
 
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes of the attempts, starting with attempt number `first`."""
-        return self._state.ledger.outcomes(first)
+        return self._state.attempts.outcomes(first)
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one that are still in the ring."""

@@ -1,6 +1,6 @@
 """The attempts of a session: their outcomes, their flags, and which trials are repeated.
 
-The session passes every tick and every decision of the trial state machine to the `Ledger`. Operators read the
+The session passes every tick and every decision of the trial state machine to `Attempts`. Operators read the
 outcomes. A session that follows a plan also writes them to a journal, from which it resumes after an interruption.
 Nothing here waits for a disk.
 """
@@ -55,7 +55,7 @@ _UNDER_WAY = (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING)
 Event = tuple[str, dict[str, str]]
 
 
-class Ledger:
+class Attempts:
     """Follows the attempts of a session.
 
     Parameters
@@ -77,7 +77,7 @@ class Ledger:
         journal: Journal | None = None,
         progress: Progress | None = None,
     ) -> None:
-        self.attempts: list[Row] = list(progress.outcomes) if progress else []
+        self.finished: list[Row] = list(progress.outcomes) if progress else []
         self.completions: list[float] = []
         self.wanted = 0
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
@@ -204,7 +204,7 @@ class Ledger:
             )
         )
         nothing = float("nan") if completion is None else completion
-        self.attempts.append((self._block, trial, attempt, outcome, nothing, words, repeats))
+        self.finished.append((self._block, trial, attempt, outcome, nothing, words, repeats))
         if again:
             self._repeats = self._repeats.ask(trial)
             self.wanted += 1
@@ -217,7 +217,7 @@ class Ledger:
 
     def outcomes(self, first: int) -> Outcomes:
         """Return outcomes starting with attempt number `first`, at most `MOST_ROWS` of them."""
-        return Outcomes(max(first, 0), tuple(self.attempts[max(first, 0) :][:MOST_ROWS]))
+        return Outcomes(max(first, 0), tuple(self.finished[max(first, 0) :][:MOST_ROWS]))
 
     def counts(self, side: Side) -> tuple[int, int]:
         """Count the current attempt's ticks without a fresh sample of a side, and those with its force clamped."""
@@ -226,11 +226,11 @@ class Ledger:
         counted, place = self._referee.counted, SIDES.index(side)
         return int(counted["lost"][place]), int(counted["clipped"][place])
 
-    def ask(self, wish: str, argument: str, present: int) -> int:
+    def ask(self, command: str, argument: str, present: int) -> int:
         """Order the repeat of a trial, or cancel it ("veto"); return the trial's number."""
         if argument and not argument.isdigit():
-            raise NetboardError(f'{wish}: found "{argument}", expected the number of a trial')
-        if wish == "repeat":
+            raise NetboardError(f'{command}: found "{argument}", expected the number of a trial')
+        if command == "repeat":
             trial = int(argument or present - 1)
             why_not = self._repeats.why_not_ask(trial, present)
         else:
@@ -238,7 +238,7 @@ class Ledger:
             why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is to come in this block"
         if why_not:
             raise NetboardError(why_not)
-        if wish == "repeat":
+        if command == "repeat":
             self._repeats = self._repeats.ask(trial)
             self._write(Repeat(self._block, trial))
         else:

@@ -20,7 +20,7 @@ class BlockChanges:
     def begin_session(self) -> None:
         """Open the session, or wait for its form."""
         state = self._state
-        if state.ledger.opened or not state.programme.planned or state.block.config.session.ready:
+        if state.attempts.opened or not state.sequence.planned or state.block.config.session.ready:
             self.open()
         else:
             state.enter_block()
@@ -28,11 +28,11 @@ class BlockChanges:
     def open(self) -> None:
         """Open the session: record everything from now on."""
         state = self._state
-        state.block = state.programme.block
-        state.ledger.open(state.block.config, state.session)
-        state.desk.opened = state.chronicle.opened = True
+        state.block = state.sequence.block
+        state.attempts.open(state.block.config, state.session)
+        state.operators.opened = state.event_log.opened = True
         self._begin_block()
-        state.chronicle.catch_up(state.number)
+        state.event_log.catch_up(state.number)
 
     def details_of(self, trial: int) -> dict[str, str]:
         """Return what the plan says of a trial, as event details."""
@@ -45,8 +45,8 @@ class BlockChanges:
     def skip_block(self) -> None:
         """Begin the next block with the next tick."""
         self._due = self._state.number + 1
-        self._state.desk.end_after = False
-        self._state.ledger.give_up()
+        self._state.operators.end_after = False
+        self._state.attempts.give_up()
 
     def change_if_due(self, number: int) -> None:
         """Begin the next block if that is due at this tick, or end the session if an operator asked for that."""
@@ -54,20 +54,20 @@ class BlockChanges:
             return
         self._due = -1
         state = self._state
-        if state.desk.end_after:
+        if state.operators.end_after:
             state.end_requested = True
-        elif not state.programme.last:
-            state.programme.next()
+        elif not state.sequence.last:
+            state.sequence.next()
             self._begin_block()
 
     def _begin_block(self) -> None:
-        """Begin the programme's block: all following records belong to it."""
+        """Begin the current block of the sequence: all following records belong to it."""
         self._due = -1
         state = self._state
         state.enter_block()
         config = state.block.config
         self._details = TrialDetails(config)
-        state.ledger.begin(config, state.number)
+        state.attempts.begin(config, state.number)
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
         state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.text})

@@ -18,7 +18,7 @@ from netboard.task.trials.unrelated import Unrelated, unrelated_of
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class PreparedBlock:
     """A block that can begin at any moment.
 
     Attributes
@@ -51,7 +51,7 @@ class Ready:
         return found
 
 
-class Programme:
+class BlockSequence:
     """The blocks of a session in order, and the current one.
 
     Parameters
@@ -64,7 +64,7 @@ class Programme:
         self, configs: Sequence[Config], remake: Callable[[Session], Sequence[Config]] | None = None, place: int = 0
     ) -> None:
         self._watches: dict[Any, Delays] = {}
-        self._blocks = [_ready(config, self._watches) for config in configs]
+        self._blocks = [_prepared(config, self._watches) for config in configs]
         self._remake = remake
         self._place = place
         self.block = self._blocks[place]
@@ -79,7 +79,7 @@ class Programme:
         """Whether the session follows a plan, rather than being a single block."""
         return self._remake is not None
 
-    def next(self) -> Ready:
+    def next(self) -> PreparedBlock:
         """Go on to the next block."""
         self._place += 1
         self.block = self._blocks[self._place]
@@ -88,11 +88,11 @@ class Programme:
     def open(self, session: Session) -> None:
         """Prepare all blocks again for the session that its form describes."""
         assert self._remake is not None
-        self._blocks = [_ready(config, self._watches) for config in self._remake(session)]
+        self._blocks = [_prepared(config, self._watches) for config in self._remake(session)]
         self.block = self._blocks[self._place]
 
 
-def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
+def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
     """Prepare a block."""
     stage = make_stage(config)
     stage.warm()
@@ -100,7 +100,7 @@ def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
     scene = config.physics, config.virtual, config.network.delay_action
     if scene not in watches:
         watches[scene] = Delays(config)
-    return Ready(
+    return PreparedBlock(
         config=config,
         text=resolve(config),
         stage=stage,

@@ -13,7 +13,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.nodes.ports.log_port import LogPort
-from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.attempts import Attempts
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import Cause
 
@@ -23,7 +23,7 @@ SUMMED = "stood_still"
 """Event whose consecutive repeats are summed in the process log, because a machine that stalls tends to stall again."""
 
 
-class Chronicle:
+class EventLog:
     """Numbers the events of a session and appends them to the log."""
 
     def __init__(self, port: LogPort) -> None:
@@ -72,11 +72,11 @@ class Chronicle:
         if self.opened:
             self._port.append(encode(message))
 
-    def keep_frames(self, frames: Iterable[FrameRecord], ledger: Ledger) -> None:
-        """Record painted frames, and pass them to the ledger."""
+    def keep_frames(self, frames: Iterable[FrameRecord], attempts: Attempts) -> None:
+        """Record painted frames, and pass them to the attempts."""
         for frame in frames:
             self.record(frame)
-            ledger.painted(frame)
+            attempts.painted(frame)
 
     def record_probes(self, probes: Iterable[ClockRecord]) -> None:
         """Record clock probes, which are numbered from `probes` on."""

@@ -2,9 +2,9 @@
 
 from netboard.base.errors import NetboardError
 from netboard.nodes.ports import emergency
-from netboard.nodes.ports.control_port import Wish
+from netboard.nodes.ports.control_port import CommandRequest
 from netboard.nodes.server.block_changes import BlockChanges
-from netboard.nodes.server.commands import Decision, Situation, form_of, note_of
+from netboard.nodes.server.operators import Decision, Situation, form_of, note_of
 from netboard.nodes.server.state import SessionState
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -15,24 +15,24 @@ class OperatorRequests:
     def __init__(self, state: SessionState, blocks: BlockChanges) -> None:
         self._state, self._blocks = state, blocks
 
-    def obey(self, wish: Wish) -> Cause:
+    def obey(self, request: CommandRequest) -> Cause:
         """Decide on a command, carry it out, reply and record it; return the cause for the trial state machine."""
-        state, command = self._state, wish.command
-        control, desk, programme = state.ports.control, state.desk, state.programme
-        if desk.commander and not control.is_there(desk.commander):
-            desk.leave()
-        situation = Situation(state.phase, state.lacks(), programme.last, programme.planned)
-        decision = desk.decide(command.name, wish.who, wish.name, situation)
+        state, command = self._state, request.command
+        control, operators, sequence = state.ports.control, state.operators, state.sequence
+        if operators.commander and not control.is_there(operators.commander):
+            operators.leave()
+        situation = Situation(state.phase, state.lacks(), sequence.last, sequence.planned)
+        decision = operators.decide(command.name, request.who, request.name, situation)
         if decision.accepted:
             decision = self._carry_out(command.name, command.argument, decision)
-        control.reply(wish, decision.accepted, decision.reason)
+        control.reply(request, decision.accepted, decision.reason)
         outcome = {"accepted": str(decision.accepted).lower(), "reason": decision.reason}
-        details = {"name": command.name, "argument": command.argument, "by": wish.name, **outcome}
+        details = {"name": command.name, "argument": command.argument, "by": request.name, **outcome}
         state.note("command", {name: value for name, value in details.items() if value})
         if decision.accepted and decision.cause:
-            state.watch.obeyed()
+            state.supervisor.obeyed()
         elif not decision.accepted:
-            state.watch.refused(decision.reason)
+            state.supervisor.refused(decision.reason)
         return decision.cause
 
     def _carry_out(self, name: str, argument: str, decision: Decision) -> Decision:
@@ -43,21 +43,21 @@ class OperatorRequests:
                 case "end":
                     state.end_requested = True
                 case emergency.STOP:
-                    state.set_alarm(state.alarm.halt("emergency stop by an operator"))
+                    state.update_arming(state.emergency_stop.halt("emergency stop by an operator"))
                 case emergency.RELEASE:
-                    state.watch.await_operator()
-                    state.set_alarm(state.alarm.release())
+                    state.supervisor.await_operator()
+                    state.update_arming(state.emergency_stop.release())
                 case "arm" | "disarm":
-                    state.set_alarm([])
+                    state.update_arming([])
                 case "open":
-                    state.programme.open(form_of(argument, state.block.config.session))
+                    state.sequence.open(form_of(argument, state.block.config.session))
                     self._blocks.open()
                 case "repeat" | "veto":
-                    trial = state.ledger.ask(name, argument, int(state.stage[0]["trial"]))
+                    trial = state.attempts.ask(name, argument, int(state.stage[0]["trial"]))
                     how = "is repeated" if name == "repeat" else "is not repeated"
                     return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
                 case "note":
-                    state.ledger.note(*note_of(argument, state.number))
+                    state.attempts.note(*note_of(argument, state.number))
                 case "next":
                     self._blocks.skip_block()
                     return decision if state.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)

@@ -61,7 +61,7 @@ class RecordKeeping:
     def keep_frames(self, most: int | None = FRAMES_A_TICK) -> None:
         """Record the painted frames that displays have reported, at most this many [1]."""
         state = self._state
-        state.chronicle.keep_frames(state.ports.control.take_frames(most), state.ledger)
+        state.event_log.keep_frames(state.ports.control.take_frames(most), state.attempts)
 
     def keep(self, now: int) -> None:
         """Record clock probes, samples that arrived late, and the news of all ports [ns]."""
@@ -69,10 +69,10 @@ class RecordKeeping:
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             for port in (state.ports.motion, state.ports.control, self._log):
-                state.chronicle.record_probes(port.clock_records(state.chronicle.probes))
-        if state.desk.opened:
+                state.event_log.record_probes(port.clock_records(state.event_log.probes))
+        if state.operators.opened:
             for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
-                state.chronicle.record(record)
+                state.event_log.record(record)
         self._keep_news(now)
 
     def _keep_news(self, now: int) -> None:
@@ -85,7 +85,7 @@ class RecordKeeping:
                 if name == "agent_joined":
                     delays.know("left" if details["side"] == "left" else "right", details)
             port.news.clear()
-        for details in state.door.news(now) if state.door is not None else ():
+        for details in state.authenticator.reports(now) if state.authenticator is not None else ():
             state.note("refused", details)
         self._log.pump(now)
 
@@ -95,11 +95,11 @@ class RecordKeeping:
         self.keep_frames(None)
         for refusals in state.ports.refusals:
             refusals.settle()
-        for details in state.door.rest() if state.door is not None else ():
+        for details in state.authenticator.final_reports() if state.authenticator is not None else ():
             state.note("refused", details)
         self._keep_news(now_ns())
         state.ports.goodbye("the session is over")
-        state.note("session_ended", {"late_ticks": str(state.pace.late_ticks)})
+        state.note("session_ended", {"late_ticks": str(state.clock.late_ticks)})
         self._keep_news(now_ns())
         self._log.end()
         self._ended_ns = now_ns()
@@ -120,4 +120,4 @@ class RecordKeeping:
         self._state.ports.close()
         if self._log.store.shortfall:
             log.error("%s", self._log.store.shortfall)
-        self._state.ledger.close()
+        self._state.attempts.close()

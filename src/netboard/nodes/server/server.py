@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 from netboard.base.clock import now_ns
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
-from netboard.network.transport import authenticator, poller, sockets
+from netboard.network.transport import poller, sockets
+from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports import samples
-from netboard.nodes.server.attempts import Ledger
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.attempts import Attempts
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.session import Session
 
 log = logging.getLogger(__name__)
@@ -28,22 +29,22 @@ class Server:
 
     Parameters
     ----------
-    doors : sequence of authenticator.Door or None
+    authenticators : sequence of Authenticator or None
         Authenticator of each dyad's peers; None without authentication.
     """
 
     def __init__(
         self,
-        sessions: Sequence[tuple[Programme, Ledger]],
+        sessions: Sequence[tuple[BlockSequence, Attempts]],
         context: sockets.Context,
-        doors: Sequence[authenticator.Door | None],
+        authenticators: Sequence[Authenticator | None],
         *,
         autostart: bool,
     ) -> None:
         samples.warm()
         self.sessions = [
-            Session(programme, ledger, context, door, autostart=autostart)
-            for (programme, ledger), door in zip(sessions, doors, strict=True)
+            Session(sequence, attempts, context, authenticator, autostart=autostart)
+            for (sequence, attempts), authenticator in zip(sessions, authenticators, strict=True)
         ]
 
     @property

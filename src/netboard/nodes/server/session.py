@@ -15,12 +15,13 @@ from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
-from netboard.network.transport import authenticator, sockets
+from netboard.network.transport import sockets
+from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports import samples
 from netboard.nodes.server.answers import SessionAnswers
-from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.block_changes import BlockChanges
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.record_keeping import RecordKeeping
@@ -44,9 +45,9 @@ class Session:
 
     Parameters
     ----------
-    ledger : Ledger
+    attempts : Attempts
         Outcomes of the attempts in earlier runs of the session.
-    door : authenticator.Door or None
+    authenticator : Authenticator or None
         Authenticator of the peers; None without authentication.
 
     Attributes
@@ -59,20 +60,20 @@ class Session:
 
     def __init__(
         self,
-        programme: Programme,
-        ledger: Ledger,
+        sequence: BlockSequence,
+        attempts: Attempts,
         context: sockets.Context,
-        door: authenticator.Door | None,
+        authenticator: Authenticator | None,
         *,
         autostart: bool,
     ) -> None:
-        state = self._state = SessionState(programme, ledger, context, door, autostart=autostart)
+        state = self._state = SessionState(sequence, attempts, context, authenticator, autostart=autostart)
         self._blocks = BlockChanges(state)
         self._requests = OperatorRequests(state, self._blocks)
         self._answers = SessionAnswers(state)
         self.records = RecordKeeping(state)
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
-        self._pace = state.pace
+        self._clock = state.clock
         self.inlets = state.ports.inlets
         self._stopping = False
         self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
@@ -80,7 +81,7 @@ class Session:
     @property
     def wake_ns(self) -> int:
         """When the session wants to run next if no message arrives first [ns]."""
-        return self._pace.wake_ns
+        return self._clock.wake_ns
 
     def begin(self, due_ns: int, machine: dict[str, str]) -> None:
         """Make the first tick due at a time [ns].
@@ -90,7 +91,7 @@ class Session:
         machine : dict of str
             Real-time settings that the process got from its machine, for the recording.
         """
-        self._pace.begin(due_ns)
+        self._clock.begin(due_ns)
         self._state.note("session_started", {"session": self._state.session, **machine})
         self._blocks.begin_session()
 
@@ -106,30 +107,30 @@ class Session:
         The motion channel is read last, until it is empty, because its socket only then signals again. If it holds more
         than one tick can take, the rest is read at the next tick, signalled or not.
         """
-        pace, state = self._pace, self._state
+        clock, state = self._clock, self._state
         if self.records.ending:
             now = now_ns()
             self.records.go_on_ending(now)
-            pace.wake_ns = now + TICK_NS
+            clock.wake_ns = now + TICK_NS
             return
         idle = state.idle
-        self._motion.drain(now_ns, pace.due_ns, motion)
+        self._motion.drain(now_ns, clock.due_ns, motion)
         now = now_ns()
-        if moved_ns := pace.catch_up(now, idle):
+        if moved_ns := clock.catch_up(now, idle):
             state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
-        elif pace.is_time(now, self._motion.complete):
-            self._tick(pace.due_ns, now - pace.due_ns)
-        self._motion.drain(now_ns, pace.due_ns)
+        elif clock.is_time(now, self._motion.complete):
+            self._tick(clock.due_ns, now - clock.due_ns)
+        self._motion.drain(now_ns, clock.due_ns)
         self._unheard |= control
         self._do_a_little(now_ns())
         if state.end_requested:
             self._end()
             return
-        pace.sleep(state.idle, self._motion.complete)
+        clock.sleep(state.idle, self._motion.complete)
         if self._unheard or self._motion.unheard:
-            pace.wake_ns = min(pace.wake_ns, self._hear_ns)
+            clock.wake_ns = min(clock.wake_ns, self._hear_ns)
 
     def _do_a_little(self, now: int) -> None:
         """Do a bounded part of the work that can wait, once a millisecond.
@@ -139,21 +140,21 @@ class Session:
         if now < self._hear_ns:
             return
         self._hear_ns = now + TICK_NS
-        self._motion.attend(now, self._pace.due_ns)
+        self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
         self._unheard = self._unheard and self._control.drain(now)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
         self.records.keep_frames()
-        if self._state.door is not None:
-            self._state.door.attend()
+        if self._state.authenticator is not None:
+            self._state.authenticator.answer_handshakes()
 
     def _end(self) -> None:
         """Stop the block, and begin to end."""
         if self._state.phase != Phase.FINISHED:
             self._stopping = True
-            self._tick(self._pace.due_ns, max(0, now_ns() - self._pace.due_ns))
+            self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
         self.records.end()
 
     # --- ticks -----------------------------------------------------------------------------------------------------
@@ -169,20 +170,20 @@ class Session:
         if block.robots or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
         active = state.active
-        trouble = self._pace.gap or self._log.trouble or block.delays.trouble
+        trouble = self._clock.gap or self._log.trouble or block.delays.trouble
         # In an undisturbed trial no command can be due, and asking for one would delay the forces.
-        asks = state.desk.pause_after or state.ledger.wanted or self._control.wishes or self._stopping
+        asks = state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping
         if not active or found != _ALL_FINE or trouble or asks:
             words[_COMMAND] = self._command(found)
         block.stage.advance(state.stage, state.rows, number)
-        halted = bool(state.alarm.halted)
+        halted = bool(state.emergency_stop.halted)
         if active and block.config.block.haptics and not halted:
             self._motion.force(words, block.stage.told(state.words, number))
         else:
             self._motion.beat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
-        self._pace.began(late_ns)
+        self._clock.began(late_ns)
         self._count(1)
         if number % HOUSE_TICKS == 0:
             self._keep_house()
@@ -192,8 +193,8 @@ class Session:
     def _idle_ticks(self, now: int) -> None:
         """Run all due ticks together."""
         state = self._state
-        due_ns, first = self._pace.due_ns, state.number
-        count = min(self._pace.how_many(now), RING_ROWS)
+        due_ns, first = self._clock.due_ns, state.number
+        count = min(self._clock.how_many(now), RING_ROWS)
         if count < 1:
             return
         for number in range(first, first + count):
@@ -209,16 +210,16 @@ class Session:
         state = self._state
         for number in range(state.number, state.number + count):
             words = state.words[number % RING_ROWS]
-            if state.desk.opened:
+            if state.operators.opened:
                 self._log.append(_RECORD_HEAD + words.tobytes())
             if words[_EVENT]:
                 self._happened(number)
         state.number += count
-        self._pace.did(count)
+        self._clock.did(count)
         newest = (state.number - 1) % RING_ROWS
         rest = state.rest(now_ns()) if state.rest_until_ns else None
         seen = state.rows[newest], state.words[newest]
-        state.ports.views.show(state.number, state.block.curtain, *seen, state.ledger.best, rest)
+        state.ports.views.show(state.number, state.block.curtain, *seen, state.attempts.best, rest)
 
     def _command(self, found: int) -> Cause:
         """Return the command of a tick: from the supervisor, from an earlier request, or from an operator."""
@@ -226,17 +227,17 @@ class Session:
         if found & (_STOPPED | _TRIPPED):
             row = state.rows[state.number % RING_ROWS]
             bits = {side: int(row[f"{side}_safeguards"]) for side in SIDES}
-            state.set_alarm(state.alarm.look(found, bits, now_ns()))
+            state.update_arming(state.emergency_stop.look(found, bits, now_ns()))
         if self._stopping:
             return Cause.STOP
         phase = state.phase
-        missing = state.missing if state.desk.opened else (*state.missing, "the session's form")
+        missing = state.missing if state.operators.opened else (*state.missing, "the session's form")
         trouble = state.readiness.trouble(state.block, found, now_ns())
-        first = state.watch.command(state.number, phase, missing, trouble)
-        first = first or state.ledger.take_wanted(phase) or state.desk.due(phase)
-        if first or not self._control.wishes:
+        first = state.supervisor.command(state.number, phase, missing, trouble)
+        first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
+        if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
-        return self._requests.obey(self._control.wishes.pop(0))
+        return self._requests.obey(self._control.requests.pop(0))
 
     def _happened(self, number: int) -> None:
         """Record what the stage has decided."""
@@ -246,10 +247,10 @@ class Session:
         details = change_of(cause, row, stage) | self._blocks.details_of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:
-                state.watch.faulted(STAGE_FAULT)
-            details["notice"] = state.watch.notice
+                state.supervisor.faulted(STAGE_FAULT)
+            details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)
-        for name, judged in state.ledger.happened(cause, row, stage, state.rows, number):
+        for name, judged in state.attempts.happened(cause, row, stage, state.rows, number):
             state.note(name, judged)
         if cause == Cause.LAST:
             self._blocks.finish_block(number)
@@ -266,7 +267,7 @@ class Session:
         self._motion.expire(now)
         felt = state.active and state.block.config.block.haptics
         state.block.delays.look(self._motion.loops_ns, felt=felt)
-        state.ledger.look(state.rows, state.number)
+        state.attempts.look(state.rows, state.number)
         state.missing = state.lacks()
         self._control.pump(now)
         self._unheard = True  # look at the control channel even without a signal, which may have been missed

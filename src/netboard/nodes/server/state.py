@@ -9,16 +9,17 @@ from netboard.base.config import SIDES
 from netboard.base.tick import STATE, TICK
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.transport import authenticator, sockets
-from netboard.nodes.ports.emergency import Alarm, Event
+from netboard.network.transport import sockets
+from netboard.network.transport.authenticator import Authenticator
+from netboard.nodes.ports.emergency import EmergencyStop, Event
 from netboard.nodes.ports.ports import Ports
-from netboard.nodes.server.attempts import Ledger
-from netboard.nodes.server.blocks import Programme
-from netboard.nodes.server.commands import Desk
-from netboard.nodes.server.event_log import Chronicle
+from netboard.nodes.server.attempts import Attempts
+from netboard.nodes.server.blocks import BlockSequence
+from netboard.nodes.server.event_log import EventLog
+from netboard.nodes.server.operators import Operators
 from netboard.nodes.server.readiness import Readiness
 from netboard.nodes.server.supervision import Supervisor
-from netboard.nodes.server.tick_clock import Pace
+from netboard.nodes.server.tick_clock import TickClock
 from netboard.task.trials.state_machine import Phase
 
 RING_ROWS = 1024
@@ -50,23 +51,23 @@ class SessionState:
 
     def __init__(
         self,
-        programme: Programme,
-        ledger: Ledger,
+        sequence: BlockSequence,
+        attempts: Attempts,
         context: sockets.Context,
-        door: authenticator.Door | None,
+        authenticator: Authenticator | None,
         *,
         autostart: bool,
     ) -> None:
         self.session = uuid.uuid4().hex
-        self.programme, self.ledger, self.door = programme, ledger, door
-        self.block = programme.block
-        self.ports = Ports(self.block.config, self._welcome(), context, door)
-        self.pace = Pace()
-        self.watch = Supervisor(autostart)
-        self.alarm = Alarm()
-        self.desk = Desk(opened=False, armed=autostart or not programme.planned)
-        self.readiness = Readiness(self.ports, self.desk, self.alarm, self.pace)
-        self.chronicle = Chronicle(self.ports.log)
+        self.sequence, self.attempts, self.authenticator = sequence, attempts, authenticator
+        self.block = sequence.block
+        self.ports = Ports(self.block.config, self._welcome(), context, authenticator)
+        self.clock = TickClock()
+        self.supervisor = Supervisor(autostart)
+        self.emergency_stop = EmergencyStop()
+        self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
+        self.readiness = Readiness(self.ports, self.operators, self.emergency_stop, self.clock)
+        self.event_log = EventLog(self.ports.log)
         self.rows = np.zeros(RING_ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
         self.number = 0
@@ -74,7 +75,7 @@ class SessionState:
         self.rest_until_ns = 0
         self.questionnaires = ""
         self.end_requested = False
-        self.set_alarm([])
+        self.update_arming([])
 
     def _welcome(self) -> Welcome:
         return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
@@ -95,9 +96,9 @@ class SessionState:
         return self.ports.motion.empty and not self.active
 
     def enter_block(self) -> None:
-        """Make the programme's block the current one."""
-        block = self.block = self.programme.block
-        self.stage = block.stage.initial(**self.ledger.place(block.config.block.number))
+        """Make the current block of the sequence that of the session."""
+        block = self.block = self.sequence.block
+        self.stage = block.stage.initial(**self.attempts.place(block.config.block.number))
         self._phase_word = self.stage.view(np.int64)[(STATE.names or ()).index("phase") :]
         for side in SIDES:  # with a force delay the first ticks would otherwise send forces of the last block
             self.rows[f"{side}_force"] = 0.0
@@ -118,14 +119,14 @@ class SessionState:
     def lacks(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now = now_ns()
-        return self.readiness.lacks(self.block, self.watch.autostart and self.rest(now) is not None, now)
+        return self.readiness.lacks(self.block, self.supervisor.autostart and self.rest(now) is not None, now)
 
-    def set_alarm(self, events: list[Event]) -> None:
+    def update_arming(self, events: list[Event]) -> None:
         """Record the events of an emergency stop; the next heartbeat tells the devices."""
-        self.ports.motion.may_arm = self.desk.armed and not self.alarm.halted
+        self.ports.motion.may_arm = self.operators.armed and not self.emergency_stop.halted
         for name, details in events:
             self.note(name, details)
 
     def note(self, name: str, details: dict[str, str]) -> None:
         """Record an event with the current tick."""
-        self.chronicle.note(self.number, name, details)
+        self.event_log.note(self.number, name, details)

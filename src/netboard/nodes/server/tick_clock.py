@@ -20,7 +20,7 @@ IDLE_TICKS = 25
 """Ticks that run together while the session is idle [1]."""
 
 
-class Pace:
+class TickClock:
     """Counts the ticks by their deadlines.
 
     Attributes

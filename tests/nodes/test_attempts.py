@@ -1,4 +1,4 @@
-"""The ledger of a session, told by a real trial machine, with a journal on a real disk: what it says is what was done.
+"""The attempts of a session, with the real state machine and a journal on a real disk: it says what was done.
 
 Board and ball are put where they end a trial; whatever else happens, happens by commands at random.
 """
@@ -15,7 +15,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import NetboardError
 from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol.records import FrameRecord
-from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.attempts import Attempts
 from netboard.recording.recovery.journal_file import Journal
 from netboard.stage.stage import make_stage
 from netboard.task.journal.entries import (
@@ -43,16 +43,16 @@ def config_of(block: Planned, *settings: str) -> Config:
 
 
 class Table:
-    """A block that is played: what a session does with its stage and its ledger."""
+    """A block that is played: what a session does with its stage and its attempts."""
 
-    def __init__(self, ledger: Ledger, block: Planned, tick: int = 0, *settings: str) -> None:
-        self.ledger, self.tick = ledger, tick
+    def __init__(self, attempts: Attempts, block: Planned, tick: int = 0, *settings: str) -> None:
+        self.attempts, self.tick = attempts, tick
         self.config = config_of(block, *settings)
         self.stage = make_stage(self.config)
-        self.state = self.stage.initial(**ledger.place(block.number))
+        self.state = self.stage.initial(**attempts.place(block.number))
         self.rows = np.zeros(64, TICK)
         self.told: list[tuple[str, dict[str, str]]] = []
-        ledger.begin(self.config, tick)
+        attempts.begin(self.config, tick)
 
     @property
     def now(self) -> Any:
@@ -68,14 +68,14 @@ class Table:
         self.rows[place] = np.zeros((), TICK)
         row = self.rows[place]
         row["tick"], row["time_ns"], row["late_ns"] = self.tick, self.tick * TICK_NS, late_ns
-        row["command"] = command or self.ledger.take_wanted(self.phase)
+        row["command"] = command or self.attempts.take_wanted(self.phase)
         self.stage.advance(self.state, self.rows, self.tick)
         cause = Cause(int(row["event"]))
         if cause:
-            self.told += self.ledger.happened(cause, row, self.now, self.rows, self.tick)
+            self.told += self.attempts.happened(cause, row, self.now, self.rows, self.tick)
         self.tick += 1
         if self.tick % 10 == 0:
-            self.ledger.look(self.rows, self.tick)
+            self.attempts.look(self.rows, self.tick)
 
     def until(self, *phases: Phase, late_ns: int = 0) -> None:
         """Let the trial go on to a phase: the board is level, the ball in the target."""
@@ -101,14 +101,14 @@ class Table:
 
     def wish(self, what: str, argument: str = "") -> None:
         """What an operator asks for."""
-        self.ledger.ask(what, argument, int(self.now["trial"]))
+        self.attempts.ask(what, argument, int(self.now["trial"]))
         self.do(Cause.REPEAT if what == "repeat" else Cause.VETO)
 
 
-def opened(path: Path) -> Ledger:
-    ledger = Ledger(lambda config: Journal.create(path, HEADER))
-    ledger.open(config_of(PLAN[0]), "run 1")
-    return ledger
+def opened(path: Path) -> Attempts:
+    attempts = Attempts(lambda config: Journal.create(path, HEADER))
+    attempts.open(config_of(PLAN[0]), "run 1")
+    return attempts
 
 
 def entries_of(path: Path) -> list[Entry]:
@@ -124,13 +124,13 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "D03_S01.journal.jsonl"
 
 
-def outcomes(ledger: Ledger) -> list[tuple[int, int, int, str]]:
-    return [row[:4] for row in ledger.outcomes(0).attempts]
+def outcomes(attempts: Attempts) -> list[tuple[int, int, int, str]]:
+    return [row[:4] for row in attempts.outcomes(0).attempts]
 
 
 def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
-    ledger = opened(path)
-    table = Table(ledger, PLAN[2])
+    attempts = opened(path)
+    table = Table(attempts, PLAN[2])
     table.do(Cause.START)
     table.fail()
     table.succeed()
@@ -150,13 +150,13 @@ def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
         *((3, 3, 1, "paused"), (3, 3, 1, "skipped")),
         (3, 4, 1, "success"),
     ]
-    assert outcomes(ledger) == expected
+    assert outcomes(attempts) == expected
     assert [(details["trial"], details["outcome"]) for _, details in table.told] == [
         (str(row[1]), row[3]) for row in expected
     ]
-    assert len(ledger.completions) == 2
-    assert ledger.best == min(ledger.completions)
-    ledger.close()
+    assert len(attempts.completions) == 2
+    assert attempts.best == min(attempts.completions)
+    attempts.close()
     entries = entries_of(path)
     assert isinstance(entries[0], Opened)
     assert entries[0].form["dyad"] == "D03"
@@ -167,28 +167,28 @@ def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
 
 @pytest.mark.parametrize("paused", [False, True])
 def test_the_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
-    ledger = opened(path)
-    table = Table(ledger, PLAN[1])
+    attempts = opened(path)
+    table = Table(attempts, PLAN[1])
     table.do(Cause.START)
     if paused:
         table.pause()
     table.do(Cause.SKIP)
     assert table.phase == Phase.FINISHED
-    assert outcomes(ledger)[-1] == (2, 1, 1, "skipped")
-    ledger.close()
+    assert outcomes(attempts)[-1] == (2, 1, 1, "skipped")
+    attempts.close()
     assert entries_of(path)[-2] == BlockEnded(2, "finished")
 
 
 def test_a_block_that_is_stopped_is_not_over_and_one_that_is_given_up_is(path: Path) -> None:
-    ledger = opened(path)
-    table = Table(ledger, PLAN[0])
+    attempts = opened(path)
+    table = Table(attempts, PLAN[0])
     table.do(Cause.START)
     table.succeed()
     table.do(Cause.STOP)
-    assert outcomes(ledger)[-1] == (1, 2, 1, "aborted")
-    ledger.give_up()
-    Table(ledger, PLAN[1], table.tick).do(Cause.START)
-    ledger.close()
+    assert outcomes(attempts)[-1] == (1, 2, 1, "aborted")
+    attempts.give_up()
+    Table(attempts, PLAN[1], table.tick).do(Cause.START)
+    attempts.close()
     progress = progress_in(path)
     assert (progress.done, progress.block, progress.begun) == ((1,), 2, True)
     ends = [entry for entry in entries_of(path) if isinstance(entry, BlockEnded)]
@@ -196,28 +196,28 @@ def test_a_block_that_is_stopped_is_not_over_and_one_that_is_given_up_is(path: P
 
 
 def test_a_doubtful_trial_comes_again_at_the_end_by_the_rule(path: Path) -> None:
-    ledger = opened(path)
-    table = Table(ledger, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
+    attempts = opened(path)
+    table = Table(attempts, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
     table.do(Cause.START)
     table.succeed()
-    flags = [row[5] for row in ledger.attempts]
+    flags = [row[5] for row in attempts.finished]
     table.succeed(late_ns=10**6)
-    assert "late_ticks" in ledger.attempts[-1][5].split(",")
+    assert "late_ticks" in attempts.finished[-1][5].split(",")
     assert "late_ticks" not in flags[0]
     extra = int(table.now["extra"])
-    assert extra == len([row for row in ledger.attempts if row[5]])
+    assert extra == len([row for row in attempts.finished if row[5]])
     while table.phase != Phase.FINISHED:
         table.succeed()
-    repeats = [row[6] for row in ledger.attempts if row[6]]
-    assert repeats == [row[1] for row in ledger.attempts[:3] if row[5]]
-    ledger.close()
+    repeats = [row[6] for row in attempts.finished if row[6]]
+    assert repeats == [row[1] for row in attempts.finished[:3] if row[5]]
+    attempts.close()
     progress = progress_in(path)
     assert 1 in progress.done
 
 
 def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
-    ledger = opened(path)
-    table = Table(ledger, PLAN[0])
+    attempts = opened(path)
+    table = Table(attempts, PLAN[0])
     with pytest.raises(NetboardError, match="no trial is done"):
         table.wish("repeat")
     table.do(Cause.START)
@@ -235,22 +235,22 @@ def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
     table.succeed()
     table.succeed()
     assert table.phase == Phase.FINISHED
-    assert ledger.attempts[-1][1:4:2] == (4, "success")
-    assert ledger.attempts[-1][6] == 2
-    ledger.close()
+    assert attempts.finished[-1][1:4:2] == (4, "success")
+    assert attempts.finished[-1][6] == 2
+    attempts.close()
 
 
 def test_a_session_without_a_journal_has_a_ledger_all_the_same() -> None:
-    ledger = Ledger()
-    ledger.open(config_of(PLAN[1]), "run")
-    table = Table(ledger, PLAN[1])
+    attempts = Attempts()
+    attempts.open(config_of(PLAN[1]), "run")
+    table = Table(attempts, PLAN[1])
     table.do(Cause.START)
     table.succeed()
-    ledger.note("all well", table.tick)
-    assert outcomes(ledger) == [(2, 1, 1, "success")]
-    assert (ledger.trouble, ledger.opened, ledger.place(2)) == ("", False, {})
-    assert ledger.counts("left") == ledger.counts("right") or ledger.counts("left")[0] >= 0
-    ledger.close()
+    attempts.note("all well", table.tick)
+    assert outcomes(attempts) == [(2, 1, 1, "success")]
+    assert (attempts.trouble, attempts.opened, attempts.place(2)) == ("", False, {})
+    assert attempts.counts("left") == attempts.counts("right") or attempts.counts("left")[0] >= 0
+    attempts.close()
 
 
 def test_a_session_that_was_begun_before_is_not_begun_again(path: Path) -> None:
@@ -260,44 +260,44 @@ def test_a_session_that_was_begun_before_is_not_begun_again(path: Path) -> None:
 
 
 def test_it_counts_what_a_station_had_not_and_hears_of_frames(path: Path) -> None:
-    ledger = opened(path)
-    assert ledger.counts("left") == (0, 0)
-    ledger.painted(FrameRecord(0, "left", 0, 0, 0, 0))
-    table = Table(ledger, PLAN[0])
+    attempts = opened(path)
+    assert attempts.counts("left") == (0, 0)
+    attempts.painted(FrameRecord(0, "left", 0, 0, 0, 0))
+    table = Table(attempts, PLAN[0])
     table.do(Cause.START)
     table.until(Phase.RUNNING)
     for _ in range(20):
         table.now["p"] = 0.0
         table.do()
-        ledger.painted(FrameRecord(0, "left", table.tick, 0, 0, 0))
-    ledger.look(table.rows, table.tick)
-    assert ledger.counts("left") == ledger.counts("right") == (20, 0)
-    ledger.close()
+        attempts.painted(FrameRecord(0, "left", table.tick, 0, 0, 0))
+    attempts.look(table.rows, table.tick)
+    assert attempts.counts("left") == attempts.counts("right") == (20, 0)
+    attempts.close()
 
 
 def test_outcomes_are_told_a_few_hundred_at_a_time() -> None:
-    ledger = Ledger()
-    ledger.attempts += [(1, k, 1, "success", 1.0, "", 0) for k in range(450)]
+    attempts = Attempts()
+    attempts.finished += [(1, k, 1, "success", 1.0, "", 0) for k in range(450)]
     told = []
-    while len(told) < len(ledger.attempts):
-        page = ledger.outcomes(len(told))
+    while len(told) < len(attempts.finished):
+        page = attempts.outcomes(len(told))
         assert page.first == len(told)
         assert 0 < len(page.attempts) <= 200
         told += page.attempts
-    assert told == ledger.attempts
-    assert ledger.outcomes(10**9).attempts == ()
-    assert ledger.outcomes(-5).first == 0
+    assert told == attempts.finished
+    assert attempts.outcomes(10**9).attempts == ()
+    assert attempts.outcomes(-5).first == 0
 
 
 # --- killed and resumed at random -----------------------------------------------------------------------------------
 
 
-def resumed(path: Path, run: int) -> Ledger:
+def resumed(path: Path, run: int) -> Attempts:
     journal, header, entries, torn = Journal.reopen(path)
     assert (header, torn) == (HEADER, b"")
-    ledger = Ledger(journal=journal, progress=progress_of(HEADER, entries, PLAN, str(path)))
-    ledger.open(config_of(PLAN[0]), f"run {run}")
-    return ledger
+    attempts = Attempts(journal=journal, progress=progress_of(HEADER, entries, PLAN, str(path)))
+    attempts.open(config_of(PLAN[0]), f"run {run}")
+    return attempts
 
 
 def wish(table: Table, chance: random.Random, what: str) -> None:
@@ -318,7 +318,7 @@ DEEDS: tuple[Callable[[Table, random.Random], object], ...] = (
     lambda table, chance: table.do(chance.choice((Cause.ABORT, Cause.SKIP, Cause.PAUSE, Cause.FAULT))),
     lambda table, chance: wish(table, chance, "repeat"),
     lambda table, chance: wish(table, chance, "veto"),
-    lambda table, chance: table.ledger.note("ä note", table.tick),
+    lambda table, chance: table.attempts.note("ä note", table.tick),
 )
 
 
@@ -326,7 +326,7 @@ def require_told(path: Path, table: Table) -> None:
     """The journal says of a block that goes on what its state says."""
     progress, now = progress_in(path), table.now
     said = (progress.block, progress.trial, progress.successes, progress.failures, progress.extra)
-    extra = int(now["extra"]) + table.ledger.wanted
+    extra = int(now["extra"]) + table.attempts.wanted
     assert said == (
         table.config.block.number,
         now["trial"],
@@ -334,8 +334,8 @@ def require_told(path: Path, table: Table) -> None:
         now["failures"],
         extra,
     )
-    assert list(progress.completions) == pytest.approx(table.ledger.completions)
-    under_way = [*table.ledger.attempts]
+    assert list(progress.completions) == pytest.approx(table.attempts.completions)
+    under_way = [*table.attempts.finished]
     if table.phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
         assert progress.under_way == (said[0], now["trial"], now["attempt"])
         under_way.append((*progress.under_way, "incomplete", float("nan"), "", 0))
@@ -345,12 +345,12 @@ def require_told(path: Path, table: Table) -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_wherever_a_run_ends_the_next_one_goes_on(path: Path, seed: int) -> None:
     chance = random.Random(seed)
-    ledger, run, tick = opened(path), 1, 0
+    attempts, run, tick = opened(path), 1, 0
     settings = ("quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
-    while (progress := ledger._progress) is None or not progress.complete:
+    while (progress := attempts._progress) is None or not progress.complete:
         number = progress.block if progress is not None else NUMBERS[0]
         for planned in PLAN[number - 1 :]:
-            table = Table(ledger, planned, tick, *settings)
+            table = Table(attempts, planned, tick, *settings)
             killed = chance.randint(5, 60)
             while table.phase != Phase.FINISHED and killed:
                 chance.choice(DEEDS)(table, chance)
@@ -358,14 +358,14 @@ def test_wherever_a_run_ends_the_next_one_goes_on(path: Path, seed: int) -> None
             if not killed and table.phase != Phase.FINISHED:
                 break
             tick = table.tick
-        ledger._journal.close()  # type: ignore[union-attr]
+        attempts._journal.close()  # type: ignore[union-attr]
         if table.phase != Phase.FINISHED:
             require_told(path, table)
         check(entries_of(path), progress_in(path))
         run += 1
-        ledger = resumed(path, run)
-        assert ledger.opened
-    ledger.close()
+        attempts = resumed(path, run)
+        assert attempts.opened
+    attempts.close()
     entries = entries_of(path)
     assert [entry.run for entry in entries if isinstance(entry, Opened | Resumed)] == [
         f"run {k}" for k in range(1, run + 1)

@@ -10,7 +10,7 @@ import pytest
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.task.trials.state_machine import Phase
 
 BLOCKS = (
@@ -42,33 +42,33 @@ class Remade:
 
 
 def test_the_blocks_come_one_after_the_other() -> None:
-    programme = Programme(configs(), Remade())
-    assert programme.planned
+    sequence = BlockSequence(configs(), Remade())
+    assert sequence.planned
     seen = []
     while True:
-        seen.append((programme.block.config.block.number, programme.last))
-        if programme.last:
+        seen.append((sequence.block.config.block.number, sequence.last))
+        if sequence.last:
             break
-        assert programme.next() is programme.block
+        assert sequence.next() is sequence.block
     assert seen == [(1, False), (2, False), (3, False), (4, True)]
 
 
 def test_a_session_that_is_resumed_begins_in_its_middle() -> None:
-    programme = Programme(configs(), Remade(), 2)
-    assert programme.block.config.block.number == 3
-    assert programme.next().config.block.number == 4
-    assert programme.last
+    sequence = BlockSequence(configs(), Remade(), 2)
+    assert sequence.block.config.block.number == 3
+    assert sequence.next().config.block.number == 4
+    assert sequence.last
 
 
 def test_a_single_block_is_no_plan() -> None:
-    programme = Programme(configs()[:1])
-    assert not programme.planned
-    assert programme.last
+    sequence = BlockSequence(configs()[:1])
+    assert not sequence.planned
+    assert sequence.last
 
 
 def test_each_block_is_ready_to_begin() -> None:
-    programme = Programme(configs(), Remade())
-    blocks = [programme.block, *(programme.next() for _ in range(3))]
+    sequence = BlockSequence(configs(), Remade())
+    blocks = [sequence.block, *(sequence.next() for _ in range(3))]
     for block in blocks:
         assert parse(block.text, "test") == block.config
         assert int(block.stage.initial()["phase"][0]) == Phase.IDLE
@@ -80,13 +80,13 @@ def test_each_block_is_ready_to_begin() -> None:
 
 
 def test_agents_that_compute_their_own_forces_are_told_what_they_need() -> None:
-    programme = Programme([parse("", "test", ("physics.coupling_at=both",))])
-    assert np.shape(programme.block.ends) == (2, 3)
+    sequence = BlockSequence([parse("", "test", ("physics.coupling_at=both",))])
+    assert np.shape(sequence.block.ends) == (2, 3)
 
 
 def test_blocks_of_one_scene_share_the_watch_over_its_loops() -> None:
-    programme = Programme(configs(), Remade())
-    first, second, third = programme.block, programme.next(), programme.next()
+    sequence = BlockSequence(configs(), Remade())
+    first, second, third = sequence.block, sequence.next(), sequence.next()
     assert first.delays is second.delays
     assert first.delays is not third.delays
 
@@ -94,22 +94,22 @@ def test_blocks_of_one_scene_share_the_watch_over_its_loops() -> None:
 @pytest.mark.slow
 def test_a_form_makes_all_blocks_those_of_its_session() -> None:
     remade = Remade()
-    programme = Programme(configs(), remade, 1)
-    before = programme.block
+    sequence = BlockSequence(configs(), remade, 1)
+    before = sequence.block
     form = replace(before.config.session, dyad="D17", consent=True, pilot=False)
-    programme.open(form)
+    sequence.open(form)
     assert remade.asked == [form]
-    assert programme.block.config.session == form
-    assert programme.block.config.block == before.config.block
-    assert 'dyad = "D17"' in programme.block.text
-    assert programme.next().config.session == form
-    assert programme.block.delays is not None
+    assert sequence.block.config.session == form
+    assert sequence.block.config.block == before.config.block
+    assert 'dyad = "D17"' in sequence.block.text
+    assert sequence.next().config.session == form
+    assert sequence.block.delays is not None
 
 
 @pytest.mark.slow
 def test_a_block_that_cannot_be_is_refused_before_the_first_tick(tmp_path: Path) -> None:
     path = tmp_path / "other.mcap"
     with pytest.raises(ConfigError, match=r"\[block\] unrelated: found .*other\.mcap"):
-        Programme([parse("", "test", ("block.force=unrelated", f"block.unrelated={path}"))])
+        BlockSequence([parse("", "test", ("block.force=unrelated", f"block.unrelated={path}"))])
     with pytest.raises(ConfigError, match=r"\[physics\] balls: found 2"):
-        Programme([*configs(), parse("", "test", ("physics.balls=2",))])
+        BlockSequence([*configs(), parse("", "test", ("physics.balls=2",))])

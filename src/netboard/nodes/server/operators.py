@@ -55,7 +55,7 @@ class Decision:
     cause: Cause = Cause.NONE
 
 
-class Desk:
+class Operators:
     """Decides on commands, and remembers the commander and what was asked for later.
 
     Attributes

@@ -11,7 +11,7 @@ News = list[tuple[str, dict[str, str]]]
 """Names and details of events."""
 
 
-class Comings:
+class PeerEvents:
     """The rate-limited events of one channel."""
 
     def __init__(self, news: News) -> None:

@@ -1,4 +1,4 @@
-"""The operators' desk: whose commands count, and what becomes of each."""
+"""The operators' operators: whose commands count, and what becomes of each."""
 
 import json
 from dataclasses import replace
@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
-from netboard.nodes.server.commands import ANYBODYS, CAUSES, UNOPENED, Desk, Situation, form_of, note_of
+from netboard.nodes.server.operators import ANYBODYS, CAUSES, UNOPENED, Operators, Situation, form_of, note_of
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
 A, B = b"console@1", b"console@2"
 NOW = Situation(Phase.IDLE, (), last=False, plan=True)
 
 
-def desk() -> Desk:
-    return Desk(opened=True, armed=True)
+def operators() -> Operators:
+    return Operators(opened=True, armed=True)
 
 
 def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> None:
-    one = desk()
+    one = operators()
     assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
     refused = one.decide("start", B, "lab:2", NOW)
     assert (refused.accepted, refused.cause, refused.reason) == (
@@ -36,7 +36,7 @@ def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> Non
 
 
 def test_what_cannot_be_done_now_is_refused_with_what_can() -> None:
-    one = desk()
+    one = operators()
     paused = replace(NOW, phase=Phase.PAUSED)
     assert one.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
     assert (
@@ -46,29 +46,29 @@ def test_what_cannot_be_done_now_is_refused_with_what_can() -> None:
     for phase in Phase:
         now = replace(NOW, phase=phase)
         for command in CAUSES:
-            decision = desk().decide(command, A, "lab:1", now)
+            decision = operators().decide(command, A, "lab:1", now)
             if not decision.accepted:
                 for name in decision.reason.partition("possible now: ")[2].split(", "):
-                    assert name == "nothing" or desk().decide(name, A, "lab:1", now).accepted
+                    assert name == "nothing" or operators().decide(name, A, "lab:1", now).accepted
 
 
 @pytest.mark.parametrize("command", ["emergency_stop", "note"])
 def test_anybody_may_stop_everything_and_leave_a_note(command: str) -> None:
-    one = desk()
+    one = operators()
     one.decide("take", A, "lab:1", NOW)
     assert one.decide(command, B, "lab:2", NOW).accepted
     assert one.commander == A
 
 
 def test_a_commander_who_has_left_makes_room() -> None:
-    one = desk()
+    one = operators()
     one.decide("take", A, "lab:1", NOW)
     one.leave()
     assert one.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
 
 
 def test_before_the_form_is_complete_no_block_begins() -> None:
-    one = Desk(opened=False, armed=True)
+    one = Operators(opened=False, armed=True)
     decision = one.decide("start", A, "lab:1", NOW)
     assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
     assert all(one.decide(name, A, "lab:1", NOW).accepted for name in UNOPENED)
@@ -77,7 +77,7 @@ def test_before_the_form_is_complete_no_block_begins() -> None:
 
 
 def test_nothing_starts_without_the_peers_or_while_devices_are_not_armed() -> None:
-    one = desk()
+    one = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
     assert one.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
     assert one.decide("disarm", A, "lab:1", NOW).accepted
@@ -87,7 +87,7 @@ def test_nothing_starts_without_the_peers_or_while_devices_are_not_armed() -> No
 
 
 def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() -> None:
-    one, running = desk(), replace(NOW, phase=Phase.RUNNING)
+    one, running = operators(), replace(NOW, phase=Phase.RUNNING)
     assert one.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
     assert one.pending == "pause after this trial"
     assert one.due(Phase.HOLDING) is Cause.NONE
@@ -102,7 +102,7 @@ def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() 
 
 @pytest.mark.parametrize("command", REPLAY_COMMANDS)
 def test_what_only_a_replay_can_do_is_refused_in_words_and_makes_nobody_the_commander(command: str) -> None:
-    one = desk()
+    one = operators()
     decision = one.decide(command, A, "lab:1", NOW)
     assert (decision.accepted, decision.cause) == (False, Cause.NONE)
     assert decision.reason == f"cannot {command}: this is a live session, not a replay"
@@ -110,7 +110,7 @@ def test_what_only_a_replay_can_do_is_refused_in_words_and_makes_nobody_the_comm
 
 
 def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> None:
-    one = desk()
+    one = operators()
     for command in ("next", "stop_after_block"):
         assert not one.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
     assert one.decide("stop_after_block", A, "lab:1", NOW).accepted
@@ -128,7 +128,7 @@ def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> 
     )
 )
 def test_no_command_is_accepted_that_the_table_has_no_edge_for(commands: list[tuple[str, bytes, Phase]]) -> None:
-    one = desk()
+    one = operators()
     for command, who, phase in commands:
         decision = one.decide(command, who, who.decode(), replace(NOW, phase=phase))
         assert not decision.cause or (decision.accepted and decision.cause in TABLE[phase])
