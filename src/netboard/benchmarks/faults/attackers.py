@@ -2,8 +2,8 @@
 
 The attack cases run it. It gives way to everything else on its machine (niceness 19, not on the server's CPU): what is
 judged is what the server does with what it is sent, not who gets the processor. ``python -m
-netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS`` says ``ready``, waits for a line, attacks, and says
-what it did as JSON. FOLDER has the keys it comes with, if keys are in use.
+netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]`` says ``ready``, waits for a line, attacks, and
+says what it did as JSON. FOLDER has the keys it comes with, if keys are in use; PORT is another server's, the sink's.
 """
 
 import json
@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import count, cycle, islice
 from pathlib import Path
 
@@ -212,9 +213,11 @@ def _give_way() -> Iterator[str]:
         yield f"not nice ({error.strerror})"
 
 
-def main(attack: str, file: Path, folder: Path, seconds: float) -> None:
-    """Get ready, wait for a line, attack, and say what was done."""
+def main(attack: str, file: Path, folder: Path, seconds: float, port: int | None = None) -> None:
+    """Get ready, wait for a line, attack the server of a configuration or another one, and say what was done."""
     config = parse(file.read_text(encoding="utf-8"), str(file))
+    if port is not None:
+        config = replace(config, network=replace(config.network, port=port))
     granted = list(_give_way())
     print("ready", *granted, flush=True)  # noqa: T201
     sys.stdin.readline()
@@ -239,4 +242,4 @@ def main(attack: str, file: Path, folder: Path, seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), float(sys.argv[4]))
+    main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), float(sys.argv[4]), *map(int, sys.argv[5:]))

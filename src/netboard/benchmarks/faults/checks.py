@@ -386,8 +386,11 @@ def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> 
 
 def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
     """Return whether the machine, not the fault, may have caused a pause."""
-    if "stood still" in pause.why:
-        return True
+    return "stood still" in pause.why or agents_stood_still(pause, held_up)
+
+
+def agents_stood_still(pause: Pause, held_up: NDArray[np.int64]) -> bool:
+    """Return whether the machine held an agent up shortly before a pause."""
     started, ended = held_up[:, 0], held_up[:, 1]
     return bool(np.any((started < pause.at_ns) & (pause.at_ns < ended + EXCUSED_NS)))
 

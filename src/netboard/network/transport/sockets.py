@@ -13,7 +13,6 @@ import logging
 import os
 import secrets
 import socket as net
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -61,8 +60,6 @@ IO_THREAD = "ZMQbg/IO"
 """Prefix of the names of libzmq's threads that exchange frames."""
 START_S = 1.0
 """Time within which these threads have started [s]."""
-PROMPT = -15
-"""Niceness of the threads that serve channels that may wait."""
 KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
@@ -148,32 +145,7 @@ def _patient_context() -> Context:
     if hasattr(os, "sched_setaffinity") and _granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
-    with _promptly():
-        context.socket(zmq.PAIR).close()  # the first socket starts the threads, with the niceness of this thread
     return context
-
-
-@contextmanager
-def _promptly() -> Iterator[None]:
-    """Within this block, threads start ahead of all others without real-time priority, where the system allows it.
-
-    A real-time loop may briefly wait for them, because both allocate memory. A thread that had to wait for its turn
-    would keep the loop waiting, too.
-    """
-    if sys.platform != "linux" or not _granted(f"niceness {PROMPT}", lambda: _be_nice(PROMPT)):
-        yield
-        return
-    before = os.getpriority(os.PRIO_PROCESS, 0)
-    _be_nice(PROMPT)
-    try:
-        yield
-    finally:
-        _be_nice(before)
-
-
-def _be_nice(niceness: int) -> None:
-    """Set the niceness of this thread alone, as Linux allows."""
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
 
 
 def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
