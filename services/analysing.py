@@ -13,7 +13,7 @@ from netboard.services.wording import examples
 SettingsFile = Annotated[
     Path | None,
     typer.Option(
-        "--settings", metavar="FILE", help="How to read the paper, and what to leave out (TOML); else the defaults."
+        "--settings", metavar="FILE", help="Analysis settings: definitions of measures and exclusion rules (TOML)."
     ),
 ]
 
@@ -32,7 +32,10 @@ def analyse(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FOLDER", help="The new folder; else it is named after the first recording."
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="New folder for the export. Default: named after the first recording.",
         ),
     ] = None,
     settings: SettingsFile = None,
@@ -44,27 +47,27 @@ def analyse(
         ),
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="How many processes measure; else one a core.")
+        int | None, typer.Option(min=1, metavar="N", help="Worker processes. Default: one per core.")
     ] = None,
     dask: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Let a Dask cluster measure instead, such as tcp://10.0.0.5:8786."),
+        typer.Option(metavar="ADDRESS", help="Use a Dask cluster instead, such as tcp://10.0.0.5:8786."),
     ] = None,
     cache: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Where results are kept; else a folder in ~/.cache (XDG_CACHE_HOME)."),
+        typer.Option(metavar="FOLDER", help="Cache folder. Default: a folder in ~/.cache (XDG_CACHE_HOME)."),
     ] = None,
-    no_cache: Annotated[bool, typer.Option("--no-cache", help="Measure everything anew, and keep nothing.")] = False,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither read nor write the cache.")] = False,
     compare_paper: Annotated[
-        bool, typer.Option("--compare-paper", help="Put the numbers beside those that the paper reported.")
+        bool, typer.Option("--compare-paper", help="Print the results beside the values reported in the paper.")
     ] = False,
     skip_unreadable: Annotated[
-        bool, typer.Option("--skip-unreadable", help="Leave out recordings that cannot be measured, and list them.")
+        bool, typer.Option("--skip-unreadable", help="Skip recordings that cannot be analysed, and list them.")
     ] = False,
 ) -> None:
     r"""Analyse a study: tables of all trials, results, figures and a report, in a new folder.
 
-    It needs more libraries than a session: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
+    This needs extra libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
     from netboard.services import analyse as service
 
@@ -77,17 +80,17 @@ def analyse(
 def explain(
     recording: RecordingFile,
     trial: Annotated[int, typer.Option(min=1, help="Number of the trial in its block.")],
-    attempt: Annotated[int | None, typer.Option(min=1, help="Number of the attempt at it; else the last one.")] = None,
+    attempt: Annotated[int | None, typer.Option(min=1, help="Number of the attempt. Default: the last one.")] = None,
     settings: SettingsFile = None,
     overrides: Overrides = None,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="The new picture, .png, .svg or .pdf; else named after the trial."
+            "--output", "-o", metavar="FILE", help="Figure file (.png, .svg or .pdf). Default: named after the trial."
         ),
     ] = None,
 ) -> None:
-    """Plot how each measure of one trial is computed: its traces, with everything that the measures find in them."""
+    """Plot how each measure of one trial is computed: its traces, annotated with what each measure detects."""
     from netboard.services import explain as service
 
     readings = load_readings(settings, overrides or ())

@@ -19,15 +19,17 @@ app = typer.Typer(
 Model = Literal["paper", "lagrangian"]
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; else a new one here.")
+    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results. Default: a new one here.")
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="A short form, in less than a minute.")]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is already there.")]
-Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results there too, as JSON.")]
-Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="What carries the messages.")]
-Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="With keys and encryption.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Short form, under a minute.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into an existing folder.")]
+Json = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write the results to this file, as JSON.")
+]
+Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="Transport of the messages.")]
+Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="With authentication and encryption.")]
 RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="With real-time scheduling.")]
-Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays of each dyad, drawn without a screen.")]
+Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Number of offscreen displays of each dyad.")]
 
 
 @app.command(epilog="Examples:\n\n  netboard bench stability --quick\n\n  netboard bench stability --soak -o results")
@@ -35,7 +37,7 @@ def stability(
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
-    soak: Annotated[bool, typer.Option("--soak", help="Step 1e9 times through random scenes too.")] = False,
+    soak: Annotated[bool, typer.Option("--soak", help="Also run 1e9 steps through random scenes.")] = False,
 ) -> None:
     """Stability of the integration methods: theory, nonlinear runs, stiff scenes and unusual hands."""
     from netboard.benchmarks.stability import bench as study
@@ -60,13 +62,13 @@ def physics(
     quick: Quick = False,
     force: Force = False,
     peers: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Only these libraries beside us, as in heyoka,mujoco.")
+        str | None, typer.Option(metavar="NAMES", help="Compare only with these libraries, such as heyoka,mujoco.")
     ] = None,
-    no_peers: Annotated[bool, typer.Option("--no-peers", help="No libraries beside us.")] = False,
-    model: Annotated[Model | None, typer.Option(help="Only this model's equations.")] = None,
-    repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Compare with no other library.")] = False,
+    model: Annotated[Model | None, typer.Option(help="Only this model.")] = None,
+    repeats: Annotated[int | None, typer.Option(min=1, help="Repetitions of each timing.")] = None,
 ) -> None:
-    """Work and precision of the integration methods, beside other libraries.
+    """Work-precision of the integration methods, compared with other libraries.
 
     It also measures the cost of a tick and of sampling, and what simple scenes save.
     """
@@ -85,7 +87,7 @@ def loop(
     force: Force = False,
     json: Json = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.5, metavar="S", help="Measure each thing for so long; else a minute.")
+        float | None, typer.Option(min=0.5, metavar="S", help="Duration of each measurement. Default: a minute.")
     ] = None,
     transport: Transport = "tcp",
     curve: Curve = False,
@@ -93,9 +95,12 @@ def loop(
     displays: Displays = 0,
     dyads: Annotated[
         str | None,
-        typer.Option(metavar="NUMBERS", help="Measure a server of so many dyads too, until it breaks, as in 1,2,4,8."),
+        typer.Option(
+            metavar="NUMBERS",
+            help="Also measure servers with these numbers of dyads, until one fails, such as 1,2,4,8.",
+        ),
     ] = None,
-    skips: Annotated[bool, typer.Option("--skips", help="Measure what is saved where less is there, too.")] = False,
+    skips: Annotated[bool, typer.Option("--skips", help="Also measure the time that simpler scenes save.")] = False,
 ) -> None:
     """Sample-to-force latency in real time, beside a bare echo and a bare timer: latency, jitter, cost."""
     from netboard.benchmarks.loop import bench as study
@@ -114,10 +119,11 @@ def servo(
     json: Json = None,
     library: Annotated[
         str,
-        typer.Option(metavar="FILE", help="The vendor's library; else libHD.so or HD.dll, where the system finds it."),
+        typer.Option(metavar="FILE", help="Vendor library. Default: libHD.so or HD.dll on the system's search path."),
     ] = "",
     seconds: Annotated[
-        float | None, typer.Option(min=0.2, metavar="S", help="Measure each of six for so long; else half a minute.")
+        float | None,
+        typer.Option(min=0.2, metavar="S", help="Duration of each of six measurements. Default: half a minute."),
     ] = None,
 ) -> None:
     """The servo callback of a Touch in Python and in C, beside an empty callback, without and with a busy thread."""
@@ -133,9 +139,9 @@ def soak(
     force: Force = False,
     json: Json = None,
     minutes: Annotated[
-        float | None, typer.Option(min=0.05, metavar="N", help="For how long; else half an hour.")
+        float | None, typer.Option(min=0.05, metavar="N", help="Duration. Default: half an hour.")
     ] = None,
-    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="How many dyads.")] = 1,
+    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="Number of dyads.")] = 1,
     transport: Transport = "tcp",
     curve: Curve = False,
     realtime: RealTime = True,
@@ -173,7 +179,9 @@ def fuzz(
     force: Force = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=100, metavar="N", help="Malformed ones for the codec, and for each socket; else a million."),
+        typer.Option(
+            min=100, metavar="N", help="Malformed frames for the codec and for each socket. Default: a million."
+        ),
     ] = None,
 ) -> None:
     """Malformed frames for the codec and every socket: no crash, no hang, no growth, no changed force."""
@@ -187,10 +195,10 @@ def fuzz(
 )
 def faults(
     output: Output = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A short form: fewer, and less patience.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Short form: fewer cases, shorter timeouts.")] = False,
     force: Force = False,
-    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be given again.")] = None,
-    listing: Annotated[bool, typer.Option("--list", help="Say which faults there are, and stop.")] = False,
+    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this case; repeatable.")] = None,
+    listing: Annotated[bool, typer.Option("--list", help="List all cases and stop.")] = False,
 ) -> None:
     """Faults in real processes (kill, stop, cut the network, fill the disk), and how the system reacts."""
     from netboard.benchmarks.faults import bench as study
@@ -209,7 +217,8 @@ def display(
     force: Force = False,
     json: Json = None,
     seconds: Annotated[
-        float | None, typer.Option(min=1, metavar="S", help="Measure each of three for so long; else half a minute.")
+        float | None,
+        typer.Option(min=1, metavar="S", help="Duration of each of three measurements. Default: half a minute."),
     ] = None,
 ) -> None:
     """Latency of a display, from a view's sending to its painting: late views, dropped frames, cost."""
@@ -245,18 +254,25 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
 )
 def analysis(
     recordings: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="A study's recordings; else one of the paper's plan is made.")
+        Path | None,
+        typer.Argument(
+            metavar="[DIR]", help="Recordings of a study. Default: a study is simulated from the paper's plan."
+        ),
     ] = None,
     sensitivity: Annotated[
         bool,
-        typer.Option("--sensitivity", help="Instead: how far open questions, noise and lost samples move each number."),
+        typer.Option(
+            "--sensitivity", help="Instead: sensitivity of each result to open questions, noise and lost samples."
+        ),
     ] = False,
     calibration: Annotated[
         bool,
-        typer.Option("--calibration", help="Instead: how often the tests of simulated studies reject, beside .05."),
+        typer.Option(
+            "--calibration", help="Instead: false-positive rates of the tests in simulated studies, beside .05."
+        ),
     ] = False,
     truth: Annotated[
-        bool, typer.Option("--truth", help="Instead: the measures of trials whose numbers are known beforehand.")
+        bool, typer.Option("--truth", help="Instead: measures of synthetic trials with known values.")
     ] = False,
     output: Output = None,
     quick: Quick = False,
@@ -264,10 +280,10 @@ def analysis(
     json: Json = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="How many processes measure; else one a core, or one for a small study."),
+        typer.Option(min=1, metavar="N", help="Worker processes. Default: one per core, or one for a small study."),
     ] = None,
 ) -> None:
-    """Cost of analysing a study: time and memory against its size, anew and cached, beside reading the files."""
+    """Cost of analysing a study: time and memory against its size, with and without the cache."""
     alone = not (sensitivity or recordings is not None or workers is not None)
     if calibration and (truth or not alone):
         raise ConfigError(

@@ -23,12 +23,15 @@ DEFAULT_FILE = Path("netboard.toml")
 ConfigFile = Annotated[
     Path | None,
     typer.Option(
-        "--config", "-c", metavar="FILE", help="The TOML file; else ./netboard.toml if it is there, else the defaults."
+        "--config",
+        "-c",
+        metavar="FILE",
+        help="Configuration file (TOML). Default: ./netboard.toml if present, else built-in defaults.",
     ),
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; may be given again."),
+    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; repeatable."),
 ]
 
 
@@ -70,7 +73,9 @@ def _text_of(file: Path, make: str) -> str:
 
 @app.command(epilog=examples("netboard config check rig.toml", "netboard config check --set block.trials=6"))
 def check(
-    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The TOML file; the same as --config.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Configuration file; the same as --config.")
+    ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:

@@ -17,26 +17,28 @@ def demo(
     config: ConfigFile = None,
     overrides: Overrides = None,
     trials: Annotated[
-        int | None, typer.Option(min=1, help="Successful trials: 6, or in each block of a study at most so many.")
+        int | None, typer.Option(min=1, help="Successful trials: 6 by default; in a study, at most N in each block.")
     ] = None,
-    haptics: Annotated[Literal["on", "off"], typer.Option(help="Whether the hands feel the board.")] = "on",
-    bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated person with both hands.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1,
-    directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recording goes.")] = Path("recordings"),
+    haptics: Annotated[Literal["on", "off"], typer.Option(help="Haptic feedback on or off.")] = "on",
+    bimanual: Annotated[
+        bool, typer.Option("--bimanual", help="Bimanual: one simulated participant with both hands.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 1,
+    directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the recording.")] = Path("recordings"),
     displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Run the two displays.")] = True,
     play: Annotated[
         Literal["left", "right", "both"] | None,
         typer.Option(
-            help="Play a side yourself, with the mouse; the other one is simulated. Both: the mouse moves the left "
-            "hand, the up and down keys the right one."
+            help="Play one side yourself with the mouse; the other side is simulated. both: mouse for the left "
+            "hand, up and down keys for the right."
         ),
     ] = None,
     study: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="A session of a study in place of one block, as a pilot run."),
+        typer.Option(metavar="NAME|FILE", help="Run a session of a study as a pilot run, instead of one block."),
     ] = None,
     dyad: Dyad = 1,
-    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first blocks of the study.")] = None,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first N blocks of the study.")] = None,
 ) -> None:
     """Run a whole session on this machine, with simulated participants or with you as a player."""
     if play and not displays:

@@ -18,9 +18,9 @@ app = typer.Typer(
 )
 
 Whose = Annotated[Side, typer.Option(help="The hand this device is for.")]
-Json = Annotated[bool, typer.Option("--json", help="One line of JSON.")]
-Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: who is at the device has agreed.")]
-Replace = Annotated[bool, typer.Option("--replace", help="Keep no copy (.bak) of the profile before.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one line of JSON.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask: the person at the device has agreed.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Do not keep a copy (.bak) of the previous profile.")]
 
 
 @app.command("list", epilog="Examples:\n\n  netboard devices list\n\n  netboard devices list --json")
@@ -41,9 +41,12 @@ def examine(
     side: Whose,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="For how long it is read (s).")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Duration of the reading (s).")] = 10.0,
     force: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="N", help="Push so hard, to see how late it moves; 0: no force.")
+        float,
+        typer.Option(
+            min=0.0, max=1.0, metavar="N", help="Force of the push that measures the response time; 0: no force."
+        ),
     ] = 0.0,
     yes: Yes = False,
     json: Json = False,
@@ -67,7 +70,7 @@ def identify(
     config: ConfigFile = None,
     overrides: Overrides = None,
     held: Annotated[
-        bool, typer.Option("--held", help="A hand holds the stylus: show what both are like, and write no profile.")
+        bool, typer.Option("--held", help="A hand holds the stylus: show the dynamics of both, and write no profile.")
     ] = False,
     yes: Yes = False,
     replace: Replace = False,
@@ -89,7 +92,7 @@ def monitor(
     config: ConfigFile = None,
     overrides: Overrides = None,
     text: Annotated[bool, typer.Option("--text", help="In the terminal, without a window.")] = False,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after so long (s).")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after this time (s).")] = None,
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file when it ends.")
     ] = None,
@@ -114,12 +117,14 @@ def calibrate(
         typer.Option(
             "--set",
             metavar="TABLE.KEY=VALUE",
-            help="Set a value of the profile (placement.zero_z=0.02) in place of measuring it, or override one setting "
-            "of the configuration; may be given again.",
+            help="Set a profile value (placement.zero_z=0.02) instead of measuring it, or override one setting of "
+            "the configuration; repeatable.",
         ),
     ] = None,
     zero_only: Annotated[bool, typer.Option("--zero-only", help="Only the neutral height.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Wait five seconds before each place; ask nothing.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Wait five seconds before each position instead of asking.")
+    ] = False,
     replace: Replace = False,
 ) -> None:
     """Find the neutral height, the workspace and the scale of a device, and write them to its profile."""

@@ -13,7 +13,7 @@ from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 
 app = typer.Typer(
-    help="Make, list and revoke the keys by which the server knows its peers.",
+    help="Create, list and revoke the keys that authenticate the server's peers.",
     no_args_is_help=True,
 )
 
@@ -25,7 +25,7 @@ def folder_of(config: Path | None, overrides: list[str] | None) -> Path:
 
 @app.command(epilog="Examples:\n\n  netboard keys init\n\n  netboard keys init -c rig.toml")
 def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Make the server's key and an empty list of authorised peers."""
+    """Create the server's key and an empty list of authorised peers."""
     from netboard.network import keys
 
     path = keys.init(folder_of(config, overrides))
@@ -40,18 +40,17 @@ def add(
     role: Annotated[
         Literal["agent", "display", "logger", "console", "listener"],
         typer.Argument(
-            help="What the key is for; console: netboard status, and whatever else gives commands; "
-            "listener: netboard lsl."
+            help="Role of the process. console: also netboard status, control and stop; listener: netboard lsl."
         ),
     ],
-    side: Annotated[Side | None, typer.Argument(help="Of an agent or display: whose.")] = None,
+    side: Annotated[Side | None, typer.Argument(help="Side of an agent or display.")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     to: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the file goes; else into the folder of the keys.")
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for the key file. Default: the folder of the keys.")
     ] = None,
 ) -> None:
-    """Make the key of one process and authorise it; the process needs only this file."""
+    """Create the key of one process and authorise it; the process needs only this file."""
     from netboard.network import keys
 
     folder = folder_of(config, overrides)
@@ -83,7 +82,7 @@ def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
 
 @app.command(epilog="Examples:\n\n  netboard keys revoke agent.left\n\n  netboard keys revoke display.right-2")
 def revoke(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Which one, as netboard keys list names it.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the key (netboard keys list).")],
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:

@@ -15,8 +15,8 @@ from netboard.services.wording import examples
 def status(
     config: ConfigFile = None,
     overrides: Overrides = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Go on showing it until Ctrl-C.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Refresh until Ctrl-C.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one line of JSON.")] = False,
 ) -> None:
     """Show the status of a running session and of every peer: link, round-trip time, clock, rate, losses, version."""
     settings = configuration.load(config, overrides or ())
@@ -28,7 +28,9 @@ def status(
 def stop(
     config: ConfigFile = None,
     overrides: Overrides = None,
-    release: Annotated[bool, typer.Option("--release", help="End the stop: devices may be armed again.")] = False,
+    release: Annotated[
+        bool, typer.Option("--release", help="Release the emergency stop: devices may be armed again.")
+    ] = False,
     guard: Annotated[bool, typer.Option("--guard", help="Stand by, and stop when any key is pressed.")] = False,
 ) -> None:
     """Emergency stop: all commanded forces are zero until it is released.
@@ -57,17 +59,17 @@ def control(
     ],
     arguments: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[ARGUMENT...]", help="What the command needs to know: a form, a note, a trial."),
+        typer.Argument(metavar="[ARGUMENT...]", help="Argument of the command: a form, a note, or a trial number."),
     ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    take: Annotated[bool, typer.Option("--take", help="Command even if a console does: take over.")] = False,
+    take: Annotated[bool, typer.Option("--take", help="Take over command from another console.")] = False,
     until: Annotated[
         Literal["idle", "levelling", "running", "holding", "paused", "finished"] | None,
-        typer.Option(metavar="PHASE", help="Wait then until the trial is in this phase; exit code 1 if it is not."),
+        typer.Option(metavar="PHASE", help="Wait until the trial reaches this phase; exit with 1 if it does not."),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0, help="At most so long.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Answer and status as one line of JSON.")] = False,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Timeout (s).")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print reply and status as one line of JSON.")] = False,
 ) -> None:
     """Send a command to a running server, as the console does: for scripts."""
     settings = configuration.load(config, overrides or ())
@@ -83,10 +85,12 @@ def control(
 def doctor(
     config: ConfigFile = None,
     overrides: Overrides = None,
-    quick: Annotated[bool, typer.Option("--quick", help="In seconds instead of half a minute.")] = False,
-    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the report there too.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Take seconds instead of half a minute.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the report to this file.")
+    ] = None,
 ) -> None:
-    """Check whether this machine is fit for a session, and say how to fix what is not."""
+    """Check whether this machine is fit for a session, and how to fix what is not."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import doctor as service
 
@@ -96,16 +100,19 @@ def doctor(
 def up(
     config: Annotated[
         Path | None,
-        typer.Argument(metavar="CONFIG", help="The TOML file; else ./netboard.toml if it is there, else the defaults."),
+        typer.Argument(
+            metavar="CONFIG",
+            help="Configuration file (TOML). Default: ./netboard.toml if present, else built-in defaults.",
+        ),
     ] = None,
     station: Annotated[
-        Literal["left", "right", "both"] | None, typer.Option(help="The seat here: its agent and its display.")
+        Literal["left", "right", "both"] | None, typer.Option(help="Station on this machine: its agent and display.")
     ] = None,
-    server: Annotated[bool, typer.Option("--server", help="The server here, and the logger.")] = False,
+    server: Annotated[bool, typer.Option("--server", help="Run the server and the logger on this machine.")] = False,
     overrides: Overrides = None,
-    autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
+    autostart: Annotated[bool, typer.Option(help="Start the block as soon as all peers are connected.")] = True,
     insecure: Annotated[
-        bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
+        bool, typer.Option("--insecure", help="Accept connections from other machines without encryption.")
     ] = False,
 ) -> None:
     """Start all processes of this machine, supervise them, and stop them in order on Ctrl-C."""

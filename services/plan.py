@@ -11,8 +11,8 @@ app = typer.Typer(
     help="Show and check the plan of a study: which blocks, in which order, for which dyad.", no_args_is_help=True
 )
 
-STUDY_HELP = "A built-in study's name or a file; NAME:ORDER takes another of its orders."
-Seed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of everything that is drawn.")]
+STUDY_HELP = "Name of a built-in study, or a study file; NAME:ORDER selects another order."
+Seed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed of the plan.")]
 
 
 @app.command(
@@ -22,9 +22,11 @@ Seed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of everythin
 def show(
     study: Annotated[str, typer.Option(metavar="STUDY", help=STUDY_HELP)] = "paper",
     dyad: Annotated[int | None, typer.Option(min=1, help="Show the blocks of this dyad.")] = None,
-    dyads: Annotated[int | None, typer.Option(min=1, max=1000, help="Count the plans of so many dyads.")] = None,
+    dyads: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Show the counterbalancing over this many dyads.")
+    ] = None,
     seed: Seed = 1,
-    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one line of JSON.")] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -40,7 +42,7 @@ def show(
 )
 def check(
     study: Annotated[str, typer.Argument(metavar="STUDY", help=STUDY_HELP)],
-    dyads: Annotated[int, typer.Option(min=1, max=1000, help="For so many dyads.")] = 8,
+    dyads: Annotated[int, typer.Option(min=1, max=1000, help="Number of dyads.")] = 8,
     seed: Seed = 1,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -63,7 +65,7 @@ def list_() -> None:
 @app.command(epilog="Examples:\n\n  netboard plan template > study.toml\n\n  netboard plan template paper > study.toml")
 def template(
     study: Annotated[
-        str, typer.Argument(metavar="NAME", help="A built-in study; else one that says what each key is.")
+        str, typer.Argument(metavar="NAME", help="Built-in study. Default: a template that explains each key.")
     ] = "",
 ) -> None:
     """Print a commented study file as a template."""

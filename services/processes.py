@@ -21,8 +21,8 @@ def server(
             "--config",
             "-c",
             metavar="FILE",
-            help="The TOML file; else ./netboard.toml if it is there, else the defaults. Given again: one more dyad, "
-            "on the port that its file names.",
+            help="Configuration file (TOML). Default: ./netboard.toml if present, else built-in defaults. Repeat "
+            "for further dyads, each on the port in its file.",
         ),
     ] = None,
     overrides: Overrides = None,
@@ -30,23 +30,23 @@ def server(
         bool | None,
         typer.Option(
             "--autostart/--no-autostart",
-            help="Start each block when all peers are there; usual for a single block, not in a study, where an "
-            "operator does (netboard console).",
+            help="Start each block as soon as all peers are connected. Default for a single block; in a study the "
+            "operator starts each block (netboard console).",
         ),
     ] = None,
     insecure: Annotated[
-        bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
+        bool, typer.Option("--insecure", help="Accept connections from other machines without encryption.")
     ] = False,
     study: Annotated[
         str | None, typer.Option(metavar="NAME|FILE", help="Run a session of this study (netboard plan list).")
     ] = None,
     dyad: Dyad = 1,
     session: SessionNumber = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the study's plan.")] = 1,
-    blocks: Annotated[int | None, typer.Option(min=1, help="Of a pilot run: only the first blocks.")] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="Of a pilot run: at most so many trials in each.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where the session was left.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Go on there without asking.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the study's plan.")] = 1,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Pilot runs: only the first N blocks.")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="Pilot runs: at most N trials in each block.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume the session where it was interrupted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Resume without asking.")] = False,
 ) -> None:
     """Run the physics server: it simulates the board and runs the trials, of one dyad or of several."""
     files: list[Path | None] = [*(config or (None,))]
@@ -94,20 +94,20 @@ def agent(
 
 
 def display(
-    station: Annotated[Side | None, typer.Option(help="The seat whose view this is.")] = None,
+    station: Annotated[Side | None, typer.Option(help="Station whose view is shown.")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     screenshot: Screenshot = None,
     after: Annotated[
         float | None,
-        typer.Option(min=0, metavar="SECONDS", help="Take the screenshot so long after the first view, and go on."),
+        typer.Option(
+            min=0, metavar="SECONDS", help="Take the screenshot this long after the first view, and keep running."
+        ),
     ] = None,
-    offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
-    list_screens: Annotated[
-        bool, typer.Option("--list-screens", help="Print the screens of this machine, and show nothing.")
-    ] = False,
+    offscreen: Annotated[bool, typer.Option("--offscreen", help="Run without a screen (offscreen rendering).")] = False,
+    list_screens: Annotated[bool, typer.Option("--list-screens", help="List this machine's screens and stop.")] = False,
     calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Measure the pixels of the screen with a bank card.")
+        bool, typer.Option("--calibrate", help="Measure the pixel size of the screen with a bank card.")
     ] = False,
 ) -> None:
     """Run a participant's display: board, ball, target and the participant's own stylus."""
@@ -129,9 +129,11 @@ def console(
     screenshot: Screenshot = None,
     after: Annotated[
         float | None,
-        typer.Option(min=0, metavar="SECONDS", help="Take the screenshot so long after the first word, and go on."),
+        typer.Option(
+            min=0, metavar="SECONDS", help="Take the screenshot this long after the first status, and keep running."
+        ),
     ] = None,
-    offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
+    offscreen: Annotated[bool, typer.Option("--offscreen", help="Run without a screen (offscreen rendering).")] = False,
 ) -> None:
     """Open the operator's console: show the status, open the session, run it, stop it."""
     settings = configuration.load(config, overrides or ())
@@ -156,7 +158,7 @@ def lsl(
     config: ConfigFile = None,
     overrides: Overrides = None,
     name: Annotated[
-        str, typer.Option(help="First part of the streams' names; another one for each dyad in the same room.")
+        str, typer.Option(help="Prefix of the stream names; use a different one for each dyad in the room.")
     ] = "netboard",
 ) -> None:
     """Send board, hands, forces and events to the Lab Streaming Layer (for LabRecorder) while sessions run."""

@@ -23,24 +23,22 @@ def replay(
         typer.Argument(metavar="RECORDING...", help="The recording, an .mcap file; two are shown side by side."),
     ],
     verify: Annotated[
-        bool, typer.Option("--verify", help="Compute every tick again and compare it to the bit; show nothing.")
+        bool, typer.Option("--verify", help="Recompute every tick and compare bit for bit; show nothing.")
     ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="Play without a window.")] = False,
     serve: Annotated[
         bool,
-        typer.Option("--serve", help="Play it on the ports of a server, for displays, console and status, as if live."),
+        typer.Option("--serve", help="Serve the recording as a live server would, for displays, consoles and status."),
     ] = False,
-    markers: Annotated[bool, typer.Option("--markers", help="List its trials and events, with their times.")] = False,
-    station: Annotated[Side, typer.Option(help="The seat whose view is shown.")] = "left",
-    speed: Annotated[float, typer.Option(min=0.1, max=16.0, help="Times real time.")] = 1.0,
+    markers: Annotated[bool, typer.Option("--markers", help="List trials and events with their times.")] = False,
+    station: Annotated[Side, typer.Option(help="Station whose view is shown.")] = "left",
+    speed: Annotated[float, typer.Option(min=0.1, max=16.0, help="Playback speed relative to real time.")] = 1.0,
     sync: Annotated[
         Literal["time", "trial"],
-        typer.Option(help="Two recordings go together from the start of the block, or from that of each trial."),
+        typer.Option(help="Align two recordings at the start of the block, or of each trial."),
     ] = "time",
     screenshot: Screenshot = None,
-    at: Annotated[
-        float | None, typer.Option(min=0.0, metavar="S", help="Begin so long after the start of the recording (s).")
-    ] = None,
+    at: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Start position in the recording (s).")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -85,11 +83,12 @@ def recover(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="What a killed logger left (.mcap.part), a damaged recording, a server's .spill, or folders of these.",
+            help="Unfinished (.mcap.part) or damaged recordings, a server's spill files (.spill), or folders of these.",
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file, if it is one.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Name of the recovered file, if there is only one."),
     ] = None,
 ) -> None:
     """Recover complete recordings from unfinished or damaged ones, which stay unchanged."""
@@ -100,10 +99,10 @@ def recover(
 
 def check(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, whole or not, and folders of them.")
+        list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, finished or not, or folders of them.")
     ],
     verify: Annotated[
-        bool, typer.Option("--verify", help="Compute every tick again, too, and compare it to the bit.")
+        bool, typer.Option("--verify", help="Also recompute every tick and compare bit for bit.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -123,19 +122,21 @@ def whatif(
         Literal["paper", "lagrangian"] | None, typer.Option(help="The same as --set physics.model=...")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the attempts as a recording.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the recomputed attempts as a recording."),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw recorded against computed: .png, .svg or .pdf.")
+        Path | None, typer.Option(metavar="FILE", help="Plot recorded and recomputed attempts (.png, .svg or .pdf).")
     ] = None,
     trial: Annotated[
-        int | None, typer.Option(min=1, help="The trial that the figure shows; else the most telling one.")
+        int | None, typer.Option(min=1, help="Trial shown in the figure. Default: the one that differs most.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
 ) -> None:
     """Counterfactual replay: the recorded hands with another board, model or force condition.
 
-    The loop is open: the hands do what they did. Each attempt begins with the state recorded at its release.
+    The hands move as recorded, whatever the board does (open loop). Each attempt starts from the state recorded at its
+release.
     """
     from netboard.services import whatif as service
 
@@ -145,18 +146,20 @@ def whatif(
 
 def sessions(
     folder: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Folder; else that of the configuration's [recording].")
+        Path | None, typer.Argument(metavar="[DIR]", help="Folder. Default: recording.directory of the configuration.")
     ] = None,
-    dyad: Annotated[str | None, typer.Option(help="Of this dyad only, such as D03.")] = None,
-    study: Annotated[str | None, typer.Option(help="Of this study only.")] = None,
+    dyad: Annotated[str | None, typer.Option(help="Only this dyad, such as D03.")] = None,
+    study: Annotated[str | None, typer.Option(help="Only this study.")] = None,
     since: Annotated[
-        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Begun on this day (UTC) or later.")
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Only sessions that began on this day (UTC) or later.")
     ] = None,
     verdict: Annotated[
-        str | None, typer.Option(help="Only what is so: complete, 'complete with listed losses', damaged.")
+        str | None, typer.Option(help="Only this result: complete, 'complete with listed losses' or damaged.")
     ] = None,
-    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Pilot runs only, or none.")] = None,
-    full: Annotated[bool, typer.Option("--check", help="Check each file wholly (netboard check).")] = False,
+    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Only pilot runs, or no pilot runs.")] = None,
+    full: Annotated[
+        bool, typer.Option("--check", help="Run the full integrity check on each file (netboard check).")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
@@ -175,11 +178,14 @@ def export(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FOLDER", help="The new folder; else it is named after the first recording."
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="New folder for the export. Default: named after the first recording.",
         ),
     ] = None,
 ) -> None:
-    """Export recordings to a format of other tools."""
+    """Export recordings for other software."""
     from netboard.services import export as service
 
     raise typer.Exit(service.main(recordings, to, output))
@@ -188,32 +194,37 @@ def export(
 def import_(
     tables: Annotated[list[Path] | None, typer.Argument(metavar="[TABLE]...", help=".csv or .parquet files.")] = None,
     manifest: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A TOML file that lists the tables of a study instead.")
+        Path | None, typer.Option(metavar="FILE", help="TOML file that lists the tables of a study, instead of TABLE.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Processes that import for --manifest; else one a core.")
+        int | None, typer.Option(min=1, metavar="N", help="Worker processes for --manifest. Default: one per core.")
     ] = None,
     config: ConfigFile = None,
     settings: Overrides = None,
     names: Annotated[
-        list[str] | None, typer.Option("--map", metavar="COLUMN=THEIRS", help="What a column is called in the table.")
+        list[str] | None, typer.Option("--map", metavar="COLUMN=THEIRS", help="Name of a column in the table.")
     ] = None,
     units: Annotated[
         list[str] | None,
-        typer.Option("--unit", metavar="COLUMN=UNIT", help="Its unit there, such as mm; -mm turns its axis round."),
+        typer.Option(
+            "--unit", metavar="COLUMN=UNIT", help="Unit of a column in the table, such as mm; -mm also flips its sign."
+        ),
     ] = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Compute board, ball and trials from the hands, as the server does.")
+        bool,
+        typer.Option(
+            "--simulate", help="Simulate board, ball and trials from the hand trajectories, as the server does."
+        ),
     ] = False,
-    interpolation: Annotated[Interpolation, typer.Option(help="How positions move between samples.")] = "cubic",
+    interpolation: Annotated[Interpolation, typer.Option(help="Interpolation of positions between samples.")] = "cubic",
     gap: Annotated[
-        float, typer.Option(min=0.002, help="Samples further apart, in seconds, have a gap between them.")
+        float, typer.Option(min=0.002, help="Longest interval between samples that is interpolated (s).")
     ] = 0.1,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the recordings go.")] = Path(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the recordings.")] = Path(
         "recordings"
     ),
 ) -> None:
-    """Import tables as recordings: measurements of others, or an exported table of ticks."""
+    """Import tables as recordings: measurements of another system, or exported ticks."""
     from netboard.recording.importing.table_import import Wishes
     from netboard.services import importing as service
 

@@ -30,52 +30,67 @@ Output = Annotated[
         "a folder, or a name with {} for that of the input.",
     ),
 ]
-More = Annotated[
-    list[str] | None, typer.Argument(metavar="FILE", help="More inputs, so that --input hands/*.csv works.")
-]
+More = Annotated[list[str] | None, typer.Argument(metavar="FILE", help="More input files.")]
 Scene = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="A configuration, of which the table \\[physics] counts; else the paper's."),
+    typer.Option(
+        metavar="FILE", help="Configuration file; only its table \\[physics] is used. Default: the paper's scene."
+    ),
 ]
 Model = Annotated[Literal["paper", "lagrangian"] | None, typer.Option(help="Short for --set physics.model=...")]
 Hold = Annotated[
     Literal["zoh", "cv", "ca", "hermite"],
     typer.Option(
-        help="How a hand moves between its samples: hermite, a smooth curve through heights and rates; or what the "
-        "live server makes of the last one: it rests (zoh), keeps its rate (cv), or its acceleration too (ca)."
+        help="Hand motion between samples: hermite (cubic through heights and velocities), or the "
+        "extrapolation of a live server: zoh (zero-order hold), cv (constant velocity), ca (constant "
+        "acceleration)."
     ),
 ]
 Gaps = Annotated[
     Literal["refuse", "hold"],
     typer.Option(
-        help="Samples more than 3 times as far apart as usual: refuse the file, or go on across (hermite), or let "
-        "the stylus rest where it got to (zoh, cv, ca)."
+        help="Gaps longer than 3 sample intervals: refuse the file, or hold, which interpolates across the gap "
+        "(hermite) or keeps the last position (zoh, cv, ca)."
     ),
 ]
-RowTime = Annotated[float, typer.Option(metavar="S", help="Time from row to row of the result; no step is longer (s).")]
+RowTime = Annotated[
+    float, typer.Option(metavar="S", help="Interval between rows of the result, and longest integration step (s).")
+]
 Method = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="auto: as good as exact, in as many steps as the scene needs; or one of the server's (euler, rk4, "
-        "etdrk4 ...), one step from each sample or row to the next.",
+        help="Integration method. auto: error-controlled, close to exact; or a method of the server (euler, "
+        "rk4, etdrk4 ...), one step from each sample or row to the next.",
     ),
 ]
-Substeps = Annotated[int, typer.Option(min=1, metavar="N", help="At least so many steps in place of one.")]
-Ball = Annotated[Literal["free", "fixed"], typer.Option(help="It rolls, or stays where it is put.")]
+Substeps = Annotated[int, typer.Option(min=1, metavar="N", help="Smallest number of substeps of each step.")]
+Ball = Annotated[Literal["free", "fixed"], typer.Option(help="Whether the ball rolls or is fixed.")]
 Height = Annotated[float, typer.Option("--z0", metavar="M", help="Height of the board at the first sample (m).")]
-HeightRate = Annotated[float, typer.Option("--vz0", metavar="M/S", help="Its rate (m/s).")]
-Tilt = Annotated[float, typer.Option("--theta0", metavar="RAD", help="Tilt, + = right end up (rad).")]
-TiltRate = Annotated[float, typer.Option("--omega0", metavar="RAD/S", help="Its rate (rad/s).")]
+HeightRate = Annotated[
+    float, typer.Option("--vz0", metavar="M/S", help="Velocity of the board at the first sample (m/s).")
+]
+Tilt = Annotated[
+    float,
+    typer.Option("--theta0", metavar="RAD", help="Tilt of the board at the first sample, + = right end up (rad)."),
+]
+TiltRate = Annotated[
+    float, typer.Option("--omega0", metavar="RAD/S", help="Angular velocity of the board at the first sample (rad/s).")
+]
 BallPlace = Annotated[
     list[str] | None,
-    typer.Option("--p0", metavar="M", help="Ball along the board, + = right (m); for each ball, as 0.1,-0.1."),
+    typer.Option(
+        "--p0", metavar="M", help="Ball position along the board, + = right (m); one value per ball, as 0.1,-0.1."
+    ),
 ]
-BallRate = Annotated[list[str] | None, typer.Option("--v0", metavar="M/S", help="Its rate (m/s); likewise.")]
+BallRate = Annotated[
+    list[str] | None,
+    typer.Option("--v0", metavar="M/S", help="Ball velocity along the board (m/s); one value per ball."),
+]
 Energy = Annotated[
     bool, typer.Option("--energy", help="Add columns: energies (E_...) and work since the first row (W_...), in J.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite results that are there.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]
 
 
 def simulate(

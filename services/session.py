@@ -8,7 +8,7 @@ import typer
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 
-app = typer.Typer(help="Rehearse the sessions of a study with simulated people.", no_args_is_help=True)
+app = typer.Typer(help="Rehearse the sessions of a study with simulated participants.", no_args_is_help=True)
 
 
 @app.command(
@@ -17,21 +17,23 @@ app = typer.Typer(help="Rehearse the sessions of a study with simulated people."
     "  netboard session rehearse paper --dyad 3 --output simulated --workers 2"
 )
 def rehearse(
-    study: Annotated[str, typer.Argument(metavar="STUDY", help="A built-in study's name or a file.")],
-    dyad: Annotated[int, typer.Option(min=1, help="Number of the dyad: its plan, and who its people are.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of everything that is drawn.")] = 1,
+    study: Annotated[str, typer.Argument(metavar="STUDY", help="Name of a built-in study, or a study file.")],
+    dyad: Annotated[
+        int, typer.Option(min=1, help="Number of the dyad: selects its plan and its simulated participants.")
+    ] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed of the plan.")] = 1,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    fast: Annotated[
-        bool, typer.Option("--fast/--real-time", help="As fast as the machine allows, or at the pace of the clock.")
-    ] = True,
-    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first blocks.")] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="At most so many trials in each.")] = None,
+    fast: Annotated[bool, typer.Option("--fast/--real-time", help="As fast as possible, or in real time.")] = True,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first N blocks.")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="At most N trials in each block.")] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Write a recording of each block there.")
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for a recording of each block.")
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="How many blocks at once, each in a process.")] = 1,
-    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+    workers: Annotated[
+        int, typer.Option(min=1, max=64, help="Blocks simulated in parallel, each in its own process.")
+    ] = 1,
+    json: Annotated[bool, typer.Option("--json", help="Print one line of JSON.")] = False,
 ) -> None:
     """Rehearse all blocks of a dyad with simulated participants, without devices, network or clock."""
     settings = configuration.load(config, overrides or ())

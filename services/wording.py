@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 REQUIREMENT = re.compile(r"(?P<package>[\w.-]+).*extra == [\"'](?P<extra>\w+)[\"']")
 """A package of an extra, as netboard's metadata lists it."""
 
-Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
+Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save a screenshot (PNG) and stop.")]
 Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
 
 

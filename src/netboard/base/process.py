@@ -40,7 +40,7 @@ SELDOM_S = 1.0
 OK, OFF = "ok", "off"
 """What came of something asked for: granted, or not asked for. Anything else is why it was refused."""
 
-MCL_CURRENT, MCL_FUTURE = 1, 2
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 """Flags of mlockall on Linux."""
 
 PR_SET_TIMERSLACK = 29
@@ -291,13 +291,16 @@ def _stay_off(cpus: str) -> None:
 
 
 def _lock_memory() -> None:
-    """Ask that no page of this process is ever taken out of memory, now or later."""
+    """Ask that no page that this process has used is ever taken out of memory, now or later.
+
+    Pages that it has never used stay where they are: most of a compiler's library, and of the threads' stacks.
+    """
     _only_on("linux")
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
         # It might be enough for now; but beyond it, asking for more memory would fail in the middle of a session.
         raise OSError(errno.ENOMEM, f"the limit is {limit / 1e6:.0f} MB, expected none")
-    _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE))
+    _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT))
 
 
 def _wake_in_time() -> None:
