@@ -136,7 +136,7 @@ def whatif(
     """Counterfactual replay: the recorded hands with another board, model or force condition.
 
     The hands move as recorded, whatever the board does (open loop). Each attempt starts from the state recorded at its
-release.
+    release.
     """
     from netboard.services import whatif as service
 
