@@ -282,6 +282,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "forces conditions": ("explanation/forces.md", study_part("forces", "conditions")),
     "faults machine": ("explanation/faults.md", study_machine("faults")),
     **{name: ("explanation/faults.md", study_part("faults", name)) for name in FAULTS},
+    "attacks machine": ("explanation/faults.md", study_machine("attacks")),
+    "attacks": ("explanation/faults.md", study_part("attacks", "attacks")),
     "recovery machine": ("explanation/recovery.md", study_machine("recovery")),
     **{f"recovery-{name}": ("explanation/recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("explanation/recording.md", study_machine("recording")),

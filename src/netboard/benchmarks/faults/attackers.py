@@ -158,7 +158,7 @@ def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: E
         time.sleep(0.02)
         for connection in here:
             connection.turn()
-            connection.socket.close()
+            connection.socket.close(linger=0)
     return {"connections": came}
 
 
