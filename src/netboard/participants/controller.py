@@ -29,11 +29,11 @@ from netboard.participants.senses import (
     LEVELLING,
     NOISE_TIME,
     PERCEPT,
-    RUNNING,
     SEEN,
     SENSES,
     Glimpse,
     force_at,
+    is_free,
     look,
     take,
     wander,
@@ -216,7 +216,7 @@ def decide(
         return 0
     if seen["phase"] == LEVELLING:
         return _level(mind, k, rng, now, moves)
-    if seen["phase"] >= RUNNING:
+    if is_free(seen["phase"]):
         return _play(mind, k, rng, now, moves)
     return 0
 
@@ -231,7 +231,7 @@ def _lag(k: Any) -> float:
 def _notice(mind: Any, k: Any, rng: np.random.Generator) -> None:
     """Wait for a reaction time once the release of the ball is seen."""
     phase = mind["percept"]["phase"]
-    if phase >= RUNNING and mind["phase"] < RUNNING:
+    if is_free(phase) and not is_free(mind["phase"]):
         reaction = k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
         mind["ready"] = mind["percept"]["time"] + reaction
     mind["phase"] = phase

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
+from netboard.task.trials.state_machine import Phase
 
 NOISE_TIME = 0.2
 """Correlation time of perceptual noise [s]."""
@@ -26,10 +27,12 @@ MEMORY = 1.0
 ROOM = 128
 """Glimpses and forces that are kept at most; a participant takes one each `THINK_EVERY` [1]."""
 
-OTHER, LEVELLING, RUNNING, HOLDING = range(4)
-"""Phases of a trial that a participant tells apart; the ball is free from `RUNNING` on."""
+LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
+"""Phases of a trial that a participant tells apart."""
 
-_PHASES = {"levelling": LEVELLING, "running": RUNNING, "holding": HOLDING}
+_PHASES = {phase.name.lower(): int(phase) for phase in Phase}
+NO_PHASE = -1
+"""Phase of a view for somebody who has nothing to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,7 @@ class Glimpse:
 
 
 SEEN = np.dtype([(name, "<f8") for name in ("time", "phase", "z", "theta", "p", "target", "left", "right")])
-"""A `Glimpse` as kernels see it: NaN for what is not shown; the phase is one of `OTHER` to `HOLDING`."""
+"""A `Glimpse` as kernels see it: NaN for what is not shown; the phase is the number of a `Phase`, or `NO_PHASE`."""
 
 FELT = np.dtype([("time", "<f8"), ("force", "<f8")])
 """A force on the hand, + = up; NaN without haptic feedback [s, N]."""
@@ -104,8 +107,20 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
         return
     shown = (glimpse.p, glimpse.left, glimpse.right)
     p, left, right = (nan if value is None else value for value in shown)
-    phase = _PHASES.get(glimpse.phase, OTHER)
+    phase = _PHASES.get(glimpse.phase, NO_PHASE)
     place[0] = (glimpse.time, phase, glimpse.z, glimpse.theta, p, glimpse.target, left, right)
+
+
+@inlined
+def is_free(phase: float) -> bool:
+    """Return whether the ball is free in a phase.
+
+    Parameters
+    ----------
+    phase : float
+        Number of a `Phase` [1].
+    """
+    return _RUNNING <= phase <= _HOLDING
 
 
 @inlined
@@ -218,7 +233,7 @@ def look(senses: Any, until: float, percept: Any) -> bool:
     percept["p"] = percept["v"] = 0.0
     if not isnan(g["p"]):
         percept["p"] = g["p"] + senses["noise_p"]
-        if g["phase"] >= RUNNING:
+        if is_free(g["phase"]):
             percept["v"] = _velocity(senses, last) + senses["noise_v"]
     return True
 
@@ -232,7 +247,7 @@ def _velocity(senses: Any, last: int) -> float:
     place = last
     while place >= 0:
         g = seen[(first + place) % ROOM]
-        if end["time"] - g["time"] > VELOCITY_SPAN or g["phase"] < RUNNING:
+        if end["time"] - g["time"] > VELOCITY_SPAN or not is_free(g["phase"]):
             break
         begin = g
         place -= 1
