@@ -192,7 +192,8 @@ class Rehearsal:
             )
             self._ticks += count
             done = rows[KEPT : KEPT + count]
-            self._completions += done["completion"][done["event"] == Cause.HELD].tolist()
+            after = np.append(done["completion"][1:], self._state["completion"])  # a row has the value before its tick
+            self._completions += after[done["event"] == Cause.HELD].tolist()
             over = bool(self._state["phase"][0] == Phase.FINISHED)
             self._given_up = bool(done["event"][-1] == Cause.STOP)
             yield done
