@@ -51,7 +51,7 @@ def test_what_is_seen_is_the_newest_that_is_old_enough() -> None:
     senses = watching([(0.01 * k, 0.001 * k) for k in range(60)])
     seen = seen_at(senses, 0.415)
     assert seen is not None
-    assert seen["time"] == 0.41
+    assert seen["time"] == pytest.approx(0.41)
 
 
 def test_the_velocity_of_a_steady_ball_is_right() -> None:
@@ -112,4 +112,4 @@ def test_noise_reaches_what_is_seen() -> None:
     senses["noise_theta"], senses["noise_p"], senses["noise_v"] = 0.002, 0.003, 0.01
     seen = seen_at(senses, 1.0)
     assert seen is not None
-    assert (seen["theta"], seen["p"], seen["v"]) == (0.012, 0.103, 0.01)
+    assert (seen["theta"], seen["p"], seen["v"]) == pytest.approx((0.012, 0.103, 0.01))

@@ -88,7 +88,8 @@ def _loop(
                 if late <= min(tick, THINK_TICKS):  # else it has seen that view already
                     see(minds[which], words[place - late], numbers[place - late])
                 felt = bodies[hands[which]][5][0]["wanted"]
-                plan(bodies, minds[which], think(minds[which], words[place], felt))
+                begun = think(minds[which], words[place], felt)
+                plan(bodies, minds[which][8][:begun])
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count

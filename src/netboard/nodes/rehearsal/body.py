@@ -132,10 +132,18 @@ def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
 
 
 @kernel
-def plan(bodies: Any, mind: Any, count: int) -> None:
-    """Begin the new movements of a participant: the first `count` of those in the last part of its `Mind`."""
-    for k in range(count):
-        move = mind[8][k]
+def plan(bodies: Any, moves: Any) -> None:
+    """Begin new movements of both hands.
+
+    Parameters
+    ----------
+    bodies : tuple of tuple
+        Parts of the left and of the right `Body`.
+    moves : ndarray of netboard.participants.controller.MOVE, shape (n,)
+        The movements.
+    """
+    for k in range(len(moves)):
+        move = moves[k]
         hand, course = bodies[move["side"]][0], bodies[move["side"]][4]
         under_way = hand[0]["moves"]
         if under_way == CAPACITY:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.body import Body, plan
-from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, think
+from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _TICK, _TIME = _AT["tick"], _AT["time_ns"]
@@ -54,7 +54,6 @@ class Robot:
         told = self._body.tell(words)
         tick = int(words[_TICK])
         if tick % THINK_TICKS == 0:
-            count = think(self._mind.parts, words, told)
-            plan((self._body.parts, self._body.parts), self._mind.parts, count)
+            plan((self._body.parts, self._body.parts), self._mind.think(words, told))
         if self._mind.shown(tick + 1) == tick:
             self._mind.look(words)
