@@ -434,7 +434,7 @@ def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, l
     wait = uneven = 0.0
     late = -1
     if k["hands"] == 3:
-        late = rng.integers(0, 2)
+        late = int(rng.integers(0, 2))
         wait = abs(k["bimanual_async"] * rng.standard_normal())
         uneven = k["bimanual_amplitude_cv"] / 2.0 * rng.standard_normal()
     trust = min(max(k["partner_noise"] * rng.standard_normal(), -1.0), 1.0)

@@ -41,7 +41,7 @@ def partner_height(force: float, own: float, p: float, sign: float, scene: Any) 
     weight = (scene["M"] + scene["ball"]) * scene["g"]
     load = -2.0 * force - weight - sign * scene["ball"] * scene["g"] * p / scene["l"]
     z = load / scene["k_s"]
-    return (z * (2.0 * scene["k_h"] + scene["k_s"]) + weight) / scene["k_h"] - own
+    return float((z * (2.0 * scene["k_h"] + scene["k_s"]) + weight) / scene["k_h"] - own)
 
 
 @kernel
