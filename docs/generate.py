@@ -4,10 +4,10 @@
     python docs/generate.py --check    exits with 1 and says which are stale
 
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
-hand. The state diagram comes from the trial machine's table, the configuration reference from the dataclasses, the
-command reference from the command itself, so none of them can say what the program does not do. Tables of measurements
-come from what `netboard bench` wrote, copied to docs/data/ as it was, and the evidence for the measures from the marks
-of their tests.
+hand. The state diagram comes from the table of the trial state machine, the configuration reference from the
+dataclasses, the command reference from the commands, so they cannot differ from the program. Tables of measurements
+come from the results of `netboard bench`, copied unchanged to docs/data/, and the evidence for the measures from the
+marks of their tests.
 """
 
 import json
@@ -35,7 +35,7 @@ DOCS = Path(__file__).parent
 
 
 def state_diagram() -> str:
-    """Draw the trial machine: one arrow for each edge of a trial, marked cause / action."""
+    """Draw the trial state machine: one arrow for each edge of a trial, marked cause / action."""
     arrows = ["    [*] --> IDLE"]
     for phase, edges in TABLE.items():
         for cause, (then, action) in edges.items():
@@ -48,7 +48,7 @@ def state_diagram() -> str:
 
 
 def edge_table() -> str:
-    """Write the trial machine as a table: phases down, causes across, the next phase in each cell."""
+    """Write the trial state machine as a table: phases down, causes across, the next phase in each cell."""
     causes = [cause for cause in Cause if any(cause in edges for edges in TABLE.values())]
     lines = [
         "| phase | ball | " + " | ".join(cause.name.lower() for cause in causes) + " |",
