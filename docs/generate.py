@@ -24,6 +24,7 @@ import typer.main
 
 from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
+from netboard.base.tables.scene import FRICTION
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.recording.export.tables import TRIALS
@@ -226,6 +227,16 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def friction_laws() -> str:
+    """Write the laws of friction of a ball as a table."""
+    lines = ["| law | key | unit | force against the motion | source |", "|---|---|---|---|---|"]
+    physics = next(table for table in tables(Config) if table.name == "physics")
+    units = {key.name: key.unit for key in physics.keys}
+    for key, law in FRICTION.items():
+        lines.append(f"| {law.name} | `{key}` | {units[key]} | `{law.formula}` | {_cell(law.source)} |")
+    return "\n".join(lines)
+
+
 COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
 """Those of `netboard bench coupling`."""
 
@@ -253,6 +264,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "edge table": ("reference/trial-state-machine.md", edge_table),
     **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
+    "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),
     "columns of imports": ("how-to/import.md", import_columns),

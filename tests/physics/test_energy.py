@@ -28,6 +28,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "lagrangian": {"model": "lagrangian"},
     "rolling": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "b_z": 0.3, "b_theta": 0.01},
     "rolling, uneven": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "coupling": "right"},
+    "friction": {"b_p": 0.02, "ball_inertia": 0.4},
+    "friction, lagrangian": {"b_p": 0.02, "model": "lagrangian", "ball_height": 0.03},
 }
 every = pytest.mark.parametrize("values", SCENES.values(), ids=SCENES.keys())
 LENGTHS = (4e-3, 2e-3, 1e-3)
@@ -63,7 +65,7 @@ def test_dampers_only_take_and_by_lagrange_nothing_comes_from_nowhere(
 ) -> None:
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
     powers = flows(state, *hand, scene.parts, scene.record)
-    assert max(powers.damper_left, powers.damper_right, powers.damper_board) <= 0
+    assert max(powers.damper_left, powers.damper_right, powers.damper_board, powers.friction) <= 0
     if scene.parts.lagrangian:
         assert powers.model == 0
 

@@ -73,6 +73,7 @@ def arithmetic(assembly: str) -> int:
 @pytest.mark.slow
 def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
     scenes = [
+        scene_of(balls=2, model="lagrangian", coupling="left", b_p=0.02),
         scene_of(balls=2, model="lagrangian", coupling="left"),
         scene_of(balls=2, model="lagrangian"),
         scene_of(model="lagrangian"),

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 from netboard.base.tables.experiment import MOST_TRIALS, Block, Design, Task
 from netboard.base.tables.rig import Safety
-from netboard.base.tables.scene import Geometry, Physics
+from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
+from netboard.base.tick import TICK_SECONDS
 
 
 def of_scene(physics: Physics) -> Iterator[str]:
@@ -30,6 +31,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
         "ball_height": (physics.model == "lagrangian", 'model = "lagrangian": in the paper\'s a ball is a point'),
         "b_z": (physics.board != "hinged", "a board that heaves"),
         "b_theta": (physics.board != "level", "a board that tilts"),
+        **dict.fromkeys(FRICTION, (physics.balls > 0, "balls = 1 or more")),
     }
     for key, (there, what) in needs.items():
         if getattr(physics, key) > 0 and not there:
@@ -41,8 +43,15 @@ def of_scene(physics: Physics) -> Iterator[str]:
             '[physics] ball_sign: found "printed", expected "downhill": only the paper\'s model can have a ball '
             "that rolls uphill"
         )
-    if physics.method == "exact" and physics.board != "level":
-        yield '[physics] method: found "exact", expected another one: it is for board = "level"'
+    if physics.method == "exact" and (physics.board != "level" or friction_rate(physics) > 0):
+        yield '[physics] method: found "exact", expected another one: it is for board = "level" without friction'
+    if friction_rate(physics) * TICK_SECONDS > 1.0:
+        keys = [key for key in FRICTION if getattr(physics, key) > 0]
+        found = ", ".join(f"{getattr(physics, key):g}" for key in keys)
+        yield (
+            f"[physics] {', '.join(keys)}: found {found}, which can stop a ball within a tick; "
+            f"expected at most {1.0 / (friction_rate(physics) * TICK_SECONDS):.3g} times as much"
+        )
 
 
 def of_block(block: Block) -> Iterator[str]:

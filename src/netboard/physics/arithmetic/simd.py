@@ -9,6 +9,7 @@ Numba has no such type: this module is the only one that writes instructions by 
 """
 
 import inspect
+import math
 import operator
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -98,20 +99,32 @@ class _Arithmetic(AbstractTemplate):
         return signature(found[0], *[found[0]] * len(args))
 
 
-def _define(operation: Any, instruction: str, operands: int) -> None:
-    """Let an operator of Python be an instruction."""
+def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> None:
+    """Let a function of Python be an instruction."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*args)
+        return instruction(builder, *args)
 
     infer_global(operation)(type(f"_{operation.__name__}", (_Arithmetic,), {}))
     lower_builtin(operation, *[Lanes] * operands)(lower)
 
 
-for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+def _square_root(builder: Any, value: Any) -> Any:
+    """Write the square root, which IEEE rounds correctly."""
+    return builder.call(builder.module.declare_intrinsic("llvm.sqrt", [value.type]), [value])
+
+
+_BUILDER = ir.IRBuilder
+for _name, _instruction in (
+    ("add", _BUILDER.fadd),
+    ("sub", _BUILDER.fsub),
+    ("mul", _BUILDER.fmul),
+    ("truediv", _BUILDER.fdiv),
+):
     _define(getattr(operator, _name), _instruction, 2)
     _define(getattr(operator, f"i{_name}"), _instruction, 2)
-_define(operator.neg, "fneg", 1)
+_define(operator.neg, _BUILDER.fneg, 1)
+_define(math.sqrt, _square_root, 1)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:

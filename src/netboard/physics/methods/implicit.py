@@ -6,10 +6,11 @@ What it leaves out (weights, and what grows with the square of the velocities) c
 takes all but a small share of the error away.
 """
 
+from math import sqrt
 from typing import Any
 
 from netboard.base.compiled import inlined
-from netboard.physics.arithmetic.vectors import State, affine, alike, joined, plus, speeds
+from netboard.physics.arithmetic.vectors import State, affine, alike, dot, joined, plus, speeds
 from netboard.physics.hands.extrapolation import drives
 from netboard.physics.methods.one_step import moved
 from netboard.physics.scene.models import masses, rates, solved, turned
@@ -55,7 +56,7 @@ def _corrected(
 def _swept(
     x: State, y: State, t: float, reach: float, left: float, right: float, parts: Parts, scene: Any
 ) -> tuple[State, float]:
-    """Return a better guess than y, and by how much it differs, as a speed at the control points [m/s]."""
+    """Return a better guess than y, and by how much it differs, as a speed at the control points and of balls [m/s]."""
     k = rates(y, left, right, parts, scene)
     wrong_z, wrong_o = y[1] - x[1] - t * k[1], y[3] - x[3] - t * k[3]
     less_z, less_o = _corrected(y, wrong_z, wrong_o, t, reach, parts, scene)
@@ -66,7 +67,11 @@ def _swept(
         change = scene["ball_height"] * (wrong_o - less_o) - scene["ease"] * s * (wrong_z - less_z)
         vp = affine(change, 1.0, vp)
     guess = joined(0.0, y[1] - less_z, 0.0, y[3] - less_o, alike(0.0, vp), vp)
-    return moved(x, reach, guess, parts), abs(less_z) + scene["l"] * abs(less_o)
+    change = abs(less_z) + scene["l"] * abs(less_o)
+    if parts.resisted:
+        slowed = plus(vp, -1.0, speeds(y))
+        change += sqrt(dot(slowed, slowed))
+    return moved(x, reach, guess, parts), change
 
 
 @inlined
@@ -80,7 +85,7 @@ def _settled(
     """
     y = moved(x, reach, x, parts)
     last = 0.0
-    for sweep in range(1 if straight or not parts.tilts else SWEEPS):
+    for sweep in range(1 if (straight or not parts.tilts) and not parts.resisted else SWEEPS):
         y, change = _swept(x, y, t, reach, left, right, parts, scene)
         if t * change <= CLOSE or (sweep > FIRST and not change < last):
             break

@@ -13,12 +13,12 @@ from typing import Any
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.simd import listed, written
-from netboard.physics.arithmetic.vectors import State, alike, joined, places, total
-from netboard.physics.scene.models import rates, turned
+from netboard.physics.arithmetic.vectors import State, alike, joined, places, plus, speeds, total
+from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 EVEN, FIXED, PAPER = 1, 2, 4
-"""What is known of a scene: heave moves apart from the rest; balls are fixed; the equations are the paper's."""
+"""What is known of a scene: heave moves apart from the rest; balls are fixed; the paper's equations, no friction."""
 
 _EVEN_FIXED = EVEN | FIXED
 
@@ -36,7 +36,11 @@ def known_of(parts: Parts) -> int:
     int
         Sum of `EVEN`, `FIXED` and `PAPER`, each if it is so [1].
     """
-    return EVEN * parts.even + FIXED * (parts.loaded and not parts.free) + PAPER * (not parts.lagrangian)
+    return (
+        EVEN * parts.even
+        + FIXED * (parts.loaded and not parts.free)
+        + PAPER * (not parts.lagrangian and not parts.resisted)
+    )
 
 
 def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
@@ -238,7 +242,11 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
         turn = scene["l"] * (1.0 / scene["I"]) * (right - left) + held
         ao = (turn + a[kind, 0, 2, 3] * s + brake * c) * c - (held + (a[kind, 0, 2, 3] * x[2] + brake))
     if parts.free:
-        return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(scene["ball_gravity"] * (s - x[2]), p))
+        ap = alike(scene["ball_gravity"] * (s - x[2]), p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene)
+            ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
+        return joined(0.0, az, 0.0, ao, alike(0.0, p), ap)
     return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(0.0, p))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
 from netboard.physics.arithmetic.vectors import State, affine, alike, dot, places, row, speeds, total
-from netboard.physics.scene.models import rates, turned
+from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 
@@ -55,6 +55,8 @@ class Flows(NamedTuple):
         Into the damping of the board's heave and tilt, never positive [W].
     model : float
         What the paper's equations add; 0 by Lagrange [W].
+    friction : float
+        Into the friction between balls and board, never positive [W].
     """
 
     hand_left: float
@@ -63,6 +65,7 @@ class Flows(NamedTuple):
     damper_right: float
     damper_board: float
     model: float
+    friction: float
 
 
 @inlined
@@ -159,6 +162,9 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         else:
             load *= scene["fixed_load"]
         odd *= load * s
+    heat = 0.0
+    if parts.resisted:
+        heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene), speeds(x))
     return Flows(
         (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
         (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,
@@ -166,6 +172,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         -scene["c_right"] * (right_slip * right_slip),
         -(scene["b_z"] * (vz * vz) + scene["b_theta"] * (omega * omega)),
         odd,
+        heat,
     )
 
 
@@ -302,7 +309,7 @@ def work_along(
 
     Returns
     -------
-    ndarray of float64, shape (n, 6)
+    ndarray of float64, shape (n, 7)
         As in `Flows`, since the first state [J].
     """
     out = np.zeros((len(states), len(Flows._fields)))

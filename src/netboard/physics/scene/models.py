@@ -14,7 +14,8 @@ no sample and no step.
 
 from typing import Any
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, specialised
+from netboard.base.tables.scene import FRICTION
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.arithmetic.vectors import (
     State,
@@ -23,6 +24,7 @@ from netboard.physics.arithmetic.vectors import (
     dot,
     joined,
     places,
+    plus,
     replaced,
     speeds,
     total,
@@ -77,6 +79,46 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
     )
 
 
+def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
+    """Return the force of friction on each ball, against its motion along the board.
+
+    Parameters
+    ----------
+    vp : tuple of float
+        Speed of each ball along the board [m/s].
+    load : float
+        The normal force of a ball on the board [N].
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        Sums of all laws, in their order [N].
+    """
+    return tuple([_resistance(v, load, parts, scene) for v in vp])
+
+
+def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
+    """Return the same of one ball [N]."""
+    force = 0.0
+    for (key, law), there in zip(FRICTION.items(), parts.friction, strict=True):
+        if there:  # no `sum`, which rounds in another way than kernels do
+            force += law.force(scene[key], vp, load)
+    return force
+
+
+@specialised(friction)
+def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
+    """Write the sums out; a law that the scene does not have is a zero that the compiler removes."""
+    laws = {f"law{i}": law.force for i, law in enumerate(FRICTION.values())}
+    terms = [f'(law{i}(scene["{key}"], vp[#], load) if parts.friction[{i}] else 0.0)' for i, key in enumerate(FRICTION)]
+    sums = "".join(f"0.0 + {' + '.join(terms)}, ".replace("#", str(ball)) for ball in range(vp.count))
+    return eval(f"lambda vp, load, parts, scene: ({sums})", laws)
+
+
 @inlined
 def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float]:
     """Return the upward force on a board without balls, and the difference of the hands' forces, right - left [N]."""
@@ -110,7 +152,11 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
     if parts.damped:
         ao -= scene["b_theta"] * x[3] * (1.0 / scene["I"])
     if parts.free:
-        return joined(x[1], az, x[3], ao, speeds(x), alike(scene["ball_gravity"] * s, p))
+        ap = alike(scene["ball_gravity"] * s, p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene)
+            ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
+        return joined(x[1], az, x[3], ao, speeds(x), ap)
     return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
 
 
@@ -193,6 +239,10 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
         along = (1.0 - ease) * spin * total(p) + n * ease * g * s
         force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
         torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
+        if parts.resisted:
+            drag = friction(vp, scene["m"] * g * c, parts, scene)
+            force += ease * s * total(drag)
+            torque -= r * total(drag)
     elif parts.loaded:
         m = scene["m"] * scene["fixed_load"]
         force -= m * (n * g - spin * (s * total(p) + n * r * c))
@@ -201,7 +251,10 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
     az, ao = solved(a11, a12, a22, force, torque, parts)
     if parts.free:
         ease = scene["ease"]
-        return joined(x[1], az, omega, ao, vp, affine(r * ao - ease * s * (g + az), ease * spin, p))
+        ap = affine(r * ao - ease * s * (g + az), ease * spin, p)
+        if parts.resisted:
+            ap = plus(ap, -ease * (1.0 / scene["m"]), friction(vp, scene["m"] * g * c, parts, scene))
+        return joined(x[1], az, omega, ao, vp, ap)
     return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
 
 

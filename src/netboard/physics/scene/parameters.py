@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tables.declared import number_of, require, words_of
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import FRICTION, Physics
 
 SCENE = np.dtype(
     [
@@ -32,6 +32,7 @@ SCENE = np.dtype(
         ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
         ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]
         ("restitution", "<f8"),  # share of its speed that a stop gives back [1]
+        *((key, "<f8") for key in FRICTION),  # coefficients of the laws of friction (netboard.base.tables.friction)
     ]
 )
 """One scene."""
@@ -56,6 +57,10 @@ class Parts(NamedTuple):
         They roll; otherwise they are fixed to the board.
     stops : bool
         Stops turn them back.
+    resisted : bool
+        Friction slows them.
+    friction : tuple of bool
+        The laws of friction that do, in the order of `netboard.base.tables.scene.FRICTION`.
     """
 
     lagrangian: bool
@@ -66,9 +71,11 @@ class Parts(NamedTuple):
     loaded: bool
     free: bool
     stops: bool
+    resisted: bool = False
+    friction: tuple[bool, ...] = (False,) * len(FRICTION)
 
 
-_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution")
+_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution", *FRICTION)
 
 
 def pack_scene(physics: Physics) -> NDArray[Any]:
@@ -133,6 +140,7 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
     for key, words in _KNOWN.items():
         number_of(getattr(physics, key), words, f"[physics] {key}")
     there = physics.balls > 0
+    friction = tuple(there and free and getattr(physics, key) > 0 for key in FRICTION)
     return Parts(
         lagrangian=physics.model == "lagrangian",
         heaves=physics.board != "hinged",
@@ -142,6 +150,8 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
         loaded=there,
         free=there and free,
         stops=there and free and physics.ball_stop > 0,
+        resisted=any(friction),
+        friction=friction,
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from netboard.base.errors import ConfigError
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 from netboard.physics.stability.step_matrix import (
     ROUNDING,
@@ -95,6 +95,8 @@ def choose(physics: Physics, h: float) -> Choice:
     """
     if physics.method == "exact" and physics.board != "level":
         raise ConfigError(f'physics.method = "exact": for physics.board = "level" alone, found "{physics.board}"')
+    if physics.method == "exact" and friction_rate(physics) > 0:
+        raise ConfigError('physics.method = "exact": for balls without friction, expected another method')
     choice = _choice(physics, h)
     if not choice.radius <= _limit(choice.method) ** choice.substeps:
         raise ConfigError(_refusal(physics, h, choice))
@@ -117,14 +119,14 @@ def _holds(physics: Physics, h: float) -> bool:
 
 def _plan(physics: Physics, h: float) -> tuple[str, int, float, str]:
     """Return method and number of steps, the stiffness of a tick, and why."""
-    stiff = max(stiffness(a, h) for a, _ in _cases(physics))
+    stiff = max(h * friction_rate(physics), *(stiffness(a, h) for a, _ in _cases(physics)))
     method, substeps, reason = _automatic(physics, stiff) if physics.method == "auto" else _named(physics, h)
     return method, substeps, stiff, reason
 
 
 def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
     """Return method and number of steps by the stiffness of a tick, and why."""
-    if physics.board == "level":
+    if physics.board == "level" and friction_rate(physics) == 0:
         return "exact", max(physics.substeps, 1), "The board cannot tilt: its motion is solved exactly."
     lasts = f"A tick is {stiff:.3g} of the board's shortest time constants"
     substeps = physics.substeps or max(math.ceil(stiff - ROUNDED), 1)
