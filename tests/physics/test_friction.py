@@ -1,5 +1,6 @@
 """Friction of a ball: each law by itself, and balls that come to rest, against closed forms."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from trajectories import Scene, falling, scene_of, trajectory
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
-from netboard.base.tables.friction import Friction
+from netboard.base.tables.friction import SMOOTHING_SPEED, Friction
 from netboard.base.tables.scene import FRICTION, friction_rate
 from netboard.base.tick import TICK_SECONDS
 from netboard.physics.simulation import choose_steps
@@ -49,6 +50,12 @@ def test_the_slope_of_a_law_is_its_largest_derivative(law: Friction) -> None:
     assert slopes.max() == pytest.approx(law.slope(0.01, LOAD), rel=1e-3)
 
 
+def test_rolling_resistance_is_a_share_of_the_load_above_some_mm_per_second() -> None:
+    force = FRICTION["rolling_resistance"].force
+    assert force(0.01, 0.2, LOAD) == pytest.approx(0.01 * LOAD, rel=1e-4)
+    assert force(0.01, -0.2, LOAD) == pytest.approx(-0.01 * LOAD, rel=1e-4)
+
+
 # --- closed forms, on a level board ----------------------------------------------------------------------------------
 
 
@@ -63,6 +70,20 @@ def test_viscous_friction_slows_a_ball_exponentially(model: str) -> None:
     assert rolled(scene, 30.0)[-1, 4] + 0.1 == pytest.approx(SPEED / rate, abs=1e-12)  # distance to rest
 
 
+@BOTH
+def test_rolling_resistance_stops_a_ball_after_the_distance_of_a_constant_deceleration(model: str) -> None:
+    scene = scene_of(model=model, rolling_resistance=0.01, **LEVEL)
+    deceleration = 0.01 * 9.81 * 5 / 7
+    states = rolled(scene, 1.0)
+    assert states[:, 5] == pytest.approx(SPEED - deceleration * np.arange(len(states)) * 1e-3, abs=1e-4)
+    root = math.hypot(SPEED, SMOOTHING_SPEED)
+    smooth = (SPEED * root + SMOOTHING_SPEED**2 * math.asinh(SPEED / SMOOTHING_SPEED)) / (2 * deceleration)
+    rest = rolled(scene, 4.0)[-1]
+    assert rest[4] + 0.1 == pytest.approx(smooth, abs=1e-9)
+    assert rest[4] + 0.1 == pytest.approx(SPEED**2 / (2 * deceleration), rel=2e-3)
+    assert abs(rest[5]) < 1e-15
+
+
 # --- methods and choices ---------------------------------------------------------------------------------------------
 
 
@@ -72,7 +93,7 @@ def test_viscous_friction_slows_a_ball_exponentially(model: str) -> None:
     ("method", "order"), [("rk4", 4), ("etdrk4", 4), ("etd2rk", 2), ("midpoint", 2), ("verlet", 2)]
 )
 def test_methods_keep_their_order(model: str, method: str, order: int) -> None:
-    scene = scene_of(model=model, b_p=0.05, ball_inertia=0.4)
+    scene = scene_of(model=model, b_p=0.05, rolling_resistance=0.01, ball_inertia=0.4)
     start, end = (0.002, 0.1, 0.05, -1.0, 0.1, 0.03), 0.048
     true = solution(start, waving, np.array([0.0, end]), scene.physics)[-1]
     ends = [trajectory(scene, start, waving, end / steps, steps, method)[-1] for steps in (96, 192, 384)]
@@ -93,8 +114,8 @@ def test_a_ball_with_friction_on_a_level_board_has_no_exact_step() -> None:
 
 def test_friction_needs_a_ball_and_may_not_stop_it_within_a_tick() -> None:
     assert friction_rate(Config().physics) == 0
-    with pytest.raises(ConfigError, match=r"b_p: found 0\.01, which needs balls = 1 or more"):
-        parse("[physics]\nballs = 0\nb_p = 0.01")
+    with pytest.raises(ConfigError, match=r"rolling_resistance: found 0\.01, which needs balls = 1 or more"):
+        parse("[physics]\nballs = 0\nrolling_resistance = 0.01")
     with pytest.raises(ConfigError, match=r"b_p: found 80, which can stop a ball within a tick; .* 0\.625 times"):
         parse("[physics]\nb_p = 80.0")
     physics = parse("[physics]\nb_p = 50.0").physics

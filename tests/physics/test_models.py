@@ -32,8 +32,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "lagrangian": {"model": "lagrangian"},
     "rolling": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "b_theta": 0.01},
     "rolling, uneven": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "coupling": "right"},
-    "friction": {"b_p": 0.02, "ball_inertia": 0.4},
-    "friction, lagrangian": {"b_p": 0.02, "model": "lagrangian", "ball_height": 0.03},
+    "friction": {"b_p": 0.02, "rolling_resistance": 0.01, "ball_inertia": 0.4},
+    "friction, lagrangian": {"b_p": 0.02, "rolling_resistance": 0.01, "model": "lagrangian", "ball_height": 0.03},
     "rolling, hinged": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "board": "hinged"},
     "rolling, level": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "board": "level"},
 }

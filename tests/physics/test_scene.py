@@ -32,6 +32,7 @@ def test_the_record_holds_the_configuration() -> None:
         "stop": 0.3,
         "restitution": 0.4,
         "b_p": 0.0,
+        "rolling_resistance": 0.0,
     }
 
 
@@ -66,7 +67,7 @@ PAPER = {
     "free": True,
     "stops": False,
     "resisted": False,
-    "friction": (False,),
+    "friction": (False, False),
 }
 
 
@@ -83,8 +84,9 @@ PAPER = {
         ({"b_theta": 0.1, "board": "level"}, True, {"tilts": False}),
         ({"ball_stop": 0.3}, True, {"stops": True}),
         ({"ball_stop": 0.3}, False, {"free": False}),
-        ({"b_p": 0.1}, True, {"resisted": True, "friction": (True,)}),
-        ({"b_p": 0.1}, False, {"free": False}),
+        ({"b_p": 0.1}, True, {"resisted": True, "friction": (True, False)}),
+        ({"rolling_resistance": 0.1}, True, {"resisted": True, "friction": (False, True)}),
+        ({"rolling_resistance": 0.1}, False, {"free": False}),
         ({"ball_stop": 0.3, "balls": 0}, True, {"loaded": False, "free": False}),
     ],
 )

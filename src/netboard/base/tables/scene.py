@@ -8,7 +8,7 @@ from typing import Annotated, Literal, get_type_hints
 
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.base.tables.declared import Extrapolation
-from netboard.base.tables.friction import VISCOUS, Friction
+from netboard.base.tables.friction import ROLLING, VISCOUS, Friction
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +60,9 @@ class Physics:
     ] = 0.0
     restitution: Annotated[float, about("share of its speed that a stop gives back to a ball", ge=0, le=1)] = 0.0
     b_p: Annotated[float, VISCOUS, about("viscous friction between ball and board", "N s/m", ge=0, le=100)] = 0.0
+    rolling_resistance: Annotated[
+        float, ROLLING, about("coefficient of rolling resistance of a ball: force over normal load", "1", ge=0, le=1)
+    ] = 0.0
     b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
     b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
     hold: Annotated[
