@@ -24,6 +24,7 @@ import typer.main
 
 from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
+from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
@@ -227,6 +228,12 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def force_conditions() -> str:
+    """Write the force conditions as a table."""
+    lines = ["| `force` | the hand feels | information about the partner |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| `{name}` | {it.feels} | {it.partner} |" for name, it in CONDITIONS.items())])
+
+
 def friction_laws() -> str:
     """Write the laws of friction of a ball as a table."""
     lines = ["| law | key | unit | force against the motion | source |", "|---|---|---|---|---|"]
@@ -264,6 +271,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "edge table": ("reference/trial-state-machine.md", edge_table),
     **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
+    "force conditions": ("explanation/forces.md", force_conditions),
     "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),

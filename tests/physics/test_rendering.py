@@ -13,10 +13,10 @@ from trajectories import scene_of
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import (
-    FORCES,
     GAINS,
     NEVER,
     NOTHING,
@@ -41,7 +41,7 @@ def gains(**values: Any) -> tuple[Any, Any]:
 
 
 def felt(force: str, **values: Any) -> Felt:
-    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))  # type: ignore[arg-type]
+    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))
 
 
 def on_hand(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
@@ -223,9 +223,9 @@ def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
 )
 def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None:
     physics = Physics(**values)
-    for force in ("partner_only", "environment_only"):
+    for force in [name for name, condition in CONDITIONS.items() if condition.quasi_static]:
         with pytest.raises(ConfigError, match="springs hold"):
-            pack_felt(Config(block=Block(force=force), physics=physics))  # type: ignore[arg-type]
+            pack_felt(Config(block=Block(force=force), physics=physics))
     pack_felt(Config(physics=physics))
 
 

@@ -6,6 +6,7 @@ Each function finds those of some tables; `netboard.base.config.contradictions` 
 from collections.abc import Iterator
 
 from netboard.base.tables.experiment import MOST_TRIALS, Block, Design, Task
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tick import TICK_SECONDS
@@ -69,7 +70,7 @@ def of_block(block: Block) -> Iterator[str]:
     """
     if block.number > block.blocks:
         yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
-    if (block.force == "unrelated") != bool(block.unrelated):
+    if CONDITIONS[block.force].recorded != bool(block.unrelated):
         wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
         yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
     if block.left != "person" and block.right != "person":
@@ -129,7 +130,7 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
     if physics.coupling_at != "both" or not block.haptics:
         return
     needs: dict[str, tuple[bool, str]] = {
-        "force": (block.force == "full", '"full" or "none"'),
+        "force": (CONDITIONS[block.force].local, " or ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].local)),
         "force_scale": (block.force_scale == 1.0, "1"),
         "force_delay_ms": (block.force_delay_ms == 0, "0"),
         "catch": (not block.catch, "none"),

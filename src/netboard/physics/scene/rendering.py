@@ -17,25 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.tables.declared import FORCES, number_of, require, words_of
+from netboard.base.tables.declared import number_of, require, words_of
 from netboard.base.tables.experiment import MOST_TRIALS, Block
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
-
-RENDERED = ("none", "full", "partner_only", "environment_only", "unrelated")
-"""The force conditions that `force_on_hand` renders; another one cannot be compiled."""
-
-require("force_on_hand in netboard/physics/scene/rendering.py", RENDERED, FORCES)
 
 MOVERS = ("person", "still", "robot")
 """Who can move a hand; what is not still is felt by somebody."""
 
 require("felt_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
-
-PARTIAL = ("partner_only", "environment_only")
-"""Those that are made of the gains."""
 
 NEVER = MOST_TRIALS + 1
 """No trial has this number, but for those that operators add [1]."""
@@ -63,9 +56,6 @@ FELT = np.dtype(
 )
 """The numbers of what is felt: one record."""
 
-# Plain integers: what numba folds into the kernels below.
-_NONE, _FULL, _PARTNER_ONLY, _ENVIRONMENT_ONLY, _UNRELATED = map(FORCES.index, RENDERED)
-
 
 class Felt(NamedTuple):
     """What there is to render, for the compiler.
@@ -92,7 +82,30 @@ class Felt(NamedTuple):
     varies: bool = False
 
 
-NOTHING = Felt(_NONE, scaled=False, left=False, right=False, catches=False)
+NOTHING = Felt(FORCES.index("none"), scaled=False, left=False, right=False, catches=False)
+
+
+def _rendered(
+    number: int, coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any
+) -> float:
+    """Return the force of a condition, by its number [N].
+
+    An unknown condition has no number: the safety chain refuses NaN, where a zero would pass for a condition.
+    """
+    if not 0 <= number < len(FORCES):
+        return np.nan
+    return CONDITIONS[FORCES[number]].force(coupling, own_z, partner_z, p, other, gains)
+
+
+@specialised(_rendered)
+def _compiled_rendered(number: Any, coupling: Any, own_z: Any, partner_z: Any, p: Any, other: Any, gains: Any) -> Any:
+    """Write the choice out; the number is a constant of a block, so the compiler keeps one condition."""
+    names = "coupling, own_z, partner_z, p, other, gains"
+    text = "nan"
+    for place in reversed(range(len(FORCES))):
+        text = f"force{place}({names}) if number == {place} else ({text})"
+    kernels = {f"force{place}": CONDITIONS[name].force for place, name in enumerate(FORCES)}
+    return eval(f"lambda number, {names}: {text}", {"nan": np.nan, **kernels})
 
 
 @inlined
@@ -123,18 +136,7 @@ def force_on_hand(
     float
         Force on the hand, + = up [N].
     """
-    # No number for what is not known: the safety chain refuses it, where a zero would pass for a condition.
-    force = np.nan
-    if felt.force == _NONE:
-        force = 0.0
-    elif felt.force == _FULL:
-        force = -coupling
-    elif felt.force == _PARTNER_ONLY:
-        force = -(gains["partner"] * partner_z)
-    elif felt.force == _ENVIRONMENT_ONLY:
-        force = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
-    elif felt.force == _UNRELATED:
-        force = other if np.isfinite(other) else 0.0
+    force = _rendered(felt.force, coupling, own_z, partner_z, p, other, gains)
     return scale * force if felt.scaled else force
 
 
@@ -219,7 +221,7 @@ def pack_felt(config: Config) -> NDArray[Any]:
     numbers["catch"][0, list(config.block.catch)] = 1
     if scales := config.block.trial_scales:
         numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
-    if config.block.force in PARTIAL:
+    if CONDITIONS[config.block.force].quasi_static:
         scene = pack_scene(config.physics)[0]
         for name, free in (("fixed", False), ("free", True)):
             left, right = gains_of(parts_of(config.physics, free), scene)
@@ -293,7 +295,8 @@ def _rest(force: float, torque: float, parts: Parts, scene: Any) -> tuple[float,
 def _check(holds: bool) -> None:
     """Refuse a scene in which the springs do not hold the board."""
     if not holds:
+        parts = ", ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].quasi_static)
         raise ConfigError(
-            f'[block] force: found one of "{PARTIAL[0]}" and "{PARTIAL[1]}", which are parts of the force of a board '
-            "at rest; expected a scene in which springs hold the board's height and tilt: [physics] k_h, k_s, coupling"
+            f"[block] force: found one of {parts}, which are parts of the force of a board at rest; expected a scene "
+            "in which springs hold the board's height and tilt: [physics] k_h, k_s, coupling"
         )
