@@ -78,6 +78,7 @@ def test_the_forces_are_those_of_the_configuration() -> None:
         ("environment_only", -(0.218 + 25.93 * 0.01 - 0.0981)),
         ("none", 0.0),
         ("unrelated", 0.7),
+        ("own_only", -(0.218 + 25.93 * 0.01)),
     ],
 )
 def test_each_condition_is_what_it_says(force: str, expected: float) -> None:
@@ -92,8 +93,9 @@ def test_a_scale_multiplies_whatever_it_is() -> None:
 def test_no_force_but_the_partners_knows_of_the_partner_and_it_of_nothing_else() -> None:
     """The partner moves: what is rendered without the partner is the same to the bit. And the other way round."""
     for z in (-0.07, 0.0, 0.03):
-        for force in ("environment_only", "unrelated", "none"):
+        for force in ("environment_only", "own_only", "unrelated", "none"):
             assert on_hand(force, partner_z=z) == on_hand(force)
+        assert on_hand("own_only", partner_z=z, p=10 * z) == on_hand("own_only")
         assert on_hand("partner_only", own_z=z, p=10 * z) == on_hand("partner_only")
     assert on_hand("partner_only", partner_z=0.0) == 0.0
 

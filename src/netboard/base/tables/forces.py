@@ -79,6 +79,12 @@ def _unrelated(coupling: float, own_z: float, partner_z: float, p: float, record
     return recorded if np.isfinite(recorded) else 0.0
 
 
+@inlined
+def _own_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
+    """Return the terms of the weight and the own height [N]."""
+    return -(gains["weight"] + gains["own"] * own_z)
+
+
 CONDITIONS: dict[str, ForceCondition] = {
     "none": ForceCondition("nothing", "nothing", "haptics off", _none, local=True),
     "full": ForceCondition(
@@ -100,6 +106,13 @@ CONDITIONS: dict[str, ForceCondition] = {
     ),
     "unrelated": ForceCondition(
         "the force that a hand felt in another session", "nothing", "unrelated force", _unrelated, recorded=True
+    ),
+    "own_only": ForceCondition(
+        "weights and its own height, as if the partner's stylus rested at z = 0 and the ball at the centre",
+        "nothing",
+        "own force",
+        _own_only,
+        quasi_static=True,
     ),
 }
 """All conditions by name, in display order; a condition's number in kernels is its place. Append new ones."""
