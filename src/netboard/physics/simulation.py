@@ -187,7 +187,7 @@ def simulate(
     free : bool
         The balls roll; otherwise they are fixed.
     hold : str
-        How a hand moves between its samples, one of `netboard.physics.hands.sampled.HOLDS`.
+        How a hand moves between its samples, one of `netboard.physics.hands.sampled.INTERPOLATIONS`.
     dt : float
         Time from row to row of the result [s].
     steps : Steps or None

@@ -15,7 +15,7 @@ from netboard.base.errors import ConfigError
 from netboard.physics.hands.extrapolation import between, later, moving, resting
 from netboard.physics.scene.parameters import SCENE
 
-HOLDS = ("zoh", "cv", "ca", "hermite")
+INTERPOLATIONS = ("zoh", "cv", "ca", "hermite")
 """How a hand moves between its samples; a hold's number is its place."""
 
 GAP = 3.0
@@ -27,7 +27,7 @@ FILL = 0.001
 FINEST = 11
 """Times are whole numbers of 10^-11 s, or of a larger power of ten where float64 does not hold that many digits [1]."""
 
-_ZOH, _HERMITE = HOLDS.index("zoh"), HOLDS.index("hermite")
+_ZOH, _HERMITE = INTERPOLATIONS.index("zoh"), INTERPOLATIONS.index("hermite")
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     hands : Hands
         The samples.
     hold : str
-        One of `HOLDS`.
+        One of `INTERPOLATIONS`.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     close = np.flatnonzero(np.diff(ticks) <= 0)
     if len(close):
         raise ConfigError(f"t: samples {close[0] + 1} and {close[0] + 2} are less than {1 / scale:g} s apart")
-    held = Held(HOLDS.index(hold), scale, ticks, hands.z, hands.vz, np.zeros_like(hands.vz))
+    held = Held(INTERPOLATIONS.index(hold), scale, ticks, hands.z, hands.vz, np.zeros_like(hands.vz))
     if hold == "ca":
         held.az[1:] = np.diff(hands.vz, axis=0) / (np.diff(ticks) / scale)[:, None]
     gaps = find_gaps(hands.t)
