@@ -53,7 +53,7 @@ def paper(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Ph
 def friction(speed: float, theta: float, k: Physics) -> float:
     """Force of the board against the motion of a ball: viscous, and rolling resistance with a smooth sign."""
     sign = np.sin(np.arctan2(speed, 2e-3))
-    return k.b_p * speed + k.rolling_resistance * k.m * k.g * np.cos(theta) * sign
+    return k.b_p * speed + k.rolling_resistance * k.m * k.g * abs(np.cos(theta)) * sign
 
 
 def newton(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Physics, free: bool) -> list[float]:

@@ -144,7 +144,7 @@ def test_work_is_counted_since_the_start_through_each_flow() -> None:
     powers = np.array(
         [flows(tuple(x), *waving(t), scene.parts, scene.record) for x, t in zip(path.tolist(), times, strict=True)]
     )
-    coarse = np.vstack([np.zeros(6), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
+    coarse = np.vstack([np.zeros(len(Flows._fields)), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
     assert work == pytest.approx(coarse, abs=0.02 * np.abs(coarse).max())
 
 

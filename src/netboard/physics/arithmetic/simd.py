@@ -109,9 +109,13 @@ def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> N
     lower_builtin(operation, *[Lanes] * operands)(lower)
 
 
-def _square_root(builder: Any, value: Any) -> Any:
-    """Write the square root, which IEEE rounds correctly."""
-    return builder.call(builder.module.declare_intrinsic("llvm.sqrt", [value.type]), [value])
+def _intrinsic(name: str) -> Callable[..., Any]:
+    """Return what writes a function of LLVM that is exact or correctly rounded."""
+
+    def write(builder: Any, value: Any) -> Any:
+        return builder.call(builder.module.declare_intrinsic(f"llvm.{name}", [value.type]), [value])
+
+    return write
 
 
 _BUILDER = ir.IRBuilder
@@ -124,7 +128,8 @@ for _name, _instruction in (
     _define(getattr(operator, _name), _instruction, 2)
     _define(getattr(operator, f"i{_name}"), _instruction, 2)
 _define(operator.neg, _BUILDER.fneg, 1)
-_define(math.sqrt, _square_root, 1)
+_define(math.sqrt, _intrinsic("sqrt"), 1)
+_define(abs, _intrinsic("fabs"), 1)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:

@@ -244,7 +244,7 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
     if parts.free:
         ap = alike(scene["ball_gravity"] * (s - x[2]), p)
         if parts.resisted:
-            drag = friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene)
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
             ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
         return joined(0.0, az, 0.0, ao, alike(0.0, p), ap)
     return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(0.0, p))

@@ -164,7 +164,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         odd *= load * s
     heat = 0.0
     if parts.resisted:
-        heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene), speeds(x))
+        heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene), speeds(x))
     return Flows(
         (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
         (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,

@@ -154,7 +154,7 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
     if parts.free:
         ap = alike(scene["ball_gravity"] * s, p)
         if parts.resisted:
-            drag = friction(speeds(x), scene["m"] * scene["g"] * c, parts, scene)
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
             ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
         return joined(x[1], az, x[3], ao, speeds(x), ap)
     return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
@@ -240,7 +240,7 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
         force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
         torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
         if parts.resisted:
-            drag = friction(vp, scene["m"] * g * c, parts, scene)
+            drag = friction(vp, scene["m"] * g * abs(c), parts, scene)
             force += ease * s * total(drag)
             torque -= r * total(drag)
     elif parts.loaded:
@@ -253,7 +253,7 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
         ease = scene["ease"]
         ap = affine(r * ao - ease * s * (g + az), ease * spin, p)
         if parts.resisted:
-            ap = plus(ap, -ease * (1.0 / scene["m"]), friction(vp, scene["m"] * g * c, parts, scene))
+            ap = plus(ap, -ease * (1.0 / scene["m"]), friction(vp, scene["m"] * g * abs(c), parts, scene))
         return joined(x[1], az, omega, ao, vp, ap)
     return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
 

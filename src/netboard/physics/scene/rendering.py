@@ -221,7 +221,8 @@ def pack_felt(config: Config) -> NDArray[Any]:
     numbers["catch"][0, list(config.block.catch)] = 1
     if scales := config.block.trial_scales:
         numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
-    if CONDITIONS[config.block.force].quasi_static:
+    number = number_of(config.block.force, FORCES, "[block] force")
+    if CONDITIONS[FORCES[number]].quasi_static:
         scene = pack_scene(config.physics)[0]
         for name, free in (("fixed", False), ("free", True)):
             left, right = gains_of(parts_of(config.physics, free), scene)
