@@ -78,7 +78,7 @@ def device_options(backend: str) -> Callable[[], str]:
     """Return what writes the table of a device backend's own options."""
 
     def write() -> str:
-        module = import_module(BACKENDS[backend].partition(":")[0])
+        module = import_module(BACKENDS[backend].target.partition(":")[0])
         (table,) = tables(module.Options)
         head = "| option | default | unit | values | what it is |\n|---|---|---|---|---|"
         return "\n".join([head, *map(_key_row, table.keys)])
