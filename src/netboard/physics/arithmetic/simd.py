@@ -239,7 +239,7 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
     offset : int
         Where the first is, counted through the whole array [1].
     count : int
-        How many; a constant at the call [1].
+        How many; a compile-time constant [1].
     """
     return array.ravel()[offset : offset + count]
 
@@ -254,7 +254,7 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     offset : int
         Where the first of the first set is, counted through the whole array [1].
     count : int
-        How many are in each; a constant at the call [1].
+        How many are in each; a compile-time constant [1].
     """
     both = array.ravel()[offset : offset + 2 * count]
     return both[::2], both[1::2]
@@ -283,7 +283,7 @@ def lane(lanes: Any, i: int) -> float:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return float(lanes[i])
 
@@ -296,7 +296,7 @@ def spread(lanes: Any, i: int) -> Any:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return np.full(len(lanes), lanes[i])
 
@@ -309,7 +309,7 @@ def gathered(values: State, count: int) -> Any:
     values : tuple of float
         Some numbers.
     count : int
-        How many lanes; a constant at the call [1].
+        How many lanes; a compile-time constant [1].
     """
     return np.array([*values, *[0.0] * (count - len(values))])
 
@@ -339,7 +339,7 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     lanes : lanes
         What to multiply it with: as many as there are columns.
     count : int
-        How many lanes the result has: as many as there are rows; a constant at the call [1].
+        How many lanes the result has: as many as there are rows; a compile-time constant [1].
     """
     columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
     chains = [columns[0] * lanes[0], columns[1] * lanes[1]]

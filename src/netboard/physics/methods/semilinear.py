@@ -29,7 +29,7 @@ def known_of(parts: Parts) -> int:
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
     k : int
         Number of the table [1].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -201,7 +201,7 @@ def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
     rest : tuple of float
         N, or a sum of such [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -263,7 +263,7 @@ def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, sc
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
         Tables, of which the first is A, and which kind of them.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
