@@ -127,7 +127,7 @@ def test_every_constant_has_its_value(kind: type) -> None:
 
 def test_single_constants() -> None:
     assert hdapi.INVALID_HANDLE == 2**32 - 1
-    assert hdapi.DEFAULT_PRIORITY == 32767
+    assert (hdapi.MAX_PRIORITY, hdapi.DEFAULT_PRIORITY) == (65535, 32767)
 
 
 def test_errors_come_off_the_stack_to_the_last_one(library: hdapi.Library) -> None:

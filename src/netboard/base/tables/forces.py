@@ -64,13 +64,15 @@ def _full(coupling: float, own_z: float, partner_z: float, p: float, recorded: f
 @inlined
 def _partner_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
     """Return the term of the partner's height [N]."""
-    return -(gains["partner"] * partner_z)
+    force: float = -(gains["partner"] * partner_z)
+    return force
 
 
 @inlined
 def _environment_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
     """Return the terms of the weight, the own height and the ball [N]."""
-    return -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
+    force: float = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
+    return force
 
 
 @inlined
@@ -82,7 +84,8 @@ def _unrelated(coupling: float, own_z: float, partner_z: float, p: float, record
 @inlined
 def _own_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
     """Return the terms of the weight and the own height [N]."""
-    return -(gains["weight"] + gains["own"] * own_z)
+    force: float = -(gains["weight"] + gains["own"] * own_z)
+    return force
 
 
 CONDITIONS: dict[str, ForceCondition] = {

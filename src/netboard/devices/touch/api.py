@@ -27,8 +27,8 @@ STDCALL = sys.platform == "win32" and ctypes.sizeof(c_void_p) == 4
 INVALID_HANDLE = 0xFFFFFFFF
 """Handle of no device."""
 
-DEFAULT_PRIORITY = 32767
-"""Priority of callbacks; within a tick, higher ones run first."""
+MAX_PRIORITY, DEFAULT_PRIORITY = 65535, 32767
+"""Priorities of callbacks; within a tick, higher ones run first."""
 
 MOST_ERRORS = 64
 """Limit of errors taken off the stack at a time, in case the library never stops reporting [1]."""

@@ -98,9 +98,9 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     """Define the motion of hands between their samples.
 
     "hermite" interpolates heights and rates: by a cubic between close samples, by polynomials through four samples
-    where they are further apart, and by one cubic across a gap. The others extrapolate from the last sample: with its height
-    and rate (zoh), at constant velocity (cv), or at constant acceleration, the slope of the last two rates (ca). In a
-    gap they do so for the median interval; then the stylus rests.
+    where they are further apart, and by one cubic across a gap. The others extrapolate from the last sample: with its
+    height and rate (zoh), at constant velocity (cv), or at constant acceleration, the slope of the last two rates (ca).
+    In a gap they do so for the median interval; then the stylus rests.
 
     Parameters
     ----------
