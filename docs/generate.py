@@ -24,6 +24,8 @@ import typer.main
 
 from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
+from netboard.base.tables.forces import CONDITIONS
+from netboard.base.tables.scene import FRICTION
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.recording.export.tables import TRIALS
@@ -76,7 +78,7 @@ def device_options(backend: str) -> Callable[[], str]:
     """Return what writes the table of a device backend's own options."""
 
     def write() -> str:
-        module = import_module(BACKENDS[backend].partition(":")[0])
+        module = import_module(BACKENDS[backend].target.partition(":")[0])
         (table,) = tables(module.Options)
         head = "| option | default | unit | values | what it is |\n|---|---|---|---|---|"
         return "\n".join([head, *map(_key_row, table.keys)])
@@ -226,6 +228,22 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def force_conditions() -> str:
+    """Write the force conditions as a table."""
+    lines = ["| `force` | the hand feels | information about the partner |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| `{name}` | {it.feels} | {it.partner} |" for name, it in CONDITIONS.items())])
+
+
+def friction_laws() -> str:
+    """Write the laws of friction of a ball as a table."""
+    lines = ["| law | key | unit | force against the motion | source |", "|---|---|---|---|---|"]
+    physics = next(table for table in tables(Config) if table.name == "physics")
+    units = {key.name: key.unit for key in physics.keys}
+    for key, law in FRICTION.items():
+        lines.append(f"| {law.name} | `{key}` | {units[key]} | `{law.formula}` | {_cell(law.source)} |")
+    return "\n".join(lines)
+
+
 COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
 """Those of `netboard bench coupling`."""
 
@@ -253,6 +271,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "edge table": ("reference/trial-state-machine.md", edge_table),
     **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
+    "force conditions": ("explanation/forces.md", force_conditions),
+    "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),
     "columns of imports": ("how-to/import.md", import_columns),

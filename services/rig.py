@@ -20,7 +20,7 @@ from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
-from netboard.devices.setup import calibration, checkup, excitation, listing, words
+from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
 from netboard.devices.setup.loop import Beats, Driver, RealTime, watch
 
@@ -44,7 +44,7 @@ MONITOR_SECONDS = 0.005
 Ask = Callable[[str], str]
 
 
-def show_list(config: Config, *, as_json: bool, root: Path = listing.ROOT) -> int:
+def show_list(config: Config, *, as_json: bool, root: Path = usb.ROOT) -> int:
     """Show devices and backends; return 1 if a connected device may not be opened."""
     found = listing.listing(config, root)
     if as_json:

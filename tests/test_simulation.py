@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import netboard.physics.simulation
 from netboard.base.errors import ConfigError
 from netboard.base.tables.scene import Physics
-from netboard.physics.hands.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
+from netboard.physics.hands.sampled import FILL, INTERPOLATIONS, Hands, find_gaps, hold_hands, styluses_along
 from netboard.physics.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
 
 Array = NDArray[np.float64]
@@ -247,7 +247,7 @@ def test_gaps_are_found() -> None:
     assert find_gaps(T).tolist() == []
 
 
-@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("hold", INTERPOLATIONS)
 def test_across_a_gap(hold: str) -> None:
     hands = sampled(waving(1), GAPPED)
     held = hold_hands(hands, hold)
@@ -422,7 +422,7 @@ def test_energy_is_balanced(physics: Physics) -> None:
 
 
 @settings(deadline=None, max_examples=40)
-@given(data=st.data(), count=st.integers(2, 12), hold=st.sampled_from(HOLDS), free=st.booleans())
+@given(data=st.data(), count=st.integers(2, 12), hold=st.sampled_from(INTERPOLATIONS), free=st.booleans())
 def test_any_hands_move_the_board(data: st.DataObject, count: int, hold: str, free: bool) -> None:
     def floats(limit: float, *shape: int) -> Array:
         numbers = st.lists(st.floats(-limit, limit), min_size=int(np.prod(shape)), max_size=int(np.prod(shape)))

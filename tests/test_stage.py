@@ -317,6 +317,7 @@ CONDITIONS = {
     "environment_only": 'force = "environment_only"',
     "unrelated": 'force = "unrelated"\nunrelated = "a.mcap"',
     "none": 'force = "none"',
+    "own_only": 'force = "own_only"',
 }
 
 
@@ -353,6 +354,15 @@ def test_the_environment_knows_nothing_of_the_partners_hand_and_the_partner_of_n
     assert np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, mine)[:, 0])
     assert not np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, there)[:, 0])
     assert not np.array_equal(felt_by(environment, here)[:, 0], felt_by(environment, mine)[:, 0])
+
+
+def test_the_own_force_knows_neither_partner_nor_ball() -> None:
+    here, there = waving(), waving()
+    there["right_sent_z"], there["right_sent_vz"] = -here["right_sent_z"], -here["right_sent_vz"]
+    own = CONDITIONS["own_only"]
+    felt = felt_by(own, here)
+    assert np.array_equal(felt[:, 0], felt_by(own, there)[:, 0])
+    assert felt[1:, 0] == pytest.approx(-(0.218 + 25.9259 * here["left_sent_z"][1:]), abs=1e-3)
 
 
 def test_the_parts_are_those_of_the_height_that_is_used_clipped_and_at_whatever_rate() -> None:

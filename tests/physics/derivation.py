@@ -14,6 +14,7 @@ from typing import Any
 
 import sympy as sp
 
+from netboard.base.tables.scene import FRICTION
 from netboard.physics.scene import energy, models
 from netboard.physics.scene.parameters import SCENE, Parts
 
@@ -103,7 +104,8 @@ def coordinates(parts: Parts, x: tuple[Any, ...]) -> list[tuple[Any, Any, Any, A
     if parts.tilts:
         found.append((theta, omega, (f_right - f_left) * l * sp.cos(theta) - scene["b_theta"] * omega, 2))
     if parts.free:
-        found += [(x[i], x[i + 1], sp.Integer(0), i) for i in range(4, len(x), 2)]
+        drag = scene["b_p"] if parts.resisted else sp.Integer(0)
+        found += [(x[i], x[i + 1], -drag * x[i + 1], i) for i in range(4, len(x), 2)]
     return found
 
 
@@ -151,8 +153,9 @@ def paper(parts: Parts, balls: int) -> bool:
     turn = (f_right - f_left) * l * cosine - weight * sum(x[4::2]) * cosine - scene["b_theta"] * omega
     roll = SYMBOLS["ball_gravity"] * sp.sin(theta)
     wanted = [vz, heave / M if parts.heaves else sp.S(0), omega, turn / I if parts.tilts else sp.S(0)]
+    drag = SYMBOLS["ease"] * SYMBOLS["b_p"] / m if parts.resisted else sp.S(0)
     for speed in x[5::2]:
-        wanted += [speed, roll] if parts.free else [sp.S(0), sp.S(0)]
+        wanted += [speed, roll - drag * speed] if parts.free else [sp.S(0), sp.S(0)]
     return all(is_zero(bound(parts, a - b)) for a, b in zip(out, wanted, strict=True))
 
 
@@ -201,6 +204,7 @@ KINDS = {
     "even": WHOLE._replace(even=True, damped=False),
     "hinged": WHOLE._replace(heaves=False, even=True),
     "level": WHOLE._replace(tilts=False, damped=False, even=True),
+    "viscous": WHOLE._replace(resisted=True, friction=tuple(key == "b_p" for key in FRICTION)),
     "fixed": WHOLE._replace(free=False),
     "fixed, hinged": WHOLE._replace(free=False, heaves=False),
     "fixed, level": WHOLE._replace(free=False, tilts=False, damped=False),

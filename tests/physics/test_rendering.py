@@ -13,10 +13,10 @@ from trajectories import scene_of
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import (
-    FORCES,
     GAINS,
     NEVER,
     NOTHING,
@@ -41,7 +41,7 @@ def gains(**values: Any) -> tuple[Any, Any]:
 
 
 def felt(force: str, **values: Any) -> Felt:
-    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))  # type: ignore[arg-type]
+    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))
 
 
 def on_hand(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
@@ -78,6 +78,7 @@ def test_the_forces_are_those_of_the_configuration() -> None:
         ("environment_only", -(0.218 + 25.93 * 0.01 - 0.0981)),
         ("none", 0.0),
         ("unrelated", 0.7),
+        ("own_only", -(0.218 + 25.93 * 0.01)),
     ],
 )
 def test_each_condition_is_what_it_says(force: str, expected: float) -> None:
@@ -92,8 +93,9 @@ def test_a_scale_multiplies_whatever_it_is() -> None:
 def test_no_force_but_the_partners_knows_of_the_partner_and_it_of_nothing_else() -> None:
     """The partner moves: what is rendered without the partner is the same to the bit. And the other way round."""
     for z in (-0.07, 0.0, 0.03):
-        for force in ("environment_only", "unrelated", "none"):
+        for force in ("environment_only", "own_only", "unrelated", "none"):
             assert on_hand(force, partner_z=z) == on_hand(force)
+        assert on_hand("own_only", partner_z=z, p=10 * z) == on_hand("own_only")
         assert on_hand("partner_only", own_z=z, p=10 * z) == on_hand("partner_only")
     assert on_hand("partner_only", partner_z=0.0) == 0.0
 
@@ -223,9 +225,9 @@ def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
 )
 def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None:
     physics = Physics(**values)
-    for force in ("partner_only", "environment_only"):
+    for force in [name for name, condition in CONDITIONS.items() if condition.quasi_static]:
         with pytest.raises(ConfigError, match="springs hold"):
-            pack_felt(Config(block=Block(force=force), physics=physics))  # type: ignore[arg-type]
+            pack_felt(Config(block=Block(force=force), physics=physics))
     pack_felt(Config(physics=physics))
 
 

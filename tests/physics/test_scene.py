@@ -31,6 +31,8 @@ def test_the_record_holds_the_configuration() -> None:
         "fixed_load": 1.0,
         "stop": 0.3,
         "restitution": 0.4,
+        "b_p": 0.0,
+        "rolling_resistance": 0.0,
     }
 
 
@@ -64,6 +66,8 @@ PAPER = {
     "loaded": True,
     "free": True,
     "stops": False,
+    "resisted": False,
+    "friction": (False, False),
 }
 
 
@@ -80,10 +84,13 @@ PAPER = {
         ({"b_theta": 0.1, "board": "level"}, True, {"tilts": False}),
         ({"ball_stop": 0.3}, True, {"stops": True}),
         ({"ball_stop": 0.3}, False, {"free": False}),
+        ({"b_p": 0.1}, True, {"resisted": True, "friction": (True, False)}),
+        ({"rolling_resistance": 0.1}, True, {"resisted": True, "friction": (False, True)}),
+        ({"rolling_resistance": 0.1}, False, {"free": False}),
         ({"ball_stop": 0.3, "balls": 0}, True, {"loaded": False, "free": False}),
     ],
 )
-def test_what_a_scene_has(values: dict[str, Any], free: bool, differences: dict[str, bool]) -> None:
+def test_what_a_scene_has(values: dict[str, Any], free: bool, differences: dict[str, Any]) -> None:
     assert parts_of(Physics(**values), free)._asdict() == {**PAPER, **differences}
 
 

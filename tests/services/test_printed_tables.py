@@ -23,7 +23,7 @@ from netboard.benchmarks.harness.results import Part, show
 from netboard.devices.contract.device import Reading
 from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.listing import Backend, Listed, Listing
+from netboard.devices.setup.listing import BackendState, Listed, Listing
 from netboard.devices.setup.words import (
     findings_table,
     identified_table,
@@ -68,7 +68,7 @@ LISTING = Listing(
         ),
         Listed("Falcon", "", "0403:cb48", "usb 2-1", ("pyusb", "hidapi"), ("/dev/bus/usb/002/003",)),
     ),
-    backends=(Backend("openhaptics", ADVICE), Backend("falcon", "")),
+    backends=(BackendState("openhaptics", ADVICE), BackendState("falcon", "")),
     remarks=(),
 )
 FINDINGS = [Finding(f"timer slack of process {k}", "yellow", "50 us, expected 1 us", ADVICE) for k in range(3)]

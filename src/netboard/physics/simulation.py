@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.methods.catalogue import METHODS, NUMBER
@@ -115,6 +115,7 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
     # Of the board alone: what balls add to its inertia only makes it slower.
     parts = parts_of(physics, free)._replace(lagrangian=False)
     fastest = float(np.abs(np.linalg.eigvals(board_matrix(parts, pack_scene(physics)[0]))).max())
+    fastest = max(fastest, friction_rate(physics) if free else 0.0)
     if method == "auto":
         longest = LONGEST_STEP
         if fastest > 0.0:
@@ -122,8 +123,11 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
         return Steps(TRUE_METHOD, longest, substeps, fastest)
     if method not in NUMBER:
         raise ConfigError(f'method: found "{method}", expected auto or one of {", ".join(NUMBER)}')
-    if method == "exact" and parts.tilts:
-        raise ConfigError('method: found "exact", which is for boards that cannot tilt (physics.board = "level")')
+    if method == "exact" and (parts.tilts or parts.resisted):
+        raise ConfigError(
+            'method: found "exact", which is for boards that cannot tilt (physics.board = "level") and balls without '
+            "friction"
+        )
     return Steps(method, np.inf, substeps, fastest)
 
 
@@ -183,7 +187,7 @@ def simulate(
     free : bool
         The balls roll; otherwise they are fixed.
     hold : str
-        How a hand moves between its samples, one of `netboard.physics.hands.sampled.HOLDS`.
+        How a hand moves between its samples, one of `netboard.physics.hands.sampled.INTERPOLATIONS`.
     dt : float
         Time from row to row of the result [s].
     steps : Steps or None
@@ -280,14 +284,15 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
     dict of str to ndarray of float64, shape (n,)
         E_ and the fields of `netboard.physics.scene.energy.Stored`, W_ and those of
         `netboard.physics.scene.energy.Flows`: but for the error, and for what stops take, the sum of all E less that of
-        all W stays what it is [J].
+        all W stays what it is; W_friction only where a ball has friction [J].
     """
     parts, scene, held = parts_of(physics, free), pack_scene(physics), hold_hands(hands, "hermite")
     styluses = styluses_along(held, np.rint(motion.t * held.scale).astype(np.int64))
     stored = stored_along(motion.states, styluses, parts, scene)
     works = work_along(motion.t, motion.states, styluses, parts, scene)
     columns = {f"E_{name}": stored[:, i] for i, name in enumerate(Stored._fields)}
-    return {**columns, **{f"W_{name}": works[:, i] for i, name in enumerate(Flows._fields)}}
+    flows = [name for name in Flows._fields if name != "friction" or parts.resisted]
+    return {**columns, **{f"W_{name}": works[:, Flows._fields.index(name)] for name in flows}}
 
 
 # --- time --------------------------------------------------------------------------------------------------------

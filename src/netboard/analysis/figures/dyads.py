@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.figures.figure import BLACK, GREEN, PINK, SKY, Picture
+from netboard.analysis.figures.figure import BLACK, GREEN, ORANGE, PINK, SKY, YELLOW, Picture
 from netboard.analysis.figures.marks import (
     Look,
     draw_dyads,
@@ -21,10 +21,12 @@ from netboard.analysis.figures.marks import (
 )
 from netboard.analysis.results.dyads import Comparison, dyads
 from netboard.analysis.results.groups import QUANTITIES
+from netboard.base.tables.forces import FORCES
 
 TITLE = "Dyads and their partners alone"
 
-_FORCES = {"partner_only": SKY, "environment_only": GREEN, "unrelated": PINK}
+_FORCES = dict(zip(FORCES[2:], (SKY, GREEN, PINK, ORANGE, YELLOW), strict=False))
+"""Colours of the force conditions that are neither off nor on."""
 
 
 @styled

@@ -34,7 +34,7 @@ from netboard.analysis.figures.figure import (
 )
 from netboard.analysis.results.groups import Condition, bounded, simulated, teams
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.base.tables.declared import FORCES, require
+from netboard.base.tables.forces import FORCES
 
 PARTNERS = {"robot partner": SKY, "still partner": PINK}
 """Colours of dyadic conditions without a human partner."""
@@ -45,16 +45,20 @@ MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
 _TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
 """Colours of such teams in the current figure."""
 
-_SHAPES = {
-    "none": ("o", "white", "--"),
-    "full": ("o", "", "-"),
-    "partner_only": ("^", "", "-."),
-    "environment_only": ("s", "", ":"),
-    "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
-}
-_OTHER = ("X", "", ":")
+_MARKS = (
+    ("o", "white", "--"),
+    ("o", "", "-"),
+    ("^", "", "-."),
+    ("s", "", ":"),
+    ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
+    ("v", "", (0, (1, 1))),
+    ("P", "", (0, (5, 2))),
+    ("h", "white", (0, (3, 1, 1, 1))),
+)
+_SHAPES = dict(zip(FORCES, _MARKS, strict=False))
+"""Marker, face and line of each force condition."""
 
-require("the marks of force conditions in netboard/analysis/figures/marks.py", _SHAPES, FORCES)
+_OTHER = ("X", "", ":")
 
 _TITLE = 92
 """Characters of a title over the full width of a figure [1]."""

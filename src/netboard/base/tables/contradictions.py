@@ -6,8 +6,10 @@ Each function finds those of some tables; `netboard.base.config.contradictions` 
 from collections.abc import Iterator
 
 from netboard.base.tables.experiment import MOST_TRIALS, Block, Design, Task
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import Safety
-from netboard.base.tables.scene import Geometry, Physics
+from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
+from netboard.base.tick import TICK_SECONDS
 
 
 def of_scene(physics: Physics) -> Iterator[str]:
@@ -30,6 +32,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
         "ball_height": (physics.model == "lagrangian", 'model = "lagrangian": in the paper\'s a ball is a point'),
         "b_z": (physics.board != "hinged", "a board that heaves"),
         "b_theta": (physics.board != "level", "a board that tilts"),
+        **dict.fromkeys(FRICTION, (physics.balls > 0, "balls = 1 or more")),
     }
     for key, (there, what) in needs.items():
         if getattr(physics, key) > 0 and not there:
@@ -41,8 +44,15 @@ def of_scene(physics: Physics) -> Iterator[str]:
             '[physics] ball_sign: found "printed", expected "downhill": only the paper\'s model can have a ball '
             "that rolls uphill"
         )
-    if physics.method == "exact" and physics.board != "level":
-        yield '[physics] method: found "exact", expected another one: it is for board = "level"'
+    if physics.method == "exact" and (physics.board != "level" or friction_rate(physics) > 0):
+        yield '[physics] method: found "exact", expected another one: it is for board = "level" without friction'
+    if friction_rate(physics) * TICK_SECONDS > 1.0:
+        keys = [key for key in FRICTION if getattr(physics, key) > 0]
+        found = ", ".join(f"{getattr(physics, key):g}" for key in keys)
+        yield (
+            f"[physics] {', '.join(keys)}: found {found}, which can stop a ball within a tick; "
+            f"expected at most {1.0 / (friction_rate(physics) * TICK_SECONDS):.3g} times as much"
+        )
 
 
 def of_block(block: Block) -> Iterator[str]:
@@ -60,7 +70,7 @@ def of_block(block: Block) -> Iterator[str]:
     """
     if block.number > block.blocks:
         yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
-    if (block.force == "unrelated") != bool(block.unrelated):
+    if CONDITIONS[block.force].recorded != bool(block.unrelated):
         wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
         yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
     if block.left != "person" and block.right != "person":
@@ -120,7 +130,7 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
     if physics.coupling_at != "both" or not block.haptics:
         return
     needs: dict[str, tuple[bool, str]] = {
-        "force": (block.force == "full", '"full" or "none"'),
+        "force": (CONDITIONS[block.force].local, " or ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].local)),
         "force_scale": (block.force_scale == 1.0, "1"),
         "force_delay_ms": (block.force_delay_ms == 0, "0"),
         "catch": (not block.catch, "none"),

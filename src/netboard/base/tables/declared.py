@@ -1,6 +1,6 @@
 """Words that are declared once, and whatever must know all of them: it says at import what is missing.
 
-A word of the configuration, such as a force condition, is declared as a `Literal`. What computes with it names the
+A word of the configuration, such as an extrapolation, is declared as a `Literal`. What computes with it names the
 words that it knows, and `require` compares the two, so that no unknown word falls into a branch that is for another.
 """
 
@@ -8,12 +8,6 @@ from collections.abc import Collection, Sequence
 from typing import Any, Literal, get_args, get_type_hints
 
 from netboard.base.errors import ConfigError
-
-Force = Literal["none", "full", "partner_only", "environment_only", "unrelated"]
-"""The force conditions, in the order in which they are shown; a condition's number in kernels is its place."""
-
-FORCES: tuple[Force, ...] = get_args(Force)
-"""The same as a tuple."""
 
 Extrapolation = Literal["zoh", "cv", "ca"]
 """How a stylus moves after its last sample; the number in kernels is its place."""
@@ -69,7 +63,7 @@ def number_of(word: str, declared: Sequence[str], key: str) -> int:
     declared : sequence of str
         All of them.
     key : str
-        Where it stands, such as ``[block] force``.
+        Where it stands, such as ``[physics] hold``.
 
     Raises
     ------

@@ -9,6 +9,7 @@ Numba has no such type: this module is the only one that writes instructions by 
 """
 
 import inspect
+import math
 import operator
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -98,20 +99,37 @@ class _Arithmetic(AbstractTemplate):
         return signature(found[0], *[found[0]] * len(args))
 
 
-def _define(operation: Any, instruction: str, operands: int) -> None:
-    """Let an operator of Python be an instruction."""
+def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> None:
+    """Let a function of Python be an instruction."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*args)
+        return instruction(builder, *args)
 
     infer_global(operation)(type(f"_{operation.__name__}", (_Arithmetic,), {}))
     lower_builtin(operation, *[Lanes] * operands)(lower)
 
 
-for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+def _intrinsic(name: str) -> Callable[..., Any]:
+    """Return what writes a function of LLVM that is exact or correctly rounded."""
+
+    def write(builder: Any, value: Any) -> Any:
+        return builder.call(builder.module.declare_intrinsic(f"llvm.{name}", [value.type]), [value])
+
+    return write
+
+
+_BUILDER = ir.IRBuilder
+for _name, _instruction in (
+    ("add", _BUILDER.fadd),
+    ("sub", _BUILDER.fsub),
+    ("mul", _BUILDER.fmul),
+    ("truediv", _BUILDER.fdiv),
+):
     _define(getattr(operator, _name), _instruction, 2)
     _define(getattr(operator, f"i{_name}"), _instruction, 2)
-_define(operator.neg, "fneg", 1)
+_define(operator.neg, _BUILDER.fneg, 1)
+_define(math.sqrt, _intrinsic("sqrt"), 1)
+_define(abs, _intrinsic("fabs"), 1)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
@@ -221,7 +239,7 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
     offset : int
         Where the first is, counted through the whole array [1].
     count : int
-        How many; a constant at the call [1].
+        How many; a compile-time constant [1].
     """
     return array.ravel()[offset : offset + count]
 
@@ -236,7 +254,7 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     offset : int
         Where the first of the first set is, counted through the whole array [1].
     count : int
-        How many are in each; a constant at the call [1].
+        How many are in each; a compile-time constant [1].
     """
     both = array.ravel()[offset : offset + 2 * count]
     return both[::2], both[1::2]
@@ -265,7 +283,7 @@ def lane(lanes: Any, i: int) -> float:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return float(lanes[i])
 
@@ -278,7 +296,7 @@ def spread(lanes: Any, i: int) -> Any:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return np.full(len(lanes), lanes[i])
 
@@ -291,7 +309,7 @@ def gathered(values: State, count: int) -> Any:
     values : tuple of float
         Some numbers.
     count : int
-        How many lanes; a constant at the call [1].
+        How many lanes; a compile-time constant [1].
     """
     return np.array([*values, *[0.0] * (count - len(values))])
 
@@ -321,7 +339,7 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     lanes : lanes
         What to multiply it with: as many as there are columns.
     count : int
-        How many lanes the result has: as many as there are rows; a constant at the call [1].
+        How many lanes the result has: as many as there are rows; a compile-time constant [1].
     """
     columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
     chains = [columns[0] * lanes[0], columns[1] * lanes[1]]

@@ -56,7 +56,7 @@ def blend(x: State, h: float, weights: State, ks: tuple[State, ...]) -> State:
     h : float
         Length of a step [s].
     weights : tuple of float
-        A weight for each rate; constants at the call [1].
+        A weight for each rate; compile-time constants [1].
     ks : tuple of tuple of float
         Rates, as many as weights, each as long as x [SI].
     """

@@ -85,17 +85,17 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
     Parameters
     ----------
     method : int
-        Number of the method, a constant of the kernel that calls this [1].
+        Number of the method; a compile-time constant [1].
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        What `Method.tables` made for this scene and each length of step, and which of them this is.
+        Tables from `Method.tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -109,7 +109,7 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
 
 @specialised(advance)
 def _advance(method: Any, x: Any, h: Any, hands: Any, tables: Any, parts: Any, scene: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Select the implementation at compile time."""
     if not isinstance(method, types.IntegerLiteral):
         return None
     step = METHODS[method.literal_value].step

@@ -37,13 +37,13 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 4, n, n), and int
-        What `etd2rk_tables` made for each length of step, and which of them this is.
+        Tables from `etd2rk_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -72,13 +72,13 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 11, n, n), and int
-        What `etdrk4_tables` made for each length of step, and which of them this is.
+        Tables from `etdrk4_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -115,13 +115,13 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -142,11 +142,11 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -166,11 +166,11 @@ def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -198,15 +198,15 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 1, 2, 11), and int
-        What `exact_tables` made for each length of step, and which of them this is.
+        Tables from `exact_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
-        Not used.
+        Unused.
 
     Returns
     -------
@@ -240,7 +240,7 @@ def _both(hands: Any) -> tuple[int, State]:
 
 @specialised(_both)
 def _write_both(hands: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands: (3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]))
     sums = [f"hands[0][hands[1], {node}, 0] + hands[0][hands[1], {node}, 1]" for node in range(4)]
@@ -255,11 +255,11 @@ def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------

@@ -6,10 +6,11 @@ What it leaves out (weights, and what grows with the square of the velocities) c
 takes all but a small share of the error away.
 """
 
+from math import sqrt
 from typing import Any
 
 from netboard.base.compiled import inlined
-from netboard.physics.arithmetic.vectors import State, affine, alike, joined, plus, speeds
+from netboard.physics.arithmetic.vectors import State, affine, alike, dot, joined, plus, speeds
 from netboard.physics.hands.extrapolation import drives
 from netboard.physics.methods.one_step import moved
 from netboard.physics.scene.models import masses, rates, solved, turned
@@ -55,7 +56,7 @@ def _corrected(
 def _swept(
     x: State, y: State, t: float, reach: float, left: float, right: float, parts: Parts, scene: Any
 ) -> tuple[State, float]:
-    """Return a better guess than y, and by how much it differs, as a speed at the control points [m/s]."""
+    """Return a better guess than y, and by how much it differs, as a speed at the control points and of balls [m/s]."""
     k = rates(y, left, right, parts, scene)
     wrong_z, wrong_o = y[1] - x[1] - t * k[1], y[3] - x[3] - t * k[3]
     less_z, less_o = _corrected(y, wrong_z, wrong_o, t, reach, parts, scene)
@@ -66,7 +67,11 @@ def _swept(
         change = scene["ball_height"] * (wrong_o - less_o) - scene["ease"] * s * (wrong_z - less_z)
         vp = affine(change, 1.0, vp)
     guess = joined(0.0, y[1] - less_z, 0.0, y[3] - less_o, alike(0.0, vp), vp)
-    return moved(x, reach, guess, parts), abs(less_z) + scene["l"] * abs(less_o)
+    change = abs(less_z) + scene["l"] * abs(less_o)
+    if parts.resisted:
+        slowed = plus(vp, -1.0, speeds(y))
+        change += sqrt(dot(slowed, slowed))
+    return moved(x, reach, guess, parts), change
 
 
 @inlined
@@ -80,7 +85,7 @@ def _settled(
     """
     y = moved(x, reach, x, parts)
     last = 0.0
-    for sweep in range(1 if straight or not parts.tilts else SWEEPS):
+    for sweep in range(1 if (straight or not parts.tilts) and not parts.resisted else SWEEPS):
         y, change = _swept(x, y, t, reach, left, right, parts, scene)
         if t * change <= CLOSE or (sweep > FIRST and not change < last):
             break
@@ -102,13 +107,13 @@ def verlet(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -136,13 +141,13 @@ def midpoint(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: A
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 

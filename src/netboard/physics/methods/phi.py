@@ -160,7 +160,7 @@ def integrals(
     a : ndarray of float64, shape (n, n)
         Matrix of the system x' = a x [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     end : Decimal
         How much of the step, or how many of them [1].
     polynomials : sequence of sequence of Decimal

@@ -13,12 +13,12 @@ from typing import Any
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.simd import listed, written
-from netboard.physics.arithmetic.vectors import State, alike, joined, places, total
-from netboard.physics.scene.models import rates, turned
+from netboard.physics.arithmetic.vectors import State, alike, joined, places, plus, speeds, total
+from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 EVEN, FIXED, PAPER = 1, 2, 4
-"""What is known of a scene: heave moves apart from the rest; balls are fixed; the equations are the paper's."""
+"""What is known of a scene: heave moves apart from the rest; balls are fixed; the paper's equations, no friction."""
 
 _EVEN_FIXED = EVEN | FIXED
 
@@ -29,14 +29,18 @@ def known_of(parts: Parts) -> int:
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
     int
         Sum of `EVEN`, `FIXED` and `PAPER`, each if it is so [1].
     """
-    return EVEN * parts.even + FIXED * (parts.loaded and not parts.free) + PAPER * (not parts.lagrangian)
+    return (
+        EVEN * parts.even
+        + FIXED * (parts.loaded and not parts.free)
+        + PAPER * (not parts.lagrangian and not parts.resisted)
+    )
 
 
 def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
@@ -170,7 +174,7 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
     k : int
         Number of the table [1].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -197,7 +201,7 @@ def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
     rest : tuple of float
         N, or a sum of such [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -238,7 +242,11 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
         turn = scene["l"] * (1.0 / scene["I"]) * (right - left) + held
         ao = (turn + a[kind, 0, 2, 3] * s + brake * c) * c - (held + (a[kind, 0, 2, 3] * x[2] + brake))
     if parts.free:
-        return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(scene["ball_gravity"] * (s - x[2]), p))
+        ap = alike(scene["ball_gravity"] * (s - x[2]), p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
+            ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
+        return joined(0.0, az, 0.0, ao, alike(0.0, p), ap)
     return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(0.0, p))
 
 
@@ -255,7 +263,7 @@ def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, sc
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
         Tables, of which the first is A, and which kind of them.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 

@@ -1,6 +1,6 @@
-"""The scene about the level board at rest, as a matrix: x' = A x + what the hands and the weights do.
+"""Linearisation of the scene about the level board at rest: x' = A x + drives of the hands and weights.
 
-For the exponential methods, which solve that part exactly, and for the theory of stability. Numpy, not for a tick.
+The exponential methods solve it exactly, and the stability analysis uses it. NumPy; not for use in a tick.
 """
 
 from typing import Any
@@ -12,12 +12,12 @@ from netboard.physics.scene.parameters import Parts
 
 
 def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
-    """Return the matrix of the bare board: heave and tilt, as if there were no balls.
+    """Return the state matrix of the board without balls.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -30,12 +30,12 @@ def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
 
 
 def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
-    """Return the matrix of the scene about the level board, the balls at its centre.
+    """Return the state matrix of the scene about the level board with the balls at its centre.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     length : int

@@ -1,20 +1,21 @@
-"""Forces and accelerations of the scene: the paper's equations and the full Lagrangian ones, in strict arithmetic.
+"""Equations of motion of the scene: the paper's and the full Lagrangian ones, in strict arithmetic.
 
-docs/explanation/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain
+docs/explanation/physics.md derives them. Rule 1: the results are the same to the bit on every machine, and in plain
 Python (``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule
-2: mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or
-sign exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is
-not computed: `parts` is a constant wherever this is compiled.
+2: mirror images agree to the bit: exchanging left and right and the signs of tilt and balls changes only sides and
+signs of the results. Rule 3: nothing raises; non-finite inputs give non-finite results. Rule 4: terms that a scene does
+not need are not computed, because `parts` is a compile-time constant.
 
 Symbols: a state x is ``(z, vz, theta, omega)`` and ``(p, vp)`` of each ball: height of the board's centre, tilt (+ =
-right end up), ball along the board (+ = right), and their rates; s, c sine and cosine of the tilt. A hand enters by its
-drive ``u = k z_s + c vz_s`` alone: what its coupling would pull a board at rest at the origin with. It knows no trial,
-no sample and no step.
+right end up), ball position along the board (+ = right), and their rates; s and c are sine and cosine of the tilt. A
+hand enters only by its drive ``u = k z_s + c vz_s``, the force of its virtual coupling on a board at rest at the
+origin. This module knows neither trials nor samples nor steps.
 """
 
 from typing import Any
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, specialised
+from netboard.base.tables.scene import FRICTION
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.arithmetic.vectors import (
     State,
@@ -23,6 +24,7 @@ from netboard.physics.arithmetic.vectors import (
     dot,
     joined,
     places,
+    plus,
     replaced,
     speeds,
     total,
@@ -32,14 +34,14 @@ from netboard.physics.scene.parameters import Parts
 
 @inlined
 def turned(theta: float, parts: Parts) -> tuple[float, float]:
-    """Return sine and cosine of the tilt, which are 0 and 1 on a board that cannot tilt.
+    """Return sine and cosine of the tilt: 0 and 1 for a board that cannot tilt.
 
     Parameters
     ----------
     theta : float
         Tilt [rad].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
 
 @inlined
 def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
-    """Return the forces of the two hands on the board; the hands feel their opposites (paper eq. 1-2).
+    """Return the forces of both virtual couplings on the board; the hands feel the reactions (paper eq. 1-2).
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
     left, right : float
         Drives of the hands [N].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -75,6 +77,46 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
         left - (scene["k_left"] * (x[0] - arm) + scene["c_left"] * (x[1] - arm_rate)),
         right - (scene["k_right"] * (x[0] + arm) + scene["c_right"] * (x[1] + arm_rate)),
     )
+
+
+def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
+    """Return the force of friction on each ball, against its motion along the board.
+
+    Parameters
+    ----------
+    vp : tuple of float
+        Speed of each ball along the board [m/s].
+    load : float
+        The normal force of a ball on the board [N].
+    parts : Parts
+        Structure of the scene; a compile-time constant.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        Sums of all laws, in their order [N].
+    """
+    return tuple([_resistance(v, load, parts, scene) for v in vp])
+
+
+def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
+    """Return the same of one ball [N]."""
+    force = 0.0
+    for (key, law), there in zip(FRICTION.items(), parts.friction, strict=True):
+        if there:  # no `sum`, which rounds in another way than kernels do
+            force += law.force(scene[key], vp, load)
+    return force
+
+
+@specialised(friction)
+def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
+    """Write the sum of all laws; the compiler removes those that the scene lacks."""
+    laws = {f"law{i}": law.force for i, law in enumerate(FRICTION.values())}
+    terms = [f'(law{i}(scene["{key}"], vp[#], load) if parts.friction[{i}] else 0.0)' for i, key in enumerate(FRICTION)]
+    sums = "".join(f"0.0 + {' + '.join(terms)}, ".replace("#", str(ball)) for ball in range(vp.count))
+    return eval(f"lambda vp, load, parts, scene: ({sums})", laws)
 
 
 @inlined
@@ -93,7 +135,7 @@ def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts,
 
 @inlined
 def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
-    """Return the rate of the state by the paper's equations (3-5): the balls weigh on the board and nothing more."""
+    """Return the rate of the state by the paper's equations (3-5), where balls act on the board by weight alone."""
     s, c = turned(x[2], parts)
     force, turn = _pull(x, left, right, s, c, parts, scene)
     torque = scene["l"] * turn
@@ -104,21 +146,23 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
             weight *= scene["fixed_load"]
         force -= len(p) * weight * (c * c)
         torque -= weight * total(p)
-    # Multiplied by reciprocals, which are ready long before sine and cosine are: a division would lengthen the chain.
+    # Reciprocals are available long before sine and cosine; a division would lengthen the dependency chain.
     az = force * (1.0 / scene["M"]) if parts.heaves else 0.0
     ao = torque * c * (1.0 / scene["I"]) if parts.tilts else 0.0
     if parts.damped:
         ao -= scene["b_theta"] * x[3] * (1.0 / scene["I"])
     if parts.free:
-        return joined(x[1], az, x[3], ao, speeds(x), alike(scene["ball_gravity"] * s, p))
+        ap = alike(scene["ball_gravity"] * s, p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
+            ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
+        return joined(x[1], az, x[3], ao, speeds(x), ap)
     return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
 
 
 @inlined
 def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the inertia of the board and what moves with it, by Lagrange.
-
-    Balls that roll are eliminated: what their momentum along the board takes away is taken away here.
+    """Return the inertia of board and balls by Lagrange's equations, with the coordinates of free balls eliminated.
 
     Parameters
     ----------
@@ -127,7 +171,7 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
     s, c : float
         Sine and cosine of the tilt [1].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -153,16 +197,16 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
 
 @inlined
 def solved(a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts) -> tuple[float, float]:
-    """Return the accelerations of heave and tilt that a force and a torque give, of those that the board can make.
+    """Return the accelerations of heave and tilt under a force and a torque, 0 for a degree of freedom that is fixed.
 
     Parameters
     ----------
     a11, a12, a22 : float
         Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
     force, torque : float
-        What acts on heave and tilt [N, N m].
+        Force on the heave and torque on the tilt [N, N m].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -193,6 +237,10 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
         along = (1.0 - ease) * spin * total(p) + n * ease * g * s
         force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
         torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
+        if parts.resisted:
+            drag = friction(vp, scene["m"] * g * abs(c), parts, scene)
+            force += ease * s * total(drag)
+            torque -= r * total(drag)
     elif parts.loaded:
         m = scene["m"] * scene["fixed_load"]
         force -= m * (n * g - spin * (s * total(p) + n * r * c))
@@ -201,7 +249,10 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
     az, ao = solved(a11, a12, a22, force, torque, parts)
     if parts.free:
         ease = scene["ease"]
-        return joined(x[1], az, omega, ao, vp, affine(r * ao - ease * s * (g + az), ease * spin, p))
+        ap = affine(r * ao - ease * s * (g + az), ease * spin, p)
+        if parts.resisted:
+            ap = plus(ap, -ease * (1.0 / scene["m"]), friction(vp, scene["m"] * g * abs(c), parts, scene))
+        return joined(x[1], az, omega, ao, vp, ap)
     return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
 
 
@@ -216,7 +267,7 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
     left, right : float
         Drives of the hands [N].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -232,14 +283,14 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
 
 @inlined
 def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
-    """Return the state after the blow that turns ball i back at its stop; by Lagrange, the board feels it too."""
+    """Return the state after the impact of ball i on its stop; in the Lagrangian model it acts on the board, too."""
     back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
     if not parts.lagrangian:
         return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
     s, c = turned(x[2], parts)
     r, ease = scene["ball_height"], scene["ease"]
     a11, a12, a22 = masses(x, s, c, parts, scene)
-    # Answers to a unit blow along the board, over ball i; as large a blow as gives ball i the change it needs.
+    # Response to a unit impulse along the board at ball i, scaled to the impulse that reverses ball i.
     vz, omega = solved(a11, a12, a22, -s * ease, r, parts)
     others = r * omega - s * ease * vz
     blow = back / (others + ease / scene["m"])
@@ -251,16 +302,16 @@ def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
 
 @inlined
 def stopped(x: State, parts: Parts, scene: Any) -> State:
-    """Return the state after a step, with balls that ran past a stop set on it and turned back (Newton's restitution).
+    """Return the state after a step, with balls beyond a stop put on it and reflected (Newton's restitution).
 
-    The blow counts at the end of the step in which it falls: late by less than a step.
+    An impact takes effect at the end of its step.
 
     Parameters
     ----------
     x : tuple of float
         The state [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 

@@ -123,7 +123,7 @@ def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Part
     p : tuple of float
         The balls along the board [m].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -171,7 +171,7 @@ def heave_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]
     balls : int
         How many there are; by Lagrange, they are at the board's centre and add their mass to M [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -199,7 +199,7 @@ def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, compl
         How many there are; by Lagrange, fixed ones are at the board's centre and above it, and add to I what they turn
         and take from the stiffness what they tip [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -233,7 +233,7 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     balls : int
         How many there are, at the same place [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 

@@ -1,12 +1,12 @@
-"""A hand that is coupled to the board over a delay: the exact matrix of the sampled loop, and what follows from it.
+"""Stability of a virtual coupling over a delay, from the exact matrix of the sampled-data loop.
 
-One millisecond of the loop is one linear map: the stylus under a force that is held, the estimate of its velocity, the
-samples on their way to the server, the coupling, the board's end, and what is on its way back. Written as a step of a
-state, its matrix is that step of the unit vectors; the loop is stable if no eigenvalue of it is larger than 1. Where
-the coupling is computed is a property of the loop (docs/explanation/coupling.md): on the server, or in both, where the
-agent computes the hand's force itself from the board's end as it was a delay ago.
+One millisecond of the loop is a linear map: the stylus under a held force, its velocity estimate, the samples on their
+way to the server, the coupling, the end of the board, and the forces on their way back. Applied to unit vectors, it
+gives its matrix; the loop is stable if no eigenvalue is larger than 1 in modulus. The coupling is computed either on
+the server, or on both: then the agent computes the force on the hand from the delayed end of the board
+(docs/explanation/coupling.md).
 
-Linear: no friction, no encoder steps, no limits of the force. Numpy and scipy, not for a tick.
+The model is linear, without friction, encoder steps and force limits. NumPy and SciPy; not for use in a tick.
 """
 
 import math
@@ -26,25 +26,25 @@ At = Literal["server", "both"]
 Hold = Literal["zoh", "cv", "ca"]
 
 ROUNDING = 1e-7
-"""A factor that exceeds 1 by no more counts as 1. A body that nothing holds has that factor twice, which rounding moves
-by the root of a number's last bit, 1.5e-8; and what grows by so little takes hours to be felt [1]."""
+"""Tolerance of the spectral radius. A free body has a double eigenvalue 1, which rounding moves by the square root of
+the machine precision, 1.5e-8; growth this slow takes hours to be noticed [1]."""
 
 QUICK, REACH = 0.005, 0.010
 """The stage extrapolates a sample for at most this long [s]."""
 
 STIFFEST = 1e6
-"""No coupling is looked for beyond this [N/m]."""
+"""Largest stiffness considered [N/m]."""
 
 LONGEST = 60
-"""Nor a delay [ms]."""
+"""Largest delay considered [ms]."""
 
 STRIDE = 5
-"""A delay is looked for in such steps first [ms]."""
+"""First step size of the search for a delay [ms]."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What moves with the stylus: the device, and the hand that holds it, if one does.
+    """Mechanics of the stylus: the device and the hand that holds it, if any.
 
     Attributes
     ----------
@@ -53,9 +53,9 @@ class Mechanism:
     damping : float
         Viscous damping of both [N s/m].
     stiffness : float
-        Of the hand towards where it wants to be; 0 for a stylus that nobody holds [N/m].
+        Stiffness of the hand towards its equilibrium point; 0 for a released stylus [N/m].
     substeps : int
-        It is stepped like the virtual device, so many times in a tick; 0: the exact motion of a real one [1].
+        Steps per tick of the virtual device; 0: the exact motion of a real one [1].
     """
 
     mass: float = 0.045
@@ -66,16 +66,16 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class End:
-    """The board as one hand meets it: a mass on a spring-damper.
+    """End of the board as seen by one hand: a mass on a spring and a damper.
 
     Attributes
     ----------
     mass : float
-        Its mass; infinite for an end that does not move, the worst case [kg].
+        Its mass; infinite for a fixed end, the worst case [kg].
     damping : float
         Its damping [N s/m].
     stiffness : float
-        Of the spring that holds it [N/m].
+        Stiffness of its spring [N/m].
     """
 
     mass: float = math.inf
@@ -88,14 +88,14 @@ FIXED = End()
 
 @dataclass(frozen=True)
 class Loop:
-    """A hand, its coupling and the board's end.
+    """A hand, its virtual coupling and the end of the board.
 
     Attributes
     ----------
     mechanism : Mechanism
-        The stylus and who holds it.
+        Stylus and hand.
     end : End
-        What it is coupled to.
+        End of the board.
     k : float
         Stiffness of the coupling [N/m].
     c : float
@@ -107,13 +107,13 @@ class Loop:
     at : str
         ``server`` or ``both``: where the force on the hand is computed.
     hold : str
-        How the server moves a sample on to its tick, as in ``physics.hold``.
+        Extrapolation of samples on the server, as in ``physics.hold``.
     window : int
-        The velocity is the difference of positions so far apart; 0: it is known exactly [ms].
+        Interval of the position difference that estimates the velocity; 0: exact velocity [ms].
     reach : float
-        The agent moves the board's end on by its rate for at most so long [s].
+        Longest extrapolation of the end of the board by the agent [s].
     gain : float
-        The hand is made to feel this share of the force on the board [1].
+        Commanded force over the force on the board [1].
     """
 
     mechanism: Mechanism = Mechanism()
@@ -130,7 +130,7 @@ class Loop:
 
 
 def loop_matrix(loop: Loop) -> Matrix:
-    """Return what a tick multiplies the state of a loop by.
+    """Return the matrix of one tick of a loop.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     balls : int
@@ -96,13 +96,13 @@ def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     balls : int
         How many balls there are [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -122,7 +122,7 @@ def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) 
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one: the level board's [SI].
 
@@ -242,7 +242,7 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
 
@@ -294,7 +294,7 @@ def stiffness(a: Matrix, h: float) -> float:
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -314,7 +314,7 @@ def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) ->
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
     """
