@@ -26,6 +26,7 @@ from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
+from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS
 from netboard.recording.integrity.checking import CHECKS
@@ -130,6 +131,15 @@ def import_columns() -> str:
     for column in COLUMNS.values():
         name = f"**`{column.name}`**, needed" if column.needed else f"`{column.name}`"
         lines.append(f"| {name} | {_unit(column.unit)} | {_cell(column.text)} |")
+    return "\n".join(lines)
+
+
+def export_formats() -> str:
+    """Write the table of the export formats."""
+    lines = ["| format | what it is | for |", "|---|---|---|"]
+    for one in FORMATS.values():
+        extra = f"; needs `pip install 'netboard[{one.extra}]'`" if one.extra else ""
+        lines.append(f"| `{one.name}` | {one.about}{extra} | {one.readers} |")
     return "\n".join(lines)
 
 
@@ -263,6 +273,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),
     "columns of imports": ("how-to/import.md", import_columns),
+    "export formats": ("how-to/export.md", export_formats),
     "integrity checks": ("how-to/check.md", integrity_checks),
     "machine": ("explanation/accuracy.md", study_machine("physics")),
     **{name: ("explanation/accuracy.md", study_part("physics", name)) for name in PHYSICS},

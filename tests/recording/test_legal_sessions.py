@@ -140,7 +140,7 @@ def test_an_attempt_in_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) 
     for path in parts:
         path.unlink()
     changed(made, 0, lambda entry: replace(entry, completion=9.0))
-    assert "took 9.0 s there" in said(check(write(tmp_path, made, [cut])[1]))
+    assert "took 9.0 s in the journal" in said(check(write(tmp_path, made, [cut])[1]))
 
 
 def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
