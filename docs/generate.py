@@ -28,8 +28,10 @@ from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
+from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS
+from netboard.recording.integrity.checking import CHECKS
 from netboard.services.cli import app
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
 
@@ -132,6 +134,21 @@ def import_columns() -> str:
         name = f"**`{column.name}`**, needed" if column.needed else f"`{column.name}`"
         lines.append(f"| {name} | {_unit(column.unit)} | {_cell(column.text)} |")
     return "\n".join(lines)
+
+
+def export_formats() -> str:
+    """Write the table of the export formats."""
+    lines = ["| format | what it is | for |", "|---|---|---|"]
+    for one in FORMATS.values():
+        extra = f"; needs `pip install 'netboard[{one.extra}]'`" if one.extra else ""
+        lines.append(f"| `{one.name}` | {one.about}{extra} | {one.readers} |")
+    return "\n".join(lines)
+
+
+def integrity_checks() -> str:
+    """Write the table of the integrity checks."""
+    lines = ["| check | what it examines |", "|---|---|"]
+    return "\n".join([*lines, *(f"| **{one.part}** | {_cell(one.about)} |" for one in CHECKS)])
 
 
 def _unit(unit: str) -> str:
@@ -276,6 +293,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),
     "columns of imports": ("how-to/import.md", import_columns),
+    "export formats": ("how-to/export.md", export_formats),
+    "integrity checks": ("how-to/check.md", integrity_checks),
     "machine": ("explanation/accuracy.md", study_machine("physics")),
     **{name: ("explanation/accuracy.md", study_part("physics", name)) for name in PHYSICS},
     "stability machine": ("explanation/stability.md", study_machine("stability")),

@@ -14,9 +14,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import EXIT_CODES, VERDICTS, Grade, Report
+from netboard.recording.integrity.severity import EXIT_CODES, RESULTS, Report, Severity
 
-COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
+COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "red"}
 """Colour of each severity on a terminal."""
 
 ENDINGS = (".mcap", ".part", ".spill")
@@ -54,7 +54,7 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
         for report in reports:
             console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
-    return EXIT_CODES[max(report.grade for report in reports)]
+    return EXIT_CODES[max(report.severity for report in reports)]
 
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
@@ -79,10 +79,10 @@ def bars() -> Progress:
 
 def in_words(report: Report, whole: bool) -> str:
     """Return the result of a check and its evidence."""
-    lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
+    lines = [f"{escape(str(report.path))}: [{COLOURS[report.severity]}]{report.result}[/], {report.ticks} ticks"]
     for finding in report.findings:
-        if whole or finding.grade != Grade.SOUND:
-            colour = COLOURS[finding.grade]
+        if whole or finding.severity != Severity.SOUND:
+            colour = COLOURS[finding.severity]
             lines.append(f"  [{colour}]{finding.part:13}[/] {escape(finding.text)}")
     return "\n".join(lines)
 
@@ -90,7 +90,9 @@ def in_words(report: Report, whole: bool) -> str:
 def in_total(reports: Sequence[Report], took: float) -> str:
     """Return a summary of two lines: results and speed."""
     counts = ", ".join(
-        f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
+        f"{count} {RESULTS[severity]}"
+        for severity in Severity
+        if (count := sum(r.severity == severity for r in reports))
     )
     ticks = sum(report.ticks for report in reports)
     words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
@@ -115,14 +117,14 @@ def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
     """Return the reports for JSON."""
     again, computing = _computed(reports)
     return {
-        "verdict": VERDICTS[max(report.grade for report in reports)],
+        "verdict": RESULTS[max(report.severity for report in reports)],
         "recordings": [
             {
                 "path": str(report.path),
-                "verdict": report.verdict,
+                "verdict": report.result,
                 "ticks": report.ticks,
                 "findings": [
-                    {"part": one.part, "grade": one.grade.name.lower(), "text": one.text} for one in report.findings
+                    {"part": one.part, "grade": one.severity.name.lower(), "text": one.text} for one in report.findings
                 ],
                 "replay": None if report.replay is None else _plain(asdict(report.replay)),
             }

@@ -20,9 +20,9 @@ from netboard.recording.integrity.catalogue import (
     with_check,
     with_trials,
 )
-from netboard.recording.integrity.severity import VERDICTS, Grade
+from netboard.recording.integrity.severity import RESULTS, Severity
 
-COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDICTS[Grade.DAMAGE]: "red"}
+COLOURS = {RESULTS[Severity.SOUND]: "green", RESULTS[Severity.LOSS]: "yellow", RESULTS[Severity.DAMAGE]: "red"}
 """Colour of each result on a terminal."""
 
 
@@ -76,7 +76,7 @@ def table_of(entries: Sequence[Entry], folder: Path) -> FittedTable:
 def _row(entry: Entry, folder: Path) -> list[Cell]:
     """Return the row of one file."""
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
-    known = entry.kind in ("recording", "journal") and entry.verdict != VERDICTS[Grade.DAMAGE]
+    known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
     return [
         (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
         str(entry.path.relative_to(folder)),
@@ -91,7 +91,7 @@ def in_total(entries: Sequence[Entry]) -> str:
     """Return a summary of one line."""
     recordings = [entry for entry in entries if entry.kind != "journal"]
     counts = ", ".join(
-        f"{count} {verdict}" for verdict in VERDICTS if (count := sum(e.verdict == verdict for e in recordings))
+        f"{count} {verdict}" for verdict in RESULTS if (count := sum(e.verdict == verdict for e in recordings))
     )
     hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
     sessions = len({(entry.dyad, entry.session) for entry in entries})

@@ -14,7 +14,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.importing.study_import import UNNAMED, Job, examine, import_one, run
 from netboard.recording.importing.table_import import Imported
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.services.cli import app
 
 HEAD = """\
@@ -75,7 +75,7 @@ def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> No
     found = {path.name: path.read_bytes() for path in Path("out").iterdir()}
     assert len(found) == 4
     for name in found:
-        assert check(Path("out") / name).grade is Grade.SOUND
+        assert check(Path("out") / name).severity is Severity.SOUND
     with Recording(next(Path("out").glob("S01_D02_block02_*.mcap"))) as one:
         config = one.config_text
         assert one.ticks()["left_sent_z"][10] == pytest.approx(0.01 * np.sin(0.03), abs=1e-6)
@@ -166,7 +166,7 @@ def test_a_worker_that_is_killed_leaves_whole_recordings_only_and_the_rest_for_a
     with pytest.raises(NetboardError, match=r"was killed, .* 2 of 4 recordings .* run the same command again"):
         run(plan, Path("out"), 1, quiet, killed_at_the_third)
     assert not list(Path("out").glob(f"{UNNAMED}*"))
-    assert [check(path).grade for path in Path("out").iterdir()] == [Grade.SOUND] * 2
+    assert [check(path).severity for path in Path("out").iterdir()] == [Severity.SOUND] * 2
     again = examine(study, Path("out"), quiet)
     assert (len(again.jobs), len(again.there)) == (2, 2)
 

@@ -148,7 +148,7 @@ def test_the_paper_is_put_beside_it_if_asked(study: Path, plain: Path) -> None:
 
 def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
     Path("out").mkdir()
-    assert "out: is there already; name another --output" in refused(analyse(study, "-o", "out"))
+    assert "out: already exists; choose another --output" in refused(analyse(study, "-o", "out"))
     (broken := Path("broken")).mkdir()
     (broken / "S01.mcap").write_text("nothing")
     assert "S01.mcap: not an MCAP file" in refused(analyse(study, broken, "-o", "new", "--workers", "1"))

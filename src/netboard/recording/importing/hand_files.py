@@ -310,7 +310,7 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
 def _refuse_existing(path: Path, force: bool) -> None:
     """Raise an error if the file exists."""
     if path.exists() and not force:
-        raise ConfigError(f"{path}: is there already; --force overwrites it")
+        raise ConfigError(f"{path}: already exists; --force overwrites it")
 
 
 # --- writing -----------------------------------------------------------------------------------------------------
