@@ -93,4 +93,4 @@ def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
 
 def test_a_folder_with_nothing_to_recover_is_said(tmp_path: Path) -> None:
     result = runner.invoke(app, ["recover", str(tmp_path)])
-    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing unfinished in it\n")
+    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing to recover in this folder\n")

@@ -106,10 +106,10 @@ def test_what_the_commands_print(app, capsys, monkeypatch):
     from netboard.services import display
     from netboard.windows.participant import screen_size
 
-    assert display.list_screens() == 0
+    display.print_screens()
     assert capsys.readouterr().out.startswith("0: ")
     monkeypatch.setattr(screen_size, "calibrate", lambda _: (0.2768, "0: a screen"))
-    assert display.calibrate(CONFIG) == 0
+    assert display.measure_pixels(CONFIG) == 0
     assert "mm_per_pixel = 0.2768" in capsys.readouterr().out
     monkeypatch.setattr(screen_size, "calibrate", lambda _: (None, "0: a screen"))
-    assert display.calibrate(CONFIG) == 1
+    assert display.measure_pixels(CONFIG) == 1

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from netboard.network.protocol.control import Status
-from netboard.windows.operator.commands import RELEASING, STOP_KEYS, WISHES, Wish, refusal
+from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command, refusal
 from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH
 
 STOP_RED = "#c8102e"
@@ -30,12 +30,12 @@ QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
 """
 
 
-class WishButton(QPushButton):
+class CommandButton(QPushButton):
     """The button of one command."""
 
-    def __init__(self, wish: Wish) -> None:
+    def __init__(self, command: Command) -> None:
         super().__init__()
-        self.wish = wish
+        self.command = command
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.setMinimumHeight(46)
@@ -44,7 +44,11 @@ class WishButton(QPushButton):
 
     def ask(self, sure: bool) -> None:
         """Ask for a second press as confirmation, or stop asking."""
-        words = f"{self.wish.label}?\npress {self.wish.key} again" if sure else f"{self.wish.label}\n{self.wish.key}"
+        words = (
+            f"{self.command.label}?\npress {self.command.key} again"
+            if sure
+            else f"{self.command.label}\n{self.command.key}"
+        )
         if words == self.text():
             return
         self.setText(words)
@@ -53,9 +57,9 @@ class WishButton(QPushButton):
 
     def allow(self, status: Status | None, own: str) -> None:
         """Enable the button if its command is possible now; else say why not in the tooltip."""
-        reason = refusal(self.wish, status, own)
+        reason = refusal(self.command, status, own)
         self.setEnabled(not reason)
-        tip = f"{self.wish.tip} ({reason})" if reason else self.wish.tip
+        tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
         if tip != self.toolTip():
             self.setToolTip(tip)
 
@@ -79,7 +83,7 @@ class StopPanel(QWidget):
         self.button.setMinimumSize(290, 84)
         self.button.setStyleSheet(STOP_STYLE)
         self.button.pressed.connect(self.stopped)
-        self.release = WishButton(RELEASING)
+        self.release = CommandButton(RELEASING)
         rows = QVBoxLayout(self)
         rows.setContentsMargins(0, 0, 0, 0)
         rows.addWidget(self.button, 1)
@@ -94,7 +98,7 @@ class CommandBar(QWidget):
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setSpacing(6)
-        self.buttons = [WishButton(wish) for wish in WISHES]
+        self.buttons = [CommandButton(command) for command in COMMANDS]
         for place, button in enumerate(self.buttons):
             grid.addWidget(button, *divmod(place, COLUMNS))
             grid.setColumnStretch(place % COLUMNS, 1)

@@ -39,7 +39,7 @@ class NoteBox(QWidget):
         self.text.setMaxLength(LONGEST)
         self.text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
         self.text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
-        self.text.setPlaceholderText("Note: F4, write, Enter. Its time is that of the first letter.")
+        self.text.setPlaceholderText("Note: press F4, write, press Enter. Its time is that of the first letter.")
         self.text.setStyleSheet(
             f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
             f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
@@ -65,7 +65,7 @@ class NoteBox(QWidget):
             self._begun = None
         elif self._begun is None:
             self._begun = self.tick
-        self.stamp.setText("" if self._begun is None else f"begun at {self._begun * TICK_SECONDS:.1f} s")
+        self.stamp.setText("" if self._begun is None else f"started at {self._begun * TICK_SECONDS:.1f} s")
 
     def _send(self) -> None:
         words = self.text.text().strip()

@@ -19,9 +19,9 @@ from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
-from netboard.windows.operator.buttons import CommandBar, StopPanel, WishButton
+from netboard.windows.operator.buttons import CommandBar, CommandButton, StopPanel
 from netboard.windows.operator.changes import Recent
-from netboard.windows.operator.commands import STOP_KEYS, Wish, refusal
+from netboard.windows.operator.commands import STOP_KEYS, Command, refusal
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
 from netboard.windows.operator.lamp_widget import (
@@ -34,7 +34,7 @@ from netboard.windows.operator.lamp_widget import (
     StationLights,
     label,
 )
-from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, faded, session_lamps, shout
+from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.note import NoteBox
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import Point, Strips
@@ -73,7 +73,7 @@ class State:
 class ConsoleWindow(QWidget):
     """The console's window."""
 
-    wished = Signal(str, str)
+    commanded = Signal(str, str)
     closed = Signal()
 
     def __init__(self, config: Config, limits: Limits, own: str) -> None:
@@ -88,7 +88,7 @@ class ConsoleWindow(QWidget):
         self._where = f"{config.network.host}:{config.network.port}"
         self._shown = 0
         self._session = ""
-        self._sure: Wish | None = None
+        self._sure: Command | None = None
         self._sure_ns = 0
         self._doubt = QTimer(self, singleShot=True, interval=SURE_MS)
         self._doubt.timeout.connect(self._unsure)
@@ -121,7 +121,7 @@ class ConsoleWindow(QWidget):
                 self.stations.shine(side, lamps)
                 named += [(side, lamp) for lamp in lamps]
             self._show_status(status)
-        self._show_alarm(shout(status, silence, state.recent, state.unconfirmed), words.worst(named))
+        self._show_alarm(alarm(status, silence, state.recent, state.unconfirmed), words.worst(named))
         for button in (*self.bar.buttons, self.stop.release):
             button.allow(status if silence < float("inf") else None, self._own)
 
@@ -141,15 +141,15 @@ class ConsoleWindow(QWidget):
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
             self.strips.redraw()
 
-    def _show_alarm(self, alarm: str, worst: Line) -> None:
+    def _show_alarm(self, urgent: str, worst: Line) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
         line = words.advice(self.state.status, self._where)
         if not line.words:
             line = worst
-        look = _LOUD if alarm else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
-        if self.alarm.text() != (alarm or line.words):
-            self.alarm.setText(alarm or line.words)
-            self.alarm.setToolTip(alarm or line.words)
+        look = _LOUD if urgent else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
+        if self.alarm.text() != (urgent or line.words):
+            self.alarm.setText(urgent or line.words)
+            self.alarm.setToolTip(urgent or line.words)
         if self.alarm.styleSheet() != look:
             self.alarm.setStyleSheet(look)
 
@@ -169,47 +169,49 @@ class ConsoleWindow(QWidget):
 
     # --- commands ----------------------------------------------------------------------------------------------
 
-    def press(self, wish: Wish) -> None:
+    def press(self, command: Command) -> None:
         """Execute the command of a key or button, or show why it is not possible."""
-        if wish.name == "open" and self.middle.currentWidget() is self.form:
+        if command.name == "open" and self.middle.currentWidget() is self.form:
             self.fill_in(False)
             return
-        reason = refusal(wish, self.state.status, self._own)
+        reason = refusal(command, self.state.status, self._own)
         if reason:
             self._unsure()
-            self.say(Line(f"{wish.label}: {reason}", Tone.WATCH))
-        elif wish.twice and self._sure is not wish:
-            self._ask(wish)
-        elif not wish.twice or now_ns() - self._sure_ns >= SOON_NS:
+            self.say(Line(f"{command.label}: {reason}", Tone.WATCH))
+        elif command.twice and self._sure is not command:
+            self._ask(command)
+        elif not command.twice or now_ns() - self._sure_ns >= SOON_NS:
             self._unsure()
-            self._do(wish)
+            self._do(command)
 
-    def _do(self, wish: Wish) -> None:
-        match wish.name:
+    def _do(self, command: Command) -> None:
+        match command.name:
             case "open":
                 self.fill_in(True)
             case "note":
                 self.note.toggle()
             case "repeat" | "veto":
-                self._repeat(wish)
+                self._repeat(command)
             case _:
-                self.wished.emit(wish.name, "")
+                self.commanded.emit(command.name, "")
 
-    def _repeat(self, wish: Wish) -> None:
+    def _repeat(self, command: Command) -> None:
         """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
         if marked is not None and status is not None and marked[0] != status.block:
-            self.say(Line(f"{wish.label}: trial {marked[1]} is of block {marked[0]}, which is over", Tone.WATCH))
+            self.say(
+                Line(f"{command.label}: trial {marked[1]} belongs to block {marked[0]}, which is over", Tone.WATCH)
+            )
             return
-        self.wished.emit(wish.name, "" if marked is None else str(marked[1]))
+        self.commanded.emit(command.name, "" if marked is None else str(marked[1]))
 
-    def _ask(self, wish: Wish) -> None:
+    def _ask(self, command: Command) -> None:
         """Start to wait for the second press."""
         self._unsure()
-        self._sure, self._sure_ns = wish, now_ns()
+        self._sure, self._sure_ns = command, now_ns()
         self._doubt.start()
-        self._button(wish).ask(True)
-        self.say(Line(f"{wish.label}: press {wish.key} once more to do it", Tone.WATCH))
+        self._button(command).ask(True)
+        self.say(Line(f"{command.label}: press {command.key} once more to confirm", Tone.WATCH))
 
     def _unsure(self) -> None:
         """Stop waiting for a second press."""
@@ -218,8 +220,8 @@ class ConsoleWindow(QWidget):
             self._button(self._sure).ask(False)
             self._sure = None
 
-    def _button(self, wish: Wish) -> WishButton:
-        return next(button for button in (*self.bar.buttons, self.stop.release) if button.wish is wish)
+    def _button(self, command: Command) -> CommandButton:
+        return next(button for button in (*self.bar.buttons, self.stop.release) if button.command is command)
 
     # --- Qt ----------------------------------------------------------------------------------------------------
 
@@ -229,7 +231,7 @@ class ConsoleWindow(QWidget):
         if not self._leaving and self.isVisible() and status is not None and status.phase in ACTIVE:
             self._leaving = True
             QTimer.singleShot(SURE_MS, self, self._stay)
-            self.say(Line("A block is on, and goes on without this window. Close it once more to leave.", Tone.WATCH))
+            self.say(Line("The block continues without this window. Close it once more to leave.", Tone.WATCH))
             event.ignore()
             return
         super().closeEvent(event)
@@ -287,22 +289,22 @@ class ConsoleWindow(QWidget):
     def _connect(self) -> None:
         """Connect buttons, shortcuts and signals."""
         for button in (*self.bar.buttons, self.stop.release):
-            press = partial(self.press, button.wish)
+            press = partial(self.press, button.command)
             button.clicked.connect(lambda _checked, press=press: press())
-            self._key(button.wish.key, press)
+            self._key(button.command.key, press)
         stops = [self._key(key, self._stop) for key in STOP_KEYS]
         self._space = stops[-1]
         self.stop.stopped.connect(self._stop)
         self._key("Up", lambda: self.table.step(-1))
         self._key("Down", lambda: self.table.step(1))
         self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
-        self.note.written.connect(lambda note: self.wished.emit("note", note))
-        self.form.filled.connect(lambda answers: self.wished.emit("open", answers))
+        self.note.written.connect(lambda note: self.commanded.emit("note", note))
+        self.form.filled.connect(lambda answers: self.commanded.emit("open", answers))
         self.form.left.connect(lambda: self.fill_in(False))
 
     def _stop(self) -> None:
         self._unsure()
-        self.wished.emit(STOP, "")
+        self.commanded.emit(STOP, "")
 
     def _key(self, key: str, do: Callable[[], None]) -> QShortcut:
         shortcut = QShortcut(QKeySequence(key), self, autoRepeat=False, context=Qt.ShortcutContext.ApplicationShortcut)

@@ -141,7 +141,7 @@ class DisplayClient(QObject):
             return
         self._view_ns = now
         if not self.linked:
-            log.info("views are coming")
+            log.info("receiving views")
         self.linked = self._seen = True
 
     # --- control -----------------------------------------------------------------------------------------------
@@ -157,11 +157,11 @@ class DisplayClient(QObject):
                     sockets.send(self._control, encode(Pong(ping_ns, received_ns, now_ns())))
                 case Refusal(reason=reason):
                     self.session = ""
-                    self._complain(f"the server refuses this display: {reason}")
+                    self._complain(f"the server has refused this display: {reason}")
                 case Goodbye(reason=reason):
                     self.session = ""
                     self._over = True
-                    log.info("the server says goodbye: %s", reason)
+                    log.info("the server has closed the connection: %s", reason)
 
     def _welcome(self, session: str, text: str) -> None:
         """Apply the server's configuration."""
@@ -171,7 +171,7 @@ class DisplayClient(QObject):
             self._complain(str(error))
             return
         if session != self.session:
-            log.info("welcomed by session %s", session)
+            log.info("connected to session %s", session)
         self.session = session
         self._trouble = ""
         self._over = False
@@ -184,7 +184,7 @@ class DisplayClient(QObject):
         room, wanted = self.window.board.metres_across, extent(config)[0]
         if self.own.mm_per_pixel > 0 and room < wanted:
             log.warning(
-                "the window is %.0f mm wide and the board needs %.0f mm: its ends may not be seen",
+                "the window is %.0f mm wide but the board needs %.0f mm: its ends may be outside",
                 room * 1e3,
                 wanted * 1e3,
             )

@@ -18,8 +18,8 @@ LEAST, GUESS = 0.02, 0.25
 """Smallest plausible pixel size, and the size assumed if the screen does not report one [mm]."""
 
 HELP = (
-    "Hold a bank card against the screen. \u2190 \u2192 make the outline fit it (shift: quicker).",
-    "Its upper and lower edge must fit too, or the pixels are not square.   Enter: done   Esc: leave",
+    "Hold a bank card against the screen and match its width with \u2190 \u2192 (Shift: faster).",
+    "Its height must match too; otherwise the pixels are not square.   Enter: done   Esc: cancel",
 )
 
 
@@ -41,7 +41,7 @@ class CalibrationWindow(QWidget):
 
     def __init__(self, claimed: float) -> None:
         super().__init__()
-        self.setWindowTitle("netboard: how large is a pixel?")
+        self.setWindowTitle("netboard: measure the pixel size")
         self.done = False
         self._card = round(CARD_WIDTH / (claimed if claimed > LEAST else GUESS))
 

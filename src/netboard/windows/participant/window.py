@@ -78,7 +78,7 @@ def in_words(number: int, screen: QScreen) -> str:
     name = screen.name() or "unnamed"
     return (
         f"{number}: {name}, {size.width()} x {size.height()} pixels at {screen.refreshRate():.2f} Hz, "
-        f"{mm.width():.0f} x {mm.height():.0f} mm by its own account ({claimed:.4f} mm a pixel)"
+        f"{mm.width():.0f} x {mm.height():.0f} mm as reported by the screen ({claimed:.4f} mm per pixel)"
     )
 
 

@@ -45,7 +45,7 @@ MOST_WIDE = 1600
 
 KEYS = (
     "space: play, pause   \u2190 \u2192: 1 s   , .: one tick   PgUp PgDn: trial   \u2191 \u2193: speed   "
-    "L: loop   Home: begin again   Q: close"
+    "L: loop   Home: start   Q: close"
 )
 """Help line with the keys."""
 
