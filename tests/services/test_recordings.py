@@ -87,7 +87,7 @@ def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
     writer.abandon()
     result = runner.invoke(app, ["recover", "S01.mcap.part", "other.mcap.part", "-o", "whole.mcap"])
     assert result.exit_code == 2
-    assert "--output names one file" in result.stderr
+    assert "--output: names one file" in result.stderr
     assert not Path("whole.mcap").exists()
 
 

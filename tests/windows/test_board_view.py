@@ -111,7 +111,7 @@ def test_blank_leaves_nothing_of_the_board(app, board):
 def test_a_screenshot_is_written_once(app, board, tmp_path):
     from PySide6.QtGui import QImage
 
-    from netboard.windows.participant.widget import screenshot
+    from netboard.windows.participant.window import screenshot
 
     view, _ = board
     view.show_picture(compose(VIEW))

@@ -26,14 +26,10 @@ from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
 from netboard.windows.operator.words import Line, Tone
-from netboard.windows.participant.widget import screenshot
-from netboard.windows.participant.window import application
+from netboard.windows.participant import window as windows
 
 POLL_MS = 66
 """Interval between two polls of the server [ms]."""
-
-WATCH_MS = 50
-"""Interval of the checks for a stop request and for the screenshot [ms]."""
 
 RENEW_S = 1.0
 """Delay before reconnecting after a refusal [s]."""
@@ -151,14 +147,13 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; polled every `WATCH_MS`.
+        Whether the process has been asked to stop.
     after : float, optional
         Delay of the screenshot after the first status; the console then goes on. Without a delay, the screenshot is
         taken at the first status and the console ends [s].
     """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    windows.require_new(picture)
+    app = windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
     window.show()
     with sockets.open_context() as context:
@@ -166,24 +161,17 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
         pending: list[Path] = [] if picture is None else [picture]
         first_ns: int | None = None
 
-        def watch() -> None:
+        def photograph() -> None:
             nonlocal first_ns
             if client.status is not None and first_ns is None:
                 first_ns = now_ns()
             if pending and first_ns is not None and now_ns() - first_ns >= (after or 0.0) * 1e9:
-                screenshot(window, pending.pop())
+                windows.screenshot(window, pending.pop())
                 if after is None:
                     app.quit()
-            if stopping():
-                app.quit()
 
-        turn = QTimer(window, interval=WATCH_MS)
-        turn.timeout.connect(watch)
-        turn.start()
-        window.closed.connect(app.quit)
-        app.exec()
-        turn.stop()
+        windows.run(window, stopping, photograph)
         if pending:
-            screenshot(window, pending.pop())
+            windows.screenshot(window, pending.pop())
         client.leave()
     window.close()

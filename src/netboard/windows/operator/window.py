@@ -39,6 +39,7 @@ from netboard.windows.operator.note import NoteBox
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import Point, Strips
 from netboard.windows.operator.words import Attempt, Line, Tone
+from netboard.windows.participant.window import Window
 
 SURE_MS = 5000
 """Timeout for the second press [ms]."""
@@ -70,11 +71,10 @@ class State:
     points: Sequence[Point] = ()
 
 
-class ConsoleWindow(QWidget):
+class ConsoleWindow(Window):
     """The console's window."""
 
     commanded = Signal(str, str)
-    closed = Signal()
 
     def __init__(self, config: Config, limits: Limits, own: str) -> None:
         super().__init__()
@@ -235,7 +235,6 @@ class ConsoleWindow(QWidget):
             event.ignore()
             return
         super().closeEvent(event)
-        self.closed.emit()
 
     def _stay(self) -> None:
         self._leaving = False

@@ -29,12 +29,12 @@ from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusa
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
+from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import load_words
 from netboard.windows.participant.markers import open_markers
 from netboard.windows.participant.scene import Picture, extent
 from netboard.windows.participant.screens import blank
 from netboard.windows.participant.showing import Player, Showing
-from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import BoardWindow, application
 
 log = logging.getLogger(__name__)
@@ -278,7 +278,7 @@ class _Photographer(QObject):
         self.taken = True
         self._delay.stop()
         try:
-            screenshot(self._client.window, self._path)
+            windows.screenshot(self._client.window, self._path)
         except NetboardError as error:
             self.error = error
         self._done()
@@ -297,15 +297,14 @@ def run(
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; polled every `ROUND_MS`.
+        Whether the process has been asked to stop.
     after : float, optional
         Delay of the screenshot after the first painted view, or less if the display ends before. The display then
         goes on. Without a delay, the screenshot is taken at the first painted view and the display ends [s].
     play : callable, optional
         Makes the player of this side, if this display is also its input.
     """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
+    windows.require_new(picture)
     app = application()
     window = BoardWindow(f"netboard: {station} station")
     window.present(config.display)
@@ -316,12 +315,7 @@ def run(
         if picture is not None:
             done = (lambda: None) if after is not None else app.quit
             photographer = _Photographer(client, picture, after or 0.0, done)
-        watch = QTimer(window, interval=ROUND_MS)
-        watch.timeout.connect(lambda: app.quit() if stopping() else None)
-        watch.start()
-        window.closed.connect(app.quit)
-        app.exec()
-        watch.stop()
+        windows.run(window, stopping)
         if photographer is not None:
             photographer.take()
         client.close()

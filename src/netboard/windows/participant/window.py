@@ -1,8 +1,10 @@
-"""A participant's window: only the board. Esc or Q closes it; F11 toggles full screen."""
+"""Windows: the Qt application, its event loop, screens, and a participant's window, which shows only the board."""
 
 import logging
 import os
 import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import cast
 
 from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType, Signal, qInstallMessageHandler
@@ -10,11 +12,14 @@ from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
 from netboard.base.config import Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.widget import BoardView
 
 log = logging.getLogger(__name__)
+
+WATCH_MS = 50
+"""Interval at which a running window checks whether the process is asked to stop [ms]."""
 
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
@@ -46,6 +51,48 @@ def work(seconds: float) -> None:
     end.timeout.connect(loop.quit)
     end.start()
     loop.exec()
+
+
+class Window(QWidget):
+    """A top-level window that emits `closed`."""
+
+    closed = Signal()
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Emit `closed`."""
+        super().closeEvent(event)
+        self.closed.emit()
+
+
+def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object] = lambda: None) -> None:
+    """Run Qt's event loop until the window is closed or the process is asked to stop; call `look` at each check."""
+    app = application()
+
+    def watch() -> None:
+        look()
+        if stopping():
+            app.quit()
+
+    timer = QTimer(window, interval=WATCH_MS)
+    timer.timeout.connect(watch)
+    timer.start()
+    window.closed.connect(app.quit)
+    app.exec()
+    timer.stop()
+
+
+def require_new(picture: Path | None) -> None:
+    """Refuse to take a screenshot into an existing file."""
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture}: exists already; a screenshot does not overwrite a file")
+
+
+def screenshot(widget: QWidget, picture: Path) -> None:
+    """Write the content of a widget to a PNG file."""
+    require_new(picture)
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    if not widget.grab().save(str(picture), "PNG"):
+        raise NetboardError(f"{picture}: cannot be written")
 
 
 def screen_of(widget: QWidget) -> QScreen:
@@ -82,10 +129,8 @@ def in_words(number: int, screen: QScreen) -> str:
     )
 
 
-class BoardWindow(QWidget):
-    """A window that shows a `BoardView`."""
-
-    closed = Signal()
+class BoardWindow(Window):
+    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen."""
 
     def __init__(self, title: str) -> None:
         super().__init__()
@@ -141,8 +186,3 @@ class BoardWindow(QWidget):
             self.fill_screen(not self.isFullScreen())
         else:
             super().keyPressEvent(event)
-
-    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`."""
-        super().closeEvent(event)
-        self.closed.emit()

@@ -16,19 +16,18 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.base.errors import NetboardError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import Reel
 from netboard.recording.replay.marks import Mark, near
 from netboard.recording.replay.pairing import Sync, pair
 from netboard.recording.replay.position import Playback, clock
 from netboard.stage.view import View
+from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
 from netboard.windows.participant.scene import COLOURS, Mood
 from netboard.windows.participant.screens import compose
 from netboard.windows.participant.story import Story, follow
-from netboard.windows.participant.widget import BoardView, screenshot
-from netboard.windows.participant.window import BoardWindow, application
+from netboard.windows.participant.widget import BoardView
 from netboard.windows.replay.timebar import TimeBar
 
 FRAME_MS = 16
@@ -69,7 +68,7 @@ class Pane:
         return view
 
 
-class PlayerWindow(BoardWindow):
+class PlayerWindow(windows.BoardWindow):
     """A window that plays recordings.
 
     Parameters
@@ -237,13 +236,12 @@ def run(
     Parameters
     ----------
     stopping : callable
-        Whether the process has been asked to stop; polled every 50 ms.
+        Whether the process has been asked to stop.
     at : float or None
         Start position; None for the start of the block [s].
     """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    windows.require_new(picture)
+    app = windows.application()
     window = PlayerWindow(reels, station, speed, sync)
     shown = reels[0].config.display
     window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MOST_WIDE)))
@@ -251,14 +249,9 @@ def run(
         window.seek(at)
     if picture is not None:
         app.processEvents()
-        screenshot(window, picture)
+        windows.screenshot(window, picture)
         window.close()
         return
-    watch = QTimer(window, interval=50)
-    watch.timeout.connect(lambda: app.quit() if stopping() else None)
-    watch.start()
-    window.closed.connect(app.quit)
     window.toggle()
-    app.exec()
-    watch.stop()
+    windows.run(window, stopping)
     window.close()
