@@ -198,7 +198,7 @@ def test_a_table_without_times_gets_them_from_its_rate(study: Path) -> None:
     [
         ((), "expected either TABLE... or --manifest"),
         (("a.csv", "--manifest", "study.toml"), "expected either TABLE... or --manifest"),
-        (("--manifest", "study.toml", "--simulate"), "found with --simulate, expected those as keys of study.toml"),
+        (("--manifest", "study.toml", "--simulate"), "found with --simulate; set these in study.toml instead"),
         (("--manifest", "none.toml"), "none.toml: cannot be read: No such file or directory"),
     ],
 )

@@ -62,7 +62,7 @@ def test_sessions_lists_the_folder_of_the_configuration() -> None:
 def test_whatif_shows_then_and_now() -> None:
     result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.g=0", "--figure", "a.png"])
     assert result.exit_code == 0, result.output
-    for words in ("-> unfinished", "[mm]", "open"):
+    for words in ("-> unfinished", "[mm]", "Open loop"):
         assert words in result.output
     assert Path("a.png").stat().st_size > 10_000
     again = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--figure", "a.png"])

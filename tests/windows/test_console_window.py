@@ -114,7 +114,7 @@ def test_a_key_sends_its_command(
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
     table.server.attempts = attempts(1)
     table.show(state)
-    table.window.fill_in(False)
+    table.window.show_form(False)
     table.press(key)
     if next(command for command in (*COMMANDS, RELEASING) if command.name == name).twice:
         table.replied("once more")
@@ -166,7 +166,7 @@ def test_a_refusal_is_shown_with_its_reason(table: Table) -> None:
 @pytest.mark.daily(8)
 def test_the_emergency_stop_works_in_every_state(table: Table, state: str, key: str) -> None:
     table.show(state)
-    table.window.fill_in(False)
+    table.window.show_form(False)
     table.press(key)
     table.heard(STOP)
     table.until(lambda: table.window.headline.text() == "STOPPED")
@@ -305,13 +305,13 @@ def test_a_repeat_names_the_trial_that_is_marked(table: Table) -> None:
 
 
 def test_a_silent_server_is_red_within_a_second(table: Table) -> None:
-    lamp = table.window.session.lights[0]
+    lamp = table.window.session.widgets[0]
     table.until(lambda: lamp.lamp.level is Level.GOOD)
     table.server.silent = True
     table.until(lambda: lamp.lamp.level is Level.BAD)
     assert table.window.headline.text() == "LINK LOST"
     assert "NO REPLY" in table.window.alarm.text()
-    assert {light.lamp.level for light in table.window.stations.columns["left"]} == {Level.OFF}
+    assert {widget.lamp.level for widget in table.window.stations.columns["left"]} == {Level.OFF}
     table.server.silent = False
     table.until(lambda: lamp.lamp.level is Level.GOOD)
     assert table.window.headline.text() == "RUNNING"

@@ -42,7 +42,7 @@ def test_a_screen_that_is_not_there_is_said_with_those_that_are(app):
     with pytest.raises(ConfigError, match=r"\[display\] screen: found 7, expected one of these: 0: .* pixels at .* Hz"):
         window.present(replace(CONFIG.display, screen=7))
     assert in_words(0, screens()[0]).startswith("0: ")
-    assert "mm a pixel" in in_words(0, screens()[0])
+    assert "mm per pixel" in in_words(0, screens()[0])
 
 
 def press(window, key, shift=False):

@@ -126,9 +126,9 @@ class ConsoleClient(QObject):
         self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
         if name == "open":
             if reply.accepted:
-                self._window.fill_in(False)
+                self._window.show_form(False)
             else:
-                self._window.form.complain(f"The server refused the form{reason}")
+                self._window.form.show_problem(f"The server refused the form{reason}")
 
     def _lose(self, trouble: str) -> None:
         """Close a connection that cannot continue, and show why."""
@@ -153,25 +153,14 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
         taken at the first status and the console ends [s].
     """
     windows.require_new(picture)
-    app = windows.application()
+    windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)
-        pending: list[Path] = [] if picture is None else [picture]
-        first_ns: int | None = None
-
-        def photograph() -> None:
-            nonlocal first_ns
-            if client.status is not None and first_ns is None:
-                first_ns = now_ns()
-            if pending and first_ns is not None and now_ns() - first_ns >= (after or 0.0) * 1e9:
-                windows.screenshot(window, pending.pop())
-                if after is None:
-                    app.quit()
-
-        windows.run(window, stopping, photograph)
-        if pending:
-            windows.screenshot(window, pending.pop())
+        photographer = windows.Photographer(window, picture, after, lambda: client.status is not None)
+        windows.run(window, stopping, photographer.look)
+        photographer.take()
         client.leave()
     window.close()
+    photographer.finish()

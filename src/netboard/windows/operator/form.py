@@ -119,14 +119,14 @@ class SessionForm(QWidget):
         """Check the answers; send them, or show what is wrong."""
         entry = self.entry
         found = problems(entry)
-        self.complain("\n".join(found.values()))
+        self.show_problem("\n".join(found.values()))
         if found:
             field = next(iter(found))
             (self.consent if field == "consent" else self.texts[field]).setFocus()
             return
         self.filled.emit(as_json(entry))
 
-    def complain(self, trouble: str) -> None:
+    def show_problem(self, trouble: str) -> None:
         """Show what is wrong; an empty text clears the message."""
         self.trouble.setText(trouble)
 

@@ -97,7 +97,7 @@ def _clock(now: _Station, limits: Limits) -> Lamp:
     bound = now.link[5]
     if not bound <= limits.clock_bound:  # NaN included
         known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
-        tip = f"The device is not armed until {known}: wait a few seconds, or check the network."
+        tip = f"Not armed until {known}: wait a few seconds, or check the network."
         return Lamp("Clock", Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip)
     level = Level.WATCH if bound > limits.clock_bound / 2 else Level.GOOD
     tip = f"Clock offset known to {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."

@@ -157,9 +157,9 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     if not unwell:
         return Line("", Tone.QUIET)
     where, lamp = max(unwell, key=lambda named: named[1].level)  # the first of equal severity
-    others = f"   (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
+    others = f" (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
     named = f"{where.upper()} {lamp.name.lower()}".strip()
-    return Line(f"{named}: {lamp.words}. {lamp.tip}{others}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
+    return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
 def commander(status: Status | None, own: str) -> Line:

@@ -21,7 +21,7 @@ from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse
-from netboard.base.errors import ConfigError, NetboardError, WireError
+from netboard.base.errors import ConfigError, WireError
 from netboard.base.process import NAME, Seldom
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
@@ -224,7 +224,7 @@ class DisplayClient(QObject):
         self._take_views()
         self._take_words()
         now = now_ns()
-        self.showing.pace()
+        self.showing.read_refresh_rate()
         if now - self._view_ns > self._link_timeout_ns:
             self._blank()
         if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_NS:
@@ -252,38 +252,6 @@ class DisplayClient(QObject):
         return blank(self.config, words, words.waiting, self._trouble or server)
 
 
-class _Photographer(QObject):
-    """Take one screenshot of a window, a delay after the first painted view."""
-
-    def __init__(self, client: DisplayClient, path: Path, after: float, done: Callable[[], None]) -> None:
-        super().__init__(client)
-        self._client = client
-        self._path = path
-        self._done = done
-        self.error: NetboardError | None = None
-        self.taken = False
-        self._delay = QTimer(self, singleShot=True, interval=round(after * 1000))
-        self._delay.timeout.connect(self.take)
-        client.window.board.painted.connect(self._look)
-
-    def _look(self) -> None:
-        """Start the delay at the first painted view."""
-        if self._client.tally.painted and not self.taken and not self._delay.isActive():
-            self._delay.start()
-
-    def take(self) -> None:
-        """Take the screenshot, unless it was taken before or no view has been painted."""
-        if self.taken or not self._client.tally.painted:
-            return
-        self.taken = True
-        self._delay.stop()
-        try:
-            windows.screenshot(self._client.window, self._path)
-        except NetboardError as error:
-            self.error = error
-        self._done()
-
-
 def run(
     config: Config,
     station: Side,
@@ -305,21 +273,17 @@ def run(
         Makes the player of this side, if this display is also its input.
     """
     windows.require_new(picture)
-    app = application()
+    application()
     window = BoardWindow(f"netboard: {station} station")
     window.present(config.display)
     with sockets.open_context() as context:
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)
-        photographer = None
-        if picture is not None:
-            done = (lambda: None) if after is not None else app.quit
-            photographer = _Photographer(client, picture, after or 0.0, done)
-        windows.run(window, stopping)
-        if photographer is not None:
+        photographer = windows.Photographer(window, picture, after, lambda: client.tally.painted)
+        windows.run(window, stopping, photographer.look)
+        if client.tally.painted:
             photographer.take()
         client.close()
     window.close()
     log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)
-    if photographer is not None and photographer.error is not None:
-        raise photographer.error
+    photographer.finish()

@@ -11,7 +11,7 @@ from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
 from netboard.stage.view import View
 from netboard.windows.participant.scene import COLOURS, Mood, Picture, extent, with_board
-from netboard.windows.participant.story import SUCCEEDED
+from netboard.windows.participant.trial_events import SUCCEEDED
 from netboard.windows.participant.words import Words, instructions
 
 _MOODS = {

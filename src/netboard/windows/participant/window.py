@@ -11,6 +11,7 @@ from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
+from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Display
@@ -93,6 +94,41 @@ def screenshot(widget: QWidget, picture: Path) -> None:
     picture.parent.mkdir(parents=True, exist_ok=True)
     if not widget.grab().save(str(picture), "PNG"):
         raise NetboardError(f"{picture}: cannot be written")
+
+
+class Photographer:
+    """Take one screenshot of a window, a delay after `ready` [s]; without a delay, take it then and end the loop."""
+
+    def __init__(self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object]) -> None:
+        require_new(picture)
+        self._window, self._picture, self._after, self._ready = window, picture, after, ready
+        self._ready_ns: int | None = None
+        self._error: NetboardError | None = None
+
+    def look(self) -> None:
+        """Take the screenshot if it is due."""
+        if self._picture is None:
+            return
+        if self._ready_ns is None and self._ready():
+            self._ready_ns = now_ns()
+        if self._ready_ns is not None and now_ns() - self._ready_ns >= (self._after or 0.0) * 1e9:
+            self.take()
+            if self._after is None:
+                application().quit()
+
+    def take(self) -> None:
+        """Take the screenshot, unless it was taken before."""
+        picture, self._picture = self._picture, None
+        if picture is not None:
+            try:
+                screenshot(self._window, picture)
+            except NetboardError as error:  # raised later: Qt has called this
+                self._error = error
+
+    def finish(self) -> None:
+        """Raise what went wrong with the screenshot."""
+        if self._error is not None:
+            raise self._error
 
 
 def screen_of(widget: QWidget) -> QScreen:

@@ -26,7 +26,7 @@ from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
 from netboard.windows.participant.scene import COLOURS, Mood
 from netboard.windows.participant.screens import compose
-from netboard.windows.participant.story import Story, follow
+from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.widget import BoardView
 from netboard.windows.replay.timebar import TimeBar
 
@@ -37,7 +37,7 @@ STEP, LONG_STEP = 1.0, 10.0
 """Distance that the arrow keys seek [s]."""
 
 NEAR_TICKS = 1000
-"""Ticks between two views above which the story starts anew [1]."""
+"""Ticks between two views above which the trial events start anew [1]."""
 
 MOST_WIDE = 1600
 """Largest initial width of boards side by side [pixels]."""
@@ -57,14 +57,14 @@ class Pane:
         self._station = station
         language = reel.config.display.language
         self._words = load_words(language if language in LANGUAGES else LANGUAGES[0])
-        self._story: Story | None = None
+        self._events: TrialEvents | None = None
 
     def show(self, position: float) -> View:
         """Show the view at a position [s], and return it."""
         view = self.reel.view(self.reel.at(position), self._station)
-        near_by = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
-        self._story = follow(self._story if near_by else None, view)
-        self.board.show_picture(compose(view, self.reel.config, self._words, self._story.result))
+        near_by = self._events is not None and 0 <= view.tick - self._events.view.tick < NEAR_TICKS
+        self._events = events_after(self._events if near_by else None, view)
+        self.board.show_picture(compose(view, self.reel.config, self._words, self._events.result))
         return view
 
 
