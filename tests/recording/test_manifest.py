@@ -71,7 +71,7 @@ def command(*words: str, code: int = 0) -> str:
 @pytest.mark.slow
 def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> None:
     said = command("--manifest", "study.toml", "-o", "out", "--workers", "2")
-    assert "4 imported, 0 were there, 0 failed" in said
+    assert "4 imported, 0 already there, 0 failed" in said
     found = {path.name: path.read_bytes() for path in Path("out").iterdir()}
     assert len(found) == 4
     for name in found:
@@ -84,8 +84,8 @@ def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> No
     for line in ('study = "theirs"', 'participant_b = "P02b"', 'force = "none"', "trials = 30", "target_width = 0.07"):
         assert line in config
     next(Path("out").glob("S01_D01_block01_*")).unlink()
-    assert "1 imported, 3 were there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
-    assert "0 imported, 4 were there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
+    assert "1 imported, 3 already there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
+    assert "0 imported, 4 already there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
     kept = {name: data for name, data in found.items() if "D01_block01" not in name}
     assert {name: (Path("out") / name).read_bytes() for name in kept} == kept
 
@@ -147,7 +147,7 @@ def test_a_table_that_turns_out_bad_late_does_not_keep_the_others_from_being_imp
     with Path("D01/b2.csv").open("a") as file:
         file.write("0,0,0,0\n")
     said = command("--manifest", "study.toml", "-o", "out", code=1)
-    assert "3 imported, 0 were there, 1 failed" in said
+    assert "3 imported, 0 already there, 1 failed" in said
     assert "line 13 (D01/b2.csv): D01/b2.csv: line 20012, column time" in said
     assert sorted(path.suffix for path in Path("out").iterdir()) == [".mcap"] * 3
 
@@ -198,7 +198,7 @@ def test_a_table_without_times_gets_them_from_its_rate(study: Path) -> None:
     [
         ((), "expected either TABLE... or --manifest"),
         (("a.csv", "--manifest", "study.toml"), "expected either TABLE... or --manifest"),
-        (("--manifest", "study.toml", "--simulate"), "found with --simulate, expected those as keys of study.toml"),
+        (("--manifest", "study.toml", "--simulate"), "found with --simulate; set these in study.toml instead"),
         (("--manifest", "none.toml"), "none.toml: cannot be read: No such file or directory"),
     ],
 )

@@ -11,7 +11,7 @@ from netboard.windows.operator.words import ATTEMPT_HEADS, Attempt, attempt_cell
 
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
-DOUBTS = ATTEMPT_HEADS.index("Doubtful")
+FLAGS = ATTEMPT_HEADS.index("Flags")
 
 
 class AttemptModel(QAbstractTableModel):
@@ -79,7 +79,7 @@ class AttemptTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(24)
         head = self.horizontalHeader()
         head.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        head.setSectionResizeMode(DOUBTS, QHeaderView.ResizeMode.Stretch)
+        head.setSectionResizeMode(FLAGS, QHeaderView.ResizeMode.Stretch)
         head.setHighlightSections(False)
         self.setStyleSheet(
             f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"

@@ -27,6 +27,6 @@ def load_words(language: str) -> Words:
         text = Path(language).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of words ({error})"
+            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of texts ({error})"
         ) from None
     return parse_words(text, language)

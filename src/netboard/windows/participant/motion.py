@@ -76,8 +76,8 @@ class Motion:
         )
 
 
-def heard(motion: Motion | None, view: View, received_ns: int) -> Motion:
-    """Return the motion after a view that has arrived."""
+def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
+    """Return the motion after another view has arrived."""
     origin = received_ns - view.sent_ns
     if motion is None:
         return Motion(view, None, 0, origin)

@@ -11,7 +11,7 @@ from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
 from netboard.stage.view import View
 from netboard.windows.participant.scene import COLOURS, Mood, Picture, extent, with_board
-from netboard.windows.participant.story import SUCCEEDED
+from netboard.windows.participant.trial_events import SUCCEEDED
 from netboard.windows.participant.words import Words, instructions
 
 _MOODS = {
@@ -110,12 +110,10 @@ def _before(picture: Picture, view: View, config: Config, words: Words) -> Pictu
 
 
 def _away(picture: Picture, view: View, words: Words) -> Picture:
-    """Add the texts for a participant who does not take part in this block."""
+    """Add the texts for a participant who does not take part in this block: not the trials, which are the partner's."""
     left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
-    counter = words.trial.format(trial=min(view.trial, view.trials), trials=view.trials)
     block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
-    counter = "   ".join(line for line in (block, counter) if line)
-    return replace(picture, headline=words.away, detail=left or words.away_text, counter=counter)
+    return replace(picture, headline=words.away, detail=left or words.away_text, counter=block)
 
 
 def _after(picture: Picture, view: View, words: Words) -> Picture:

@@ -7,7 +7,6 @@ uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in wh
 
 from functools import cache
 from math import ceil
-from pathlib import Path
 
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt, Signal
 from PySide6.QtGui import (
@@ -23,7 +22,6 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from netboard.base.errors import NetboardError
 from netboard.windows.participant.scene import Picture, Point
 from netboard.windows.participant.shapes import TEXT_MARGIN, Line, Panel, Part, Shape, Text, shapes_of, words_of
 
@@ -155,15 +153,6 @@ class BoardView(QWidget):
             painter.fillRect(QRectF(*part.place), QColor(part.fill))
         else:
             _paint_words(painter, part)
-
-
-def screenshot(widget: QWidget, path: Path) -> None:
-    """Write the content of a widget to a PNG file."""
-    if path.exists():
-        raise NetboardError(f"{path} exists; a screenshot never overwrites a file")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not widget.grab().save(str(path), "PNG"):
-        raise NetboardError(f"cannot write a screenshot to {path}")
 
 
 @cache
