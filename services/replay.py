@@ -111,12 +111,12 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     from netboard.recording.replay.orders import KEYS
     from netboard.services.keyboard import Keyboard
 
-    door = keys.door(config.network)
+    authenticator = keys.make_authenticator(config.network)
     console = Console(highlight=False)
     reel = loaded(path)
     speak("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
-        server = ReplayServer(reel, config.network, context, door, speed, at)
+        server = ReplayServer(reel, config.network, context, authenticator, speed, at)
         console.print(f"{reel.name} is replayed at {config.network.bind}:{config.network.port}")
         if keyboard.there:
             console.print(KEYS_LINE)

@@ -23,8 +23,8 @@ from netboard.services.options import (
 
 if TYPE_CHECKING:
     from netboard.base.config import Config
-    from netboard.nodes.server.attempts import Ledger
-    from netboard.nodes.server.blocks import Programme
+    from netboard.nodes.server.attempts import Attempts
+    from netboard.nodes.server.blocks import BlockSequence
 
 app = typer.Typer()
 
@@ -79,11 +79,11 @@ def server(
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
         raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
-    from netboard.nodes.server.attempts import Ledger
-    from netboard.nodes.server.blocks import Programme
+    from netboard.nodes.server.attempts import Attempts
+    from netboard.nodes.server.blocks import BlockSequence
 
     if study is None:
-        blocks_alone = [(Programme([one]), Ledger()) for one in settings]
+        blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
     from netboard.nodes.server.planned import Planned, Wanted
     from netboard.services.studies import load_study
@@ -93,22 +93,22 @@ def server(
     raise typer.Exit(serve([opened], autostart=autostart is True))
 
 
-def serve(sessions: Sequence[tuple["Programme", "Ledger"]], *, autostart: bool) -> int:
+def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: bool) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
     from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
     from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
 
-    configs = [programme.block.config for programme, _ in sessions]
-    doors = [keys.door(config.network) for config in configs]
+    configs = [sequence.block.config for sequence, _ in sessions]
+    authenticators = [keys.make_authenticator(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime  # real-time settings apply to the process
     came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     above = io_priority(came, Priority.SERVER)
     network = sockets.open_context(above, apart=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
-        server = Server(sessions, context, doors, autostart=autostart)
+        server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, came)
     return 0 if server.everything_recorded else 1
 

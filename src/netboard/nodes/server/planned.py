@@ -13,7 +13,7 @@ from netboard.base.config import Config, digest
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.nodes.server.attempts import Attempts
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
@@ -114,7 +114,7 @@ class Planned:
             return whole
         return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
 
-    def begun(self) -> tuple[Programme, Attempts]:
+    def begun(self) -> tuple[BlockSequence, Attempts]:
         """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
@@ -123,9 +123,9 @@ class Planned:
                 soft_wrap=True,
             )
         attempts = Attempts(lambda config: Journal.create(self._path(config), self.header(config.session)))
-        return Programme(self.blocks(self.config.session), self.blocks), attempts
+        return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
-    def resumed(self, ask: Callable[[str], bool]) -> tuple[Programme, Attempts]:
+    def resumed(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
         """Resume the session where it was interrupted, if `ask` confirms what it is shown."""
         journal, header, entries, torn = Journal.reopen(self.path)
         try:
@@ -144,7 +144,7 @@ class Planned:
             journal.close()
             raise
         blocks = self.blocks(session)
-        return Programme(blocks, self.blocks, progress.block - 1), Attempts(journal=journal, progress=progress)
+        return BlockSequence(blocks, self.blocks, progress.block - 1), Attempts(journal=journal, progress=progress)
 
 
 def named(config: Config, wanted: Wanted) -> Config:
