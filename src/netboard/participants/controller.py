@@ -8,7 +8,7 @@ to share its lifting, unless the force on its hand shows otherwise. In a bimanua
 
 `decide` is the controller as one kernel over records; `Brain` runs it for one live participant.
 
-Rule 1: the inputs are a `Glimpse`, the force on the own hand, and the constants of the scene; nothing else.
+Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
 Rule 2: time is an argument and the random generator is passed in, so that results are reproducible.
 """
 

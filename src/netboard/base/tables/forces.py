@@ -70,7 +70,7 @@ def _partner_only(coupling: float, own_z: float, partner_z: float, p: float, rec
 
 @inlined
 def _environment_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
-    """Return the terms of the weight, the own height and the ball [N]."""
+    """Return the terms of the weight, of its own height and of the ball [N]."""
     force: float = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
     return force
 
@@ -83,7 +83,7 @@ def _unrelated(coupling: float, own_z: float, partner_z: float, p: float, record
 
 @inlined
 def _own_only(coupling: float, own_z: float, partner_z: float, p: float, recorded: float, gains: Any) -> float:
-    """Return the terms of the weight and the own height [N]."""
+    """Return the terms of the weight and of its own height [N]."""
     force: float = -(gains["weight"] + gains["own"] * own_z)
     return force
 
