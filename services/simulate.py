@@ -27,7 +27,7 @@ from netboard.physics.simulation import (
     choose_steps,
     columns_of,
     energies_of,
-    is_held,
+    is_stably_integrated,
     simulate,
 )
 from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
@@ -127,7 +127,7 @@ def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, 
     tell(1.0, "writing")
     write_table(result, columns, provenance(path, config, wishes), force)
     notes = doubts(hands)
-    if not is_held(motion, physics, free):
+    if not is_stably_integrated(motion, physics, free):
         step = f"{motion.longest * 1e3:.3g} ms"
         notes.append(f"{steps.method} does not hold this scene in steps of {step}: the result is worth nothing")
     for note in notes:

@@ -247,7 +247,7 @@ def test_a_bare_board_is_one_with_balls_of_no_mass_to_the_bit(values: dict[str, 
 def test_a_fixed_ball_is_one_that_nothing_can_move(model: Any, state: Any, hand: Any) -> None:
     fixed, scene = (scene_of(free, model=model, balls=(len(state) - 4) // 2) for free in (False, True))
     state = tuple(0.0 if i in (5, 7) else value for i, value in enumerate(state))
-    pinned = scene._replace(packed=changed(scene.packed, ease=0.0, ball_gravity=0.0))
+    pinned = scene._replace(packed=changed(scene.packed, mass_ratio=0.0, ball_gravity=0.0))
     expected = accelerations(pinned, state, hand)
     assert accelerations(fixed, state, hand) == pytest.approx(expected, rel=1e-11, abs=1e-9)
     if model == "paper":

@@ -303,7 +303,7 @@ class Session:
             words[_COMMAND] = self._command(found)
         block.stage.advance(self.state, self.rows, number)
         if active and block.config.block.haptics and not self._alarm.halted:
-            self.motion.force(words, block.stage.told(self._words, number))
+            self.motion.force(words, block.stage.commanded_row(self._words, number))
         else:
             self.motion.beat(number, now_ns(), at_once=active and bool(self._alarm.halted))
         for robot in block.robots:
