@@ -17,7 +17,7 @@ from netboard.base.tables.forces import FORCES
 from netboard.base.tables.scene import Physics
 from netboard.nodes.rehearsal.block import person_at
 from netboard.physics.scene.parameters import parts_of
-from netboard.physics.scene.rendering import GAINS, Felt, felt_of, force_on_hand
+from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage
 
 NEW_CONDITION = """
@@ -31,9 +31,9 @@ exec(compile(source, forces.__file__, "exec"), forces.__dict__)
 from netboard.analysis.figures.marks import _SHAPES
 from netboard.analysis.results import groups
 from netboard.base.config import parse
-from netboard.physics.scene.rendering import GAINS, felt_of, force_on_hand
+from netboard.physics.scene.rendering import GAINS, rendering_of, force_on_hand
 import numpy as np
-felt = felt_of(parse('[block]\\nforce = "made_up"').block)
+felt = rendering_of(parse('[block]\\nforce = "made_up"').block)
 assert force_on_hand(0.25, 0.0, 0.0, 0.0, 0.0, np.ones(1, GAINS)[0], 1.0, felt) == -0.25
 assert groups.FORCES["made_up"] == "made-up force"
 assert "made_up" in _SHAPES
@@ -73,7 +73,7 @@ def test_what_is_missing_or_one_too_many_is_said() -> None:
 )
 def test_no_kernel_is_built_for_an_unknown_condition_or_partner(words: dict[str, Any], where: str) -> None:
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
-        felt_of(block(**words))
+        rendering_of(block(**words))
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
         make_stage(replace(Config(), block=block(**words)))
 
@@ -98,7 +98,7 @@ def test_nobody_rehearses_an_unknown_partner() -> None:
 
 
 def test_a_number_that_no_condition_has_is_no_force_and_not_zero() -> None:
-    felt = Felt(len(FORCES), scaled=False, left=True, right=True, catches=False)
+    felt = Rendering(len(FORCES), scaled=False, left=True, right=True, catches=False)
     force = force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, felt)
     assert np.isnan(force)
     known = felt._replace(force=FORCES.index("full"))

@@ -47,7 +47,7 @@ def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch:
     node.parent.mkdir(parents=True)
     node.write_text("")
     assert rig.show_list(Config(), as_json=False, root=tmp_path) == 0
-    monkeypatch.setattr("netboard.devices.setup.listing.os.access", lambda node, how: False)
+    monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: False)
     assert rig.show_list(Config(), as_json=False, root=tmp_path) == 1
 
 

@@ -23,7 +23,7 @@ s, c = sp.symbols("s c", real=True)
 SYMBOLS = {name: sp.Symbol(name, positive=True) for name in SCENE.names or ()}
 M, m, g, k_s, l, I = (SYMBOLS[name] for name in ("M", "m", "g", "k_s", "l", "I"))  # noqa: E741
 r, restitution = SYMBOLS["ball_height"], SYMBOLS["restitution"]
-beta = 1 / SYMBOLS["ease"] - 1
+beta = 1 / SYMBOLS["mass_ratio"] - 1
 z, vz, theta, omega, az, ao = sp.symbols("z vz theta omega az ao", real=True)
 left, right = sp.symbols("u_left u_right", real=True)
 
@@ -153,7 +153,7 @@ def paper(parts: Parts, balls: int) -> bool:
     turn = (f_right - f_left) * l * cosine - weight * sum(x[4::2]) * cosine - scene["b_theta"] * omega
     roll = SYMBOLS["ball_gravity"] * sp.sin(theta)
     wanted = [vz, heave / M if parts.heaves else sp.S(0), omega, turn / I if parts.tilts else sp.S(0)]
-    drag = SYMBOLS["ease"] * SYMBOLS["b_p"] / m if parts.resisted else sp.S(0)
+    drag = SYMBOLS["mass_ratio"] * SYMBOLS["b_p"] / m if parts.resisted else sp.S(0)
     for speed in x[5::2]:
         wanted += [speed, roll - drag * speed] if parts.free else [sp.S(0), sp.S(0)]
     return all(is_zero(bound(parts, a - b)) for a, b in zip(out, wanted, strict=True))
@@ -164,7 +164,7 @@ def blow(parts: Parts, balls: int) -> bool:
     x, scene = state(balls), record(parts)
     before = still(parts, x)
     struck = len(x) - 2
-    after = models._struck(before, balls - 1, parts, scene)
+    after = models._reflected(before, balls - 1, parts, scene)
     kinetic, _ = energies(parts, x)
     jump = {rate: after[i + 1] - before[i + 1] for _, rate, _, i in coordinates(parts, x)}
     good = is_zero(after[struck + 1] + restitution * before[struck + 1])

@@ -26,7 +26,7 @@ def test_the_record_holds_the_configuration() -> None:
         "b_z": 0.1,
         "b_theta": 0.2,
         "ball_gravity": -9.81,
-        "ease": 1.0,
+        "mass_ratio": 1.0,
         "ball_height": 0.05,
         "fixed_load": 1.0,
         "stop": 0.3,
@@ -43,7 +43,7 @@ def test_the_readings_of_the_paper_are_in_the_record() -> None:
 
 def test_a_solid_sphere_rolls_with_five_sevenths_of_gravity() -> None:
     scene = pack_scene(Physics(ball_inertia=0.4))[0]
-    assert (scene["ease"], scene["ball_gravity"]) == pytest.approx((5 / 7, -9.81 * 5 / 7))
+    assert (scene["mass_ratio"], scene["ball_gravity"]) == pytest.approx((5 / 7, -9.81 * 5 / 7))
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,26 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require
 from netboard.base.tick import STATE, TICK, TICK_SECONDS
 from netboard.physics.arithmetic.vectors import State, calm
-from netboard.physics.hands.extrapolation import later, moving, reached, resting
+from netboard.physics.hands.extrapolation import (
+    ACCELERATION_HORIZON,
+    VELOCITY_HORIZON,
+    later,
+    moving,
+    reached,
+    resting,
+)
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.scene.models import coupling, stopped
 from netboard.physics.scene.parameters import SCENE, Parts, pack_scene, parts_of
-from netboard.physics.scene.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt, scale_in
+from netboard.physics.scene.rendering import (
+    RENDERING,
+    Rendering,
+    force_on_hand,
+    is_catch,
+    pack_rendering,
+    rendering_of,
+    scale_in,
+)
 from netboard.physics.stability.method_choice import Choice, choose
 from netboard.task.trials.state_machine import (
     ACTION,
@@ -44,12 +59,6 @@ from netboard.task.trials.state_machine import (
     sense,
     wished,
 )
-
-VELOCITY_HORIZON = 0.010
-"""Velocity extrapolates a stylus sample over at most this time [s]."""
-
-ACCELERATION_HORIZON = 0.005
-"""Acceleration extrapolates it over at most this time, and comes from samples at most this far apart [s]."""
 
 MIN_SAMPLE_INTERVAL = 0.25e-3
 """Samples closer than this give no acceleration: their difference in velocity is noise [s]."""
@@ -147,7 +156,7 @@ def _drives(row: Any, hold: int, scene: Any) -> State:
 
 
 @inlined
-def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Felt, numbers: Any, scene: Any) -> None:
+def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Rendering, numbers: Any, scene: Any) -> None:
     """Write the forces of the couplings and the commanded forces."""
     x = (s["z"], s["vz"], s["theta"], s["omega"])
     on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
@@ -271,13 +280,15 @@ def _keep_compiled(row: Any, s: Any) -> Any:
 
 
 @cache
-def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Felt) -> Callable[..., None]:
+def _make_ticks(
+    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Rendering
+) -> Callable[..., None]:
     """Compile the ticks of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
 
     @kernel
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
-        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["felt"]
+        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
         limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
         place = first % len(rows)
@@ -314,7 +325,7 @@ SETTINGS = np.dtype(
 )
 """Settings of the stage itself: one record."""
 
-BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("felt", FELT), ("settings", SETTINGS)])
+BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("rendering", RENDERING), ("settings", SETTINGS)])
 """All parameters of the ticks of a block: one record."""
 
 
@@ -401,7 +412,7 @@ class Stage:
         """
         self.ticks(state, rows, first, count, self.book, self.tables)
 
-    def told(self, rows: NDArray[Any], number: int) -> Any:
+    def commanded_row(self, rows: NDArray[Any], number: int) -> Any:
         """Return the row whose forces are commanded at a tick: that of `delay` ticks before.
 
         Parameters
@@ -450,7 +461,7 @@ def make_stage(config: Config) -> Stage:
     book = np.zeros(1, BOOK)
     book["scene"] = pack_scene(physics)
     book["rules"] = pack_rules(config.task, config.geometry, config.block)
-    book["felt"] = pack_felt(config)
+    book["rendering"] = pack_rendering(config)
     book["settings"] = (config.task.stylus_range, physics.balls)
     choice = choose(physics, TICK_SECONDS)
     method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
@@ -464,14 +475,14 @@ def make_stage(config: Config) -> Stage:
             choice.substeps,
             number_of(physics.hold, KNOWN_EXTRAPOLATIONS, "[physics] hold"),
             *kinds,
-            felt_of(config.block),
+            rendering_of(config.block),
         ),
         first_target=first_target(config),
         delay=config.block.force_delay_ms,
     )
 
 
-def told_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
+def commanded_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
     """Return the commanded forces of a recording, before the gains of the server.
 
     Parameters

@@ -1,6 +1,6 @@
-"""Keys of the configuration that are right each by itself and wrong together.
+"""Contradictions between keys of the configuration that are valid by themselves.
 
-Each function finds those of some tables; `netboard.base.config.contradictions` asks them all.
+Each function checks some tables; `netboard.base.config.contradictions` calls them all.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from netboard.base.tick import TICK_SECONDS
 
 
 def of_scene(physics: Physics) -> Iterator[str]:
-    """Find parts of a scene that do not go together.
+    """Find contradictions in a scene.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     needs: dict[str, tuple[bool, str]] = {
         "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
@@ -56,7 +56,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
 
 
 def of_block(block: Block) -> Iterator[str]:
-    """Find parts of a block that do not go together.
+    """Find contradictions in a block.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def of_block(block: Block) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if block.number > block.blocks:
         yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
@@ -88,17 +88,17 @@ def of_block(block: Block) -> Iterator[str]:
 
 
 def of_design(design: Design) -> Iterator[str]:
-    """Find levels of factors that are not declared.
+    """Find undeclared levels of factors.
 
     Parameters
     ----------
     design : Design
-        What the block is in its study.
+        Role and factor levels of the block.
 
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     for name in design.trials:
         if name in design.factors or not design.trials[name]:
@@ -113,7 +113,7 @@ def of_design(design: Design) -> Iterator[str]:
 
 
 def of_force(block: Block, physics: Physics) -> Iterator[str]:
-    """Find what agents cannot render by themselves: they know the board's end of their coupling, and nothing more.
+    """Find force settings that agents cannot compute: they know only their own coupling.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if physics.coupling_at != "both" or not block.haptics:
         return
@@ -146,7 +146,7 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
 
 
 def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
-    """Find sizes and distances that do not go together.
+    """Find contradictions between sizes and distances.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     edge, half = geometry.board_length / 2, geometry.target_width / 2
     outer = geometry.target_distance + half
@@ -203,7 +203,7 @@ def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
 
 
 def of_safety(safety: Safety) -> Iterator[str]:
-    """Find limits that do not go together.
+    """Find contradictions between safety limits.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def of_safety(safety: Safety) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if safety.disarm_after_ms < safety.stale_after_ms + safety.fade_ms:
         yield (

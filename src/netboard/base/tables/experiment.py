@@ -1,6 +1,6 @@
-"""The tables of the configuration that say what participants are asked to do, and when a trial is doubtful.
+"""Configuration tables of the experiment: session, block, design, quality rules, task.
 
-Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+Defaults are the paper's. `netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from netboard.base.settings import NO_EXTRAS, about
 from netboard.base.tables.forces import Force
 
 MOST_TRIALS = 10_000
-"""A block has at most so many trials [1]."""
+"""Largest number of trials in a block [1]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,9 +28,9 @@ class Friction:
     source : str
         Where the formula comes from.
     force : callable
-        ``force(coefficient, vp, load)``: kernel of the force against the motion [N], an odd function of the speed.
+        ``force(coefficient, vp, load)``: kernel of the force against the motion, an odd function of the speed [N].
     slope : callable
-        ``slope(coefficient, load)``: its largest derivative by the speed [N s/m].
+        ``slope(coefficient, load)``: its largest derivative with respect to the speed [N s/m].
     """
 
     name: str

@@ -1,6 +1,6 @@
-"""The tables of the configuration that say what is simulated: the board, the ball, and their sizes.
+"""Configuration tables of the simulated scene: board, ball and their sizes.
 
-Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+Defaults are the paper's. `netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass
@@ -111,10 +111,10 @@ def friction_rate(physics: Physics) -> float:
         An upper bound [1/s].
     """
     slope = sum(law.slope(getattr(physics, key), physics.m * physics.g) for key, law in FRICTION.items())
-    ease = 1.0 / (1.0 + physics.ball_inertia)
-    mobility = ease / physics.m
+    mass_ratio = 1.0 / (1.0 + physics.ball_inertia)
+    mobility = mass_ratio / physics.m
     if physics.model == "lagrangian":  # a force along the board moves the board, too
-        mobility += physics.ball_height**2 / physics.I + ease**2 / physics.M
+        mobility += physics.ball_height**2 / physics.I + mass_ratio**2 / physics.M
     return slope * mobility * physics.balls
 
 

@@ -187,7 +187,7 @@ class Session:
         block.stage.advance(state.stage, state.rows, number)
         halted = bool(state.emergency_stop.halted)
         if active and block.config.block.haptics and not halted:
-            self._motion.force(words, block.stage.told(state.words, number))
+            self._motion.force(words, block.stage.commanded_row(state.words, number))
         else:
             self._motion.beat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:

@@ -1,11 +1,10 @@
-"""Several floats in one vector register: a type for kernels, whose arithmetic is one instruction on the processor.
+"""Vector registers (SIMD) as a type for kernels: several floats with element-wise arithmetic.
 
-What the compiler makes of a loop over eight nodes is a matter of luck; of lanes it can make nothing but vectors. They
-come from arrays and tuples, go back there, and know +, -, * and / with each other and with floats, lane by lane, to the
-bit as floats do it. So the text of `netboard.physics.scene.models` compiles for them as it stands. In plain Python
-lanes are small arrays of numpy.
+Whether a compiler vectorises a loop is uncertain; lanes always compile to vector instructions. They are loaded from
+arrays and tuples and stored there. +, -, *, /, abs and sqrt with lanes and floats give the same bits as floats do, so
+the code of `netboard.physics.scene.models` compiles for them unchanged. In plain Python lanes are small NumPy arrays.
 
-Numba has no such type: this module is the only one that writes instructions by hand.
+Numba has no such type; this is the only module that generates LLVM instructions.
 """
 
 import inspect
@@ -34,12 +33,12 @@ _INT = ir.IntType(32)
 
 
 class Lanes(types.Type):
-    """So many float64 side by side.
+    """A vector of float64.
 
     Parameters
     ----------
     count : int
-        How many; powers of two cost least [1].
+        Number of lanes; powers of two are fastest [1].
     """
 
     def __init__(self, count: int) -> None:
@@ -48,14 +47,14 @@ class Lanes(types.Type):
         super().__init__(name=f"lanes({count})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Let a number stand where lanes are asked for: the same in each.
+        """Convert a number to lanes that are all equal to it.
 
         Parameters
         ----------
         typingctx : object
-            Of numba's, not used.
+            Numba's typing context, unused.
         other : type
-            Numba's type of what stands there.
+            Numba's type of the number.
         """
         return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
 
@@ -68,14 +67,14 @@ register_model(Lanes)(_make_model)
 
 
 def _spread_value(builder: Any, value: Any, count: int) -> Any:
-    """Write the same float into every lane."""
+    """Broadcast a float to all lanes."""
     vector = ir.VectorType(_DOUBLE, count)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
     return _spread_lane(builder, first, 0, count)
 
 
 def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
-    """Write one lane into every lane."""
+    """Broadcast one lane to all lanes."""
     mask = ir.Constant(ir.VectorType(_INT, count), [i] * count)
     return builder.shuffle_vector(lanes, ir.Constant(lanes.type, ir.Undefined), mask)
 
@@ -89,10 +88,10 @@ lower_cast(types.Integer, Lanes)(_cast)
 
 
 class _Arithmetic(AbstractTemplate):
-    """Lanes with lanes, or with a number."""
+    """Typing of arithmetic between lanes, or lanes and numbers."""
 
     def generic(self, args: Any, kws: Any) -> Any:
-        """Return the types that it works with."""
+        """Return the signature for the given types."""
         found = [a for a in args if isinstance(a, Lanes)]
         if not found or not all(a == found[0] or isinstance(a, types.Float | types.Integer) for a in args):
             return None
@@ -100,7 +99,7 @@ class _Arithmetic(AbstractTemplate):
 
 
 def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> None:
-    """Let a function of Python be an instruction."""
+    """Implement a Python function for lanes by an instruction."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return instruction(builder, *args)
@@ -110,7 +109,7 @@ def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> N
 
 
 def _intrinsic(name: str) -> Callable[..., Any]:
-    """Return what writes a function of LLVM that is exact or correctly rounded."""
+    """Return a generator of an LLVM intrinsic that is exact or correctly rounded."""
 
     def write(builder: Any, value: Any) -> Any:
         return builder.call(builder.module.declare_intrinsic(f"llvm.{name}", [value.type]), [value])
@@ -133,7 +132,7 @@ _define(abs, _intrinsic("fabs"), 1)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
-    """Write the address of an element of an array, counted through the whole of it."""
+    """Generate the address of an element of an array, by its flat index."""
     structure = cgutils.create_struct_proxy(array_type)(context, builder, array)
     return builder.gep(structure.data, [offset])
 

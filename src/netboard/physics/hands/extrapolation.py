@@ -13,6 +13,12 @@ from numba import types
 from netboard.base.compiled import inlined, specialised
 from netboard.physics.arithmetic.vectors import State
 
+VELOCITY_HORIZON = 0.010
+"""Velocity extrapolates a stylus sample over at most this time [s]."""
+
+ACCELERATION_HORIZON = 0.005
+"""Acceleration extrapolates it over at most this time, and comes from samples at most this far apart [s]."""
+
 
 @inlined
 def reached(z: float, vz: float, az: float, age: float, quick: float, reach: float) -> tuple[float, float]:

@@ -18,13 +18,13 @@ from netboard.physics.scene.parameters import SCENE
 INTERPOLATIONS = ("zoh", "cv", "ca", "hermite")
 """Motion of a stylus between samples: extrapolations and the Hermite interpolation; their number is their place."""
 
-GAP = 3.0
+GAP_RATIO = 3.0
 """An interval longer than this multiple of the median interval is a gap [1]."""
 
-FILL = 0.001
+MAX_FILLED_INTERVAL = 0.001
 """For "hermite", the largest interval after filling in samples from polynomials through four neighbours [s]."""
 
-FINEST = 11
+TIME_DIGITS = 11
 """Decimal digits of the time unit: 10^-11 s, or coarser where float64 has fewer digits [1]."""
 
 _ZOH, _HERMITE = INTERPOLATIONS.index("zoh"), INTERPOLATIONS.index("hermite")
@@ -63,7 +63,7 @@ def find_gaps(t: NDArray[np.float64]) -> NDArray[np.int64]:
         Their numbers, from 0 [1].
     """
     intervals = np.diff(t)
-    return np.flatnonzero(intervals > GAP * np.median(intervals))
+    return np.flatnonzero(intervals > GAP_RATIO * np.median(intervals))
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def hold_hands(hands: Hands, hold: str) -> Held:
 def _scale_of(t: NDArray[np.float64]) -> float:
     """Return the number of ticks per second."""
     digits = np.floor(-np.log10(4.0 * np.spacing(np.abs(t).max())))
-    return float(10.0 ** min(FINEST, int(digits)))
+    return float(10.0 ** min(TIME_DIGITS, int(digits)))
 
 
 def _rested(held: Held, gaps: NDArray[np.int64]) -> Held:
@@ -155,7 +155,7 @@ def _rested(held: Held, gaps: NDArray[np.int64]) -> Held:
 
 def _filled(held: Held, gaps: NDArray[np.int64]) -> Held:
     """Insert samples into long intervals, but not into gaps."""
-    parts = np.ceil(np.diff(held.ticks) / (FILL * held.scale) - 1e-6).astype(np.int64)
+    parts = np.ceil(np.diff(held.ticks) / (MAX_FILLED_INTERVAL * held.scale) - 1e-6).astype(np.int64)
     parts[gaps] = 1
     if parts.max() == 1:
         return held

@@ -1,4 +1,4 @@
-"""One-step methods that are explicit: a state goes in with a step's hands, the state after it comes out.
+"""Explicit one-step methods.
 
 Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
 the step, the hands through it (`netboard.physics.hands.extrapolation.drives`), the method's tables and which of them
@@ -17,16 +17,16 @@ from netboard.physics.scene.parameters import Parts
 
 @inlined
 def moved(x: State, t: float, y: State, parts: Parts) -> State:
-    """Return where a state gets in a time with the velocities of another, which it takes over.
+    """Advance the positions of a state by the velocities of another, and take over these velocities.
 
     Parameters
     ----------
     x : tuple of float
-        The state from which the places are taken [SI].
+        State with the positions [SI].
     t : float
-        How long it moves [s].
+        Duration [s].
     y : tuple of float
-        The state from which the velocities are taken [SI].
+        State with the velocities [SI].
     parts : Parts
         Structure of the scene; a compile-time constant.
 

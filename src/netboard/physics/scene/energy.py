@@ -73,9 +73,9 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
     """Return the kinetic energy of the balls [J]; in the paper's model only that of their motion along the board."""
     p, vz, omega = places(x), x[1], x[3]
     m: float = scene["m"]
-    ease: float = scene["ease"]
+    mass_ratio: float = scene["mass_ratio"]
     if not parts.lagrangian:
-        return 0.5 * (m / ease) * dot(speeds(x), speeds(x)) if parts.free else 0.0
+        return 0.5 * (m / mass_ratio) * dot(speeds(x), speeds(x)) if parts.free else 0.0
     lever = scene["ball_height"] * omega
     if parts.free:
         along = affine(-lever, 1.0, speeds(x))
@@ -83,7 +83,7 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
         m *= scene["fixed_load"]
         along = alike(-lever, p)
     lifted = s * total(along) + omega * c * total(p)
-    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
+    return 0.5 * m * (dot(along, along) / mass_ratio + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
 
 
 @inlined
@@ -158,7 +158,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         g, load = scene["g"], scene["m"]
         odd = len(places(x)) * (g * s) * vz
         if parts.free:
-            odd += (g + scene["ball_gravity"] / scene["ease"]) * total(speeds(x))
+            odd += (g + scene["ball_gravity"] / scene["mass_ratio"]) * total(speeds(x))
         else:
             load *= scene["fixed_load"]
         odd *= load * s

@@ -73,7 +73,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
             heavy += load * len(balls)
             if not parts.free:
                 radius = float(scene["ball_height"])
-                turning += load * len(balls) * (radius * radius) / float(scene["ease"])
+                turning += load * len(balls) * (radius * radius) / float(scene["mass_ratio"])
                 torque[2] += load * len(balls) * float(scene["g"]) * radius
     if parts.heaves:
         a[0, 1] = 1.0
@@ -86,7 +86,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
         if parts.tilts:
             if parts.lagrangian:
                 a[i + 1] = float(scene["ball_height"]) * a[3]
-                a[i + 1, 2] -= float(scene["ease"]) * float(scene["g"])
+                a[i + 1, 2] -= float(scene["mass_ratio"]) * float(scene["g"])
             else:
                 a[i + 1, 2] = float(scene["ball_gravity"])
     if not parts.tilts:

@@ -120,7 +120,9 @@ def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
 
 
 @inlined
-def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float]:
+def _board_load(
+    x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any
+) -> tuple[float, float]:
     """Return the upward force on a board without balls, and the difference of the hands' forces, right - left [N]."""
     arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
     k, d = scene["k_left"] + scene["k_right"], scene["c_left"] + scene["c_right"]
@@ -137,7 +139,7 @@ def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts,
 def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
     """Return the rate of the state by the paper's equations (3-5), where balls act on the board by weight alone."""
     s, c = turned(x[2], parts)
-    force, turn = _pull(x, left, right, s, c, parts, scene)
+    force, turn = _board_load(x, left, right, s, c, parts, scene)
     torque = scene["l"] * turn
     p = places(x)
     if parts.loaded:
@@ -155,13 +157,13 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
         ap = alike(scene["ball_gravity"] * s, p)
         if parts.resisted:
             drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
-            ap = plus(ap, -scene["ease"] * (1.0 / scene["m"]), drag)
+            ap = plus(ap, -scene["mass_ratio"] * (1.0 / scene["m"]), drag)
         return joined(x[1], az, x[3], ao, speeds(x), ap)
     return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
 
 
 @inlined
-def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
     """Return the inertia of board and balls by Lagrange's equations, with the coordinates of free balls eliminated.
 
     Parameters
@@ -186,12 +188,12 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
         return scene["M"], 0.0, scene["I"]
     if parts.free:
         m = scene["m"]
-        return scene["M"] + n * m * (1.0 - scene["ease"] * (s * s)), m * c * total(p), scene["I"] + m * dot(p, p)
+        return scene["M"] + n * m * (1.0 - scene["mass_ratio"] * (s * s)), m * c * total(p), scene["I"] + m * dot(p, p)
     m, r = scene["m"] * scene["fixed_load"], scene["ball_height"]
     return (
         scene["M"] + n * m,
         m * (c * total(p) - n * r * s),
-        scene["I"] + m * (dot(p, p) + n * (r * r) * (1.0 / scene["ease"])),
+        scene["I"] + m * (dot(p, p) + n * (r * r) * (1.0 / scene["mass_ratio"])),
     )
 
 
@@ -226,32 +228,32 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
     """Return the rate of the state by Lagrange's equations of the same scene (docs/explanation/physics.md)."""
     s, c = turned(x[2], parts)
     omega, g, r = x[3], scene["g"], scene["ball_height"]
-    force, turn = _pull(x, left, right, s, c, parts, scene)
+    force, turn = _board_load(x, left, right, s, c, parts, scene)
     torque = scene["l"] * turn * c
     if parts.damped:
         torque -= scene["b_theta"] * omega
     p, vp = places(x), speeds(x)
     n, spin = len(p), omega * omega
     if parts.loaded and parts.free:
-        m, ease = scene["m"], scene["ease"]
-        along = (1.0 - ease) * spin * total(p) + n * ease * g * s
+        m, mass_ratio = scene["m"], scene["mass_ratio"]
+        along = (1.0 - mass_ratio) * spin * total(p) + n * mass_ratio * g * s
         force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
         torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
         if parts.resisted:
             drag = friction(vp, scene["m"] * g * abs(c), parts, scene)
-            force += ease * s * total(drag)
+            force += mass_ratio * s * total(drag)
             torque -= r * total(drag)
     elif parts.loaded:
         m = scene["m"] * scene["fixed_load"]
         force -= m * (n * g - spin * (s * total(p) + n * r * c))
         torque -= m * g * (c * total(p) - n * r * s)
-    a11, a12, a22 = masses(x, s, c, parts, scene)
+    a11, a12, a22 = inertia(x, s, c, parts, scene)
     az, ao = solved(a11, a12, a22, force, torque, parts)
     if parts.free:
-        ease = scene["ease"]
-        ap = affine(r * ao - ease * s * (g + az), ease * spin, p)
+        mass_ratio = scene["mass_ratio"]
+        ap = affine(r * ao - mass_ratio * s * (g + az), mass_ratio * spin, p)
         if parts.resisted:
-            ap = plus(ap, -ease * (1.0 / scene["m"]), friction(vp, scene["m"] * g * abs(c), parts, scene))
+            ap = plus(ap, -mass_ratio * (1.0 / scene["m"]), friction(vp, scene["m"] * g * abs(c), parts, scene))
         return joined(x[1], az, omega, ao, vp, ap)
     return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
 
@@ -282,22 +284,22 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
 
 
 @inlined
-def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
+def _reflected(x: State, i: int, parts: Parts, scene: Any) -> State:
     """Return the state after the impact of ball i on its stop; in the Lagrangian model it acts on the board, too."""
     back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
     if not parts.lagrangian:
         return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
     s, c = turned(x[2], parts)
-    r, ease = scene["ball_height"], scene["ease"]
-    a11, a12, a22 = masses(x, s, c, parts, scene)
+    r, mass_ratio = scene["ball_height"], scene["mass_ratio"]
+    a11, a12, a22 = inertia(x, s, c, parts, scene)
     # Response to a unit impulse along the board at ball i, scaled to the impulse that reverses ball i.
-    vz, omega = solved(a11, a12, a22, -s * ease, r, parts)
-    others = r * omega - s * ease * vz
-    blow = back / (others + ease / scene["m"])
+    vz, omega = solved(a11, a12, a22, -s * mass_ratio, r, parts)
+    others = r * omega - s * mass_ratio * vz
+    blow = back / (others + mass_ratio / scene["m"])
     x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)
     for j in range(len(places(x))):
         x = replaced(x, 5 + 2 * j, x[5 + 2 * j] + blow * others)
-    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (ease / scene["m"]))
+    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (mass_ratio / scene["m"]))
 
 
 @inlined
@@ -327,5 +329,5 @@ def stopped(x: State, parts: Parts, scene: Any) -> State:
                 edge = scene["stop"] if p > 0.0 else -scene["stop"]
                 x = replaced(x, 4 + 2 * i, edge)
                 if p * vp > 0.0:
-                    x = _struck(x, i, parts, scene)
+                    x = _reflected(x, i, parts, scene)
     return x

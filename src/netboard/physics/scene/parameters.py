@@ -27,7 +27,7 @@ SCENE = np.dtype(
         ("b_z", "<f8"),  # damping of the board's heave [N s/m]
         ("b_theta", "<f8"),  # damping of its tilt [N m s/rad]
         ("ball_gravity", "<f8"),  # paper's model: acceleration of a ball over sin(theta), - is downhill [m/s2]
-        ("ease", "<f8"),  # mass over effective mass of a ball: 1 slides, 5/7 a solid sphere rolls [1]
+        ("mass_ratio", "<f8"),  # mass over effective mass of a ball: 1 slides, 5/7 a solid sphere rolls [1]
         ("ball_height", "<f8"),  # height of a ball's centre above the board [m]
         ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
         ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]
@@ -97,8 +97,8 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
     for side in ("left", "right"):
         if physics.coupling in (side, "both"):
             scene[f"k_{side}"], scene[f"c_{side}"] = physics.k_h, physics.c_h
-    scene["ease"] = 1.0 / (1.0 + physics.ball_inertia)
-    scene["ball_gravity"] = scene["ease"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
+    scene["mass_ratio"] = 1.0 / (1.0 + physics.ball_inertia)
+    scene["ball_gravity"] = scene["mass_ratio"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
     scene["fixed_load"] = 1.0 if physics.fixed_ball == "loads_board" else 0.0
     scene["stop"] = physics.ball_stop
     return scene

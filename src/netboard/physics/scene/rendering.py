@@ -22,12 +22,12 @@ from netboard.base.tables.experiment import MOST_TRIALS, Block
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 
-MOVERS = ("person", "still", "robot")
+KNOWN_MOVERS = ("person", "still", "robot")
 """Who can move a hand; every mover but "still" receives a force."""
 
-require("felt_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
+require("rendering_of in netboard/physics/scene/rendering.py", KNOWN_MOVERS, words_of(Block, "left"))
 
-NEVER = MOST_TRIALS + 1
+TRIAL_ENTRIES = MOST_TRIALS + 1
 """First trial number without an entry in the tables below; only trials that operators add reach it [1]."""
 
 GAINS = np.dtype(
@@ -40,21 +40,21 @@ GAINS = np.dtype(
 )
 """Force of one hand on the board at rest, + = up."""
 
-FELT = np.dtype(
+RENDERING = np.dtype(
     [
         ("left_fixed", GAINS),  # left hand, while the ball is fixed
         ("right_fixed", GAINS),
         ("left_free", GAINS),  # while it rolls
         ("right_free", GAINS),
         ("scale", "<f8"),  # factor of the commanded force [1]
-        ("catch", "u1", (NEVER,)),  # 1: catch trial, without force
-        ("scales", "<f8", (NEVER,)),  # factor of the commanded force in each trial [1]
+        ("catch", "u1", (TRIAL_ENTRIES,)),  # 1: catch trial, without force
+        ("scales", "<f8", (TRIAL_ENTRIES,)),  # factor of the commanded force in each trial [1]
     ]
 )
 """Parameters of the commanded forces: one record."""
 
 
-class Felt(NamedTuple):
+class Rendering(NamedTuple):
     """Structure of the force rendering: compile-time constants of the kernels.
 
     Attributes
@@ -79,7 +79,7 @@ class Felt(NamedTuple):
     varies: bool = False
 
 
-NOTHING = Felt(FORCES.index("none"), scaled=False, left=False, right=False, catches=False)
+NO_FORCE = Rendering(FORCES.index("none"), scaled=False, left=False, right=False, catches=False)
 
 
 def _rendered(
@@ -107,7 +107,7 @@ def _compiled_rendered(number: Any, coupling: Any, own_z: Any, partner_z: Any, p
 
 @inlined
 def force_on_hand(
-    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Felt
+    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Rendering
 ) -> float:
     """Return the commanded force of a hand.
 
@@ -125,7 +125,7 @@ def force_on_hand(
         Gains of the hand, for a free or a fixed ball.
     scale : float
         Factor of the force [1].
-    felt : Felt
+    felt : Rendering
         Structure of the rendering; a compile-time constant.
 
     Returns
@@ -138,40 +138,40 @@ def force_on_hand(
 
 
 @inlined
-def is_catch(trial: int, numbers: Any, felt: Felt) -> bool:
+def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
     """Tell whether a trial is a catch trial, without force.
 
     Parameters
     ----------
     trial : int
         Its number in the block [1].
-    numbers : FELT record
+    numbers : RENDERING record
         Parameters of the commanded forces.
-    felt : Felt
+    felt : Rendering
         Structure of the rendering; a compile-time constant.
     """
-    return felt.catches and 0 < trial < NEVER and numbers["catch"][trial] != 0
+    return felt.catches and 0 < trial < TRIAL_ENTRIES and numbers["catch"][trial] != 0
 
 
 @inlined
-def scale_in(trial: int, numbers: Any, felt: Felt) -> float:
+def scale_in(trial: int, numbers: Any, felt: Rendering) -> float:
     """Return the factor of the commanded force in a trial [1].
 
     Parameters
     ----------
     trial : int
         Its number in the block [1].
-    numbers : FELT record
+    numbers : RENDERING record
         Parameters of the commanded forces.
-    felt : Felt
+    felt : Rendering
         Structure of the rendering; a compile-time constant.
     """
-    if felt.varies and 0 < trial < NEVER:
+    if felt.varies and 0 < trial < TRIAL_ENTRIES:
         return float(numbers["scales"][trial])
     return float(numbers["scale"])
 
 
-def felt_of(block: Block) -> Felt:
+def rendering_of(block: Block) -> Rendering:
     """Return the structure of the force rendering of a block.
 
     Parameters
@@ -188,14 +188,14 @@ def felt_of(block: Block) -> Felt:
     varies = bool(block.trial_scales)
     force = number_of(block.force, FORCES, "[block] force")
     for side, mover in (("left", block.left), ("right", block.right)):
-        number_of(mover, MOVERS, f"[block] {side}")
+        number_of(mover, KNOWN_MOVERS, f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
-        return NOTHING
+        return NO_FORCE
     scaled = varies or block.force_scale != 1.0
-    return Felt(force, scaled, left, right, bool(block.catch), varies)
+    return Rendering(force, scaled, left, right, bool(block.catch), varies)
 
 
-def pack_felt(config: Config) -> NDArray[Any]:
+def pack_rendering(config: Config) -> NDArray[Any]:
     """Pack the parameters of the commanded forces for the kernels.
 
     Parameters
@@ -205,7 +205,7 @@ def pack_felt(config: Config) -> NDArray[Any]:
 
     Returns
     -------
-    ndarray of FELT, shape (1,)
+    ndarray of RENDERING, shape (1,)
         The packed record, SI units.
 
     Raises
@@ -213,11 +213,11 @@ def pack_felt(config: Config) -> NDArray[Any]:
     ConfigError
         If the block needs gains, but the springs do not determine height and tilt of the board.
     """
-    numbers = np.zeros(1, FELT)
+    numbers = np.zeros(1, RENDERING)
     numbers["scale"] = config.block.force_scale
     numbers["catch"][0, list(config.block.catch)] = 1
     if scales := config.block.trial_scales:
-        numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
+        numbers["scales"][0, 1:] = np.resize(scales, TRIAL_ENTRIES - 1)
     number = number_of(config.block.force, FORCES, "[block] force")
     if CONDITIONS[FORCES[number]].quasi_static:
         scene = pack_scene(config.physics)[0]

@@ -32,19 +32,19 @@ PLACES = (0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25)
 MOST_SUBSTEPS = 64
 """Largest number of steps per tick that is chosen."""
 
-RK4_REACHES = 8
+MAX_RK4_STIFFNESS = 8
 """Largest stiffness of a tick for which RK4 is chosen [1]."""
 
-CREEP = 1e-6
+GROWTH_TOLERANCE = 1e-6
 """Tolerated growth of a mode per step of an exponential method at a constant tilt: e-fold in a million steps [1]."""
 
 EXPONENTIAL = ("etd2rk", "etdrk4")
 """Methods that are exact for the level board and of Runge-Kutta type for the deviation of a tilted one."""
 
-LARGEST = 700.0
+MAX_LOG_GROWTH = 700.0
 """Logarithm of the largest finite growth factor [1]."""
 
-ROUNDED = 1e-9
+STIFFNESS_TOLERANCE = 1e-9
 """Rounding tolerance of the stiffness [1]."""
 
 
@@ -107,7 +107,7 @@ def _choice(physics: Physics, h: float) -> Choice:
     """Return the choice, whether or not it is stable."""
     method, substeps, stiff, reason = _plan(physics, h)
     worst = max(_radii(physics, method, h / substeps))
-    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < LARGEST else math.inf
+    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < MAX_LOG_GROWTH else math.inf
     return Choice(method, substeps, radius, stiff, reason)
 
 
@@ -129,8 +129,8 @@ def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
     if physics.board == "level" and friction_rate(physics) == 0:
         return "exact", max(physics.substeps, 1), "The board cannot tilt: its motion is solved exactly."
     lasts = f"A tick is {stiff:.3g} of the board's shortest time constants"
-    substeps = physics.substeps or max(math.ceil(stiff - ROUNDED), 1)
-    if stiff - ROUNDED > (substeps if physics.substeps > 0 else RK4_REACHES):
+    substeps = physics.substeps or max(math.ceil(stiff - STIFFNESS_TOLERANCE), 1)
+    if stiff - STIFFNESS_TOLERANCE > (substeps if physics.substeps > 0 else MAX_RK4_STIFFNESS):
         return "etdrk4", max(physics.substeps, 1), f"{lasts}, too many for rk4."
     reason = f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands."
     return "rk4", substeps, reason
@@ -159,7 +159,7 @@ def _is_stable(physics: Physics, method: str, h: float) -> bool:
 
 def _limit(method: str) -> float:
     """Return the largest spectral radius that counts as stable."""
-    return 1.0 + (CREEP if method in EXPONENTIAL else ROUNDING)
+    return 1.0 + (GROWTH_TOLERANCE if method in EXPONENTIAL else ROUNDING)
 
 
 def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
