@@ -144,13 +144,8 @@ class ConsoleClient(QObject):
 def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:
     """Run the console until its window is closed or the process is asked to stop.
 
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop.
-    after : float, optional
-        Delay of the screenshot after the first status; the console then goes on. Without a delay, the screenshot is
-        taken at the first status and the console ends [s].
+    A screenshot is taken `after` seconds after the first status, and the console goes on; without a delay, it is taken
+    at the first status and the console ends.
     """
     windows.require_new(picture)
     windows.application()

@@ -37,13 +37,7 @@ Point = tuple[int, float, float, float, float, float, float, float]
 
 
 class Strips(QWidget):
-    """Three strip charts, one above the other.
-
-    Parameters
-    ----------
-    config : Config
-        Source of the axis limits and of the target positions.
-    """
+    """Three strip charts, one above the other; axis limits and target positions come from the configuration."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()

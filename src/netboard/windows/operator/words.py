@@ -146,13 +146,7 @@ def _next(status: Status) -> str:
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
-    """Return the text of the most severe lamp, and how many other lamps need attention.
-
-    Parameters
-    ----------
-    lamps : sequence of (str, Lamp)
-        Each lamp with its station; empty for the lamps of the session.
-    """
+    """Return the text of the most severe lamp, and how many others need attention; each lamp comes with its station."""
     unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
     if not unwell:
         return Line("", Tone.QUIET)

@@ -32,13 +32,7 @@ WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
 
 
 class BoardView(QWidget):
-    """Widget that shows one picture at a time.
-
-    Attributes
-    ----------
-    mm_per_pixel : float
-        Pixel size of the screen; 0 scales the picture to the window [mm].
-    """
+    """Widget that shows one picture at a time."""
 
     painted = Signal()
 

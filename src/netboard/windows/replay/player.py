@@ -69,13 +69,7 @@ class Pane:
 
 
 class PlayerWindow(windows.BoardWindow):
-    """A window that plays recordings.
-
-    Parameters
-    ----------
-    now : callable
-        A monotonic clock [s].
-    """
+    """A window that plays recordings by a monotonic clock [s]."""
 
     def __init__(
         self,
@@ -231,15 +225,7 @@ def run(
     sync: Sync = "time",
     at: float | None = None,
 ) -> None:
-    """Play recordings until the window is closed or the process is asked to stop.
-
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop.
-    at : float or None
-        Start position; None for the start of the block [s].
-    """
+    """Play recordings from a position [s], or from the start of the block, until the window is closed."""
     windows.require_new(picture)
     app = windows.application()
     window = PlayerWindow(reels, station, speed, sync)
