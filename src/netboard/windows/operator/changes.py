@@ -47,14 +47,14 @@ def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
     return free_bytes / (grown / span) / 60 if grown > 0 else inf
 
 
-class Memory:
+class StatusHistory:
     """The statuses of the last minute."""
 
     def __init__(self) -> None:
         self._session = ""
         self._past: deque[tuple[float, Status]] = deque()
 
-    def remember(self, now: float, status: Status) -> Recent:
+    def add(self, now: float, status: Status) -> Recent:
         """Store a status, and return the recent changes."""
         if status.session != self._session:
             self._past.clear()

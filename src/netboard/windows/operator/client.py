@@ -21,7 +21,7 @@ from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
-from netboard.windows.operator.changes import Memory, Recent
+from netboard.windows.operator.changes import Recent, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
@@ -49,7 +49,7 @@ class ConsoleClient(QObject):
         super().__init__(window)
         self._config, self._context, self._window = config, context, window
         self._operator: Operator | None = Operator(config.network, context)
-        self._memory, self._recent = Memory(), Recent()
+        self._history, self._recent = StatusHistory(), Recent()
         self.status: Status | None = None
         self._heard_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
@@ -105,7 +105,7 @@ class ConsoleClient(QObject):
         status = operator.poll()
         if status is not None:
             self.status, self._heard_ns = status, now_ns()
-            self._recent = self._memory.remember(now_ns() * 1e-9, status)
+            self._recent = self._history.add(now_ns() * 1e-9, status)
             if LACKING in status.waiting_for:
                 self._stop_ns = None
         for number, (name, asked_ns) in list(self._asked.items()):

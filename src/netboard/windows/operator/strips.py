@@ -57,9 +57,9 @@ class Strips(QWidget):
             *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", BALL, BALL_COLOUR),), 1e3),
         ]
 
-    def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
-        """Append the new points; clear the buffer first if `anew`, or if a replay goes back in time."""
-        if anew or (points and points[-1][TICK] < self._newest):
+    def take(self, points: Sequence[Point], *, restart: bool = False) -> None:
+        """Append the new points; clear the buffer first if `restart`, or if a replay goes back in time."""
+        if restart or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1
         new = list(takewhile(lambda point: point[TICK] > self._newest, reversed(points)))

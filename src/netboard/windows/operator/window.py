@@ -128,7 +128,7 @@ class ConsoleWindow(Window):
         points = self.state.points
         self.note.tick = max(status.tick, points[-1][0] if points else 0)
         self._shown += 1
-        self.strips.take(points, anew=other)
+        self.strips.take(points, restart=other)
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
             self.strips.redraw()
 

@@ -57,8 +57,8 @@ def check(view: View) -> None:
     if view.notice not in NOTICES:
         raise WireError(f"a view with the unknown notice {view.notice!r}")
     shown = (view.z, view.theta, view.target, view.p, view.left, view.right, view.share)
-    told = (view.completion, view.best, view.rest)
-    if not all(math.isfinite(number) for number in (*shown, *told) if number is not None):
+    times = (view.completion, view.best, view.rest)
+    if not all(math.isfinite(number) for number in (*shown, *times) if number is not None):
         raise WireError("a view with a number that is not finite")
 
 

@@ -146,14 +146,14 @@ class PlayerWindow(windows.BoardWindow):
     def _in_words(self, position: float, view: View) -> str:
         """Format the state of the replay in one line."""
         here = self.playback
-        told = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
-        told.append(f"{here.speed:g}\u00d7")
+        texts = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
+        texts.append(f"{here.speed:g}\u00d7")
         if here.loop is not None:
-            told.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
-        told.append(f"{self._station} station")
+            texts.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
+        texts.append(f"{self._station} station")
         if not self._captions:
-            told += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
-        return "   ".join(filter(None, told))
+            texts += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
+        return "   ".join(filter(None, texts))
 
     def toggle(self) -> None:
         """Play or pause."""
