@@ -20,10 +20,10 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
     from netboard.nodes.agent.stylus_source import companion_of
 
     speak(f"agent {side}")
-    came = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
+    granted = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
     with (
         Stopping() as stopping,
-        sockets.open_context(io_priority(came, Priority.AGENT)) as context,
+        sockets.open_context(io_priority(granted, Priority.AGENT)) as context,
         registry.make(side, settings) as device,
     ):
         Agent(settings, side, device, context, companion_of(settings, device, context)).run(stopping)

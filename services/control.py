@@ -1,7 +1,6 @@
 """``netboard control`` and ``netboard stop``: an operator's commands from a shell, and the emergency stop."""
 
 import json as jsonlib
-import time
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -9,17 +8,15 @@ import typer
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.protocol.control import CommandName
 from netboard.services.options import OPERATE, ConfigFile, Json, Overrides, examples, load
-from netboard.services.status import asked, plain
 
 if TYPE_CHECKING:
-    from netboard.base.config import Config
-    from netboard.network.protocol.control import Reply, Status
+    from netboard.base.tables.rig import Network
     from netboard.nodes.operator.operator import Operator
 
 app = typer.Typer()
 
 LOOK_SECONDS = 0.05
-"""Interval at which the keyboard and the server are checked [s]."""
+"""Interval at which the keyboard is checked [s]."""
 
 
 @app.command(
@@ -64,58 +61,28 @@ def control(
 ) -> None:
     """Send a command to a running server, as the console does; for scripts."""
     settings = load(config, overrides)
-    from netboard.network.transport import sockets
-    from netboard.nodes.operator.operator import Operator
+    from netboard.base.process import Stopping
+    from netboard.nodes.operator import shell
 
-    argument = " ".join(arguments or ())
-    with sockets.open_context() as context:
-        operator = Operator(settings.network, context)
-        try:
-            status = asked(operator, settings)
-            reply = operator.do("take") if take else None
-            if reply is None or reply.accepted:
-                reply = end(operator) if command == "end" else operator.do(command, argument)
-            if command != "end":
-                status = asked(operator, settings)
-            if reply.accepted and until is not None:
-                status = wait(operator, settings, until, seconds)
-        finally:
-            operator.leave()
+    network, argument = settings.network, " ".join(arguments or ())
+    with shell.connected(network) as operator:
+        status = shell.status_of(operator, network)
+        reply = operator.do("take") if take else None
+        if reply is None or reply.accepted:
+            reply = shell.end(operator) if command == "end" else operator.do(command, argument)
+        if command != "end":
+            status = shell.status_of(operator, network)
+        if reply.accepted and until is not None:
+            with Stopping() as stopping:
+                status = shell.wait(operator, network, until, seconds, stopping)
     if json:
-        typer.echo(jsonlib.dumps({"accepted": reply.accepted, "reason": reply.reason, "status": plain(status)}))
+        typer.echo(jsonlib.dumps({"accepted": reply.accepted, "reason": reply.reason, "status": shell.plain(status)}))
     elif not reply.accepted:
         raise NetboardError(reply.reason)
     else:
         words = reply.reason or ("the server is stopping" if command == "end" else f"the trial is {status.phase}")
         typer.echo(f"{command}: {words}")
     raise typer.Exit(0 if reply.accepted and until in (None, status.phase) else 1)
-
-
-def end(operator: "Operator") -> "Reply":
-    """End the session; if the reply is lost and the server no longer answers, the command has succeeded."""
-    from netboard.network.protocol.control import Reply
-    from netboard.nodes.operator.operator import ANSWER_SECONDS
-
-    try:
-        return operator.do("end")
-    except NetboardError:
-        if operator.ask(ANSWER_SECONDS) is not None:
-            raise
-        return Reply(0, True, "the server has stopped")
-
-
-def wait(operator: "Operator", config: "Config", until: str, seconds: float | None) -> "Status":
-    """Wait for a phase of the trial, or for the timeout [s]."""
-    from netboard.base.process import Stopping
-
-    began = time.monotonic()
-    with Stopping() as stopping:
-        while True:
-            status = asked(operator, config)
-            over = seconds is not None and time.monotonic() - began > seconds
-            if status.phase == until or over or stopping():
-                return status
-            operator.attend(LOOK_SECONDS)
 
 
 @app.command(
@@ -139,43 +106,24 @@ def stop(
     settings = load(config, overrides)
     from rich.console import Console
 
-    from netboard.network.transport import sockets
-    from netboard.nodes.operator.operator import Operator
+    from netboard.nodes.operator import shell
     from netboard.nodes.ports import emergency
 
     console = Console(highlight=False)
-    with sockets.open_context() as context:
-        operator = Operator(settings.network, context)
-        try:
-            if guard and not key_pressed(operator, settings):
-                return
-            command_surely(operator, settings, emergency.RELEASE if release else emergency.STOP)
-        finally:
-            operator.leave()
+    with shell.connected(settings.network) as operator:
+        if guard and not key_pressed(operator, settings.network):
+            return
+        shell.carry_out(operator, settings.network, emergency.RELEASE if release else emergency.STOP)
     if release:
         console.print("The emergency stop is released. To continue: netboard control resume")
     else:
         console.print("[bold red]EMERGENCY STOP[/]: all forces are zero. To release it: netboard stop --release")
 
 
-def command_surely(operator: "Operator", config: "Config", name: str) -> None:
-    """Send a command, and raise an error if it is not carried out."""
-    from netboard.nodes.ports import emergency
-
-    asked(operator, config)
-    try:
-        reply = operator.do(name)
-    except NetboardError as error:
-        if name == emergency.STOP:
-            raise NetboardError(f"{error}: TAKE HANDS OFF THE STYLUSES") from None
-        raise
-    if not reply.accepted:
-        raise NetboardError(reply.reason)
-
-
-def key_pressed(operator: "Operator", config: "Config") -> bool:
+def key_pressed(operator: "Operator", network: "Network") -> bool:
     """Wait until a key is pressed; return False if the process is asked to end."""
     from netboard.base.process import Stopping
+    from netboard.nodes.operator.shell import status_of
     from netboard.services.keyboard import Keyboard
 
     with Keyboard() as keyboard, Stopping() as stopping:
@@ -185,5 +133,5 @@ def key_pressed(operator: "Operator", config: "Config") -> bool:
         while not stopping():
             if keyboard.pressed(LOOK_SECONDS) is not None:
                 return True
-            asked(operator, config)
+            status_of(operator, network)
     return False

@@ -227,7 +227,7 @@ def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str
 
 
 def now_in_words() -> str:
-    """Return date and time for people."""
+    """Return the date and time in words."""
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
 
 

@@ -104,12 +104,12 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
     authenticators = [keys.make_authenticator(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime  # real-time settings apply to the process
-    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
-    above = io_priority(came, Priority.SERVER)
-    network = sockets.open_context(above, apart=True, loop_priority=Priority.SERVER)
+    granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
+    io_thread = io_priority(granted, Priority.SERVER)
+    network = sockets.open_context(io_thread, apart=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
         server = Server(sessions, context, authenticators, autostart=autostart)
-        server.run(stopping, came)
+        server.run(stopping, granted)
     return 0 if server.everything_recorded else 1
 
 

@@ -12,7 +12,7 @@ from netboard.network.protocol.control import REPLAY_COMMANDS, REPLAY_OF, Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import LACKING, STOP
 from netboard.windows.operator import words
-from netboard.windows.operator.changes import Memory, Recent, minutes_left
+from netboard.windows.operator.changes import Recent, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
 from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
@@ -101,18 +101,18 @@ def test_a_side_that_is_awaited_is_missing_and_another_is_not_needed() -> None:
 
 
 def test_lost_messages_of_late_count_and_old_ones_do_not() -> None:
-    memory = Memory()
+    history = StatusHistory()
     now = replace(RUNNING, links=(RUNNING.links[0], UNARMED_LINK))
-    recent = memory.remember(100.0, now)
+    recent = history.add(100.0, now)
     assert recent.lost == {"agent.left": 0, "agent.right": 0}
     more = replace(now, links=(RUNNING.links[0], (*UNARMED_LINK[:8], 45)), late_ticks=7)
-    recent = memory.remember(104.0, more)
+    recent = history.add(104.0, more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (4, 4)
     assert "4 drops" in of(station_lamps(more, recent, "right", LIMITS), "Drops").words
     for second in range(105, 130):
-        recent = memory.remember(float(second), more)
+        recent = history.add(float(second), more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (0, 0)
-    assert memory.remember(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
+    assert history.add(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
 
 
 def test_minutes_left_on_the_disk() -> None:
@@ -124,14 +124,14 @@ def test_minutes_left_on_the_disk() -> None:
 
 
 def test_the_growth_of_a_recording_is_remembered() -> None:
-    memory = Memory()
+    history = StatusHistory()
     for second in range(11):
         grown = (("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
-        recent = memory.remember(float(second), replace(RUNNING, recordings=grown))
+        recent = history.add(float(second), replace(RUNNING, recordings=grown))
     assert recent.minutes == pytest.approx(12.0)
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
     assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
-    assert math.isnan(memory.remember(12.0, replace(RUNNING, recordings=())).minutes)
+    assert math.isnan(history.add(12.0, replace(RUNNING, recordings=())).minutes)
 
 
 def test_running_but_not_recording_is_shouted() -> None:

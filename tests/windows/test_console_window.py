@@ -343,7 +343,7 @@ def test_the_strips_show_the_last_ten_seconds(app) -> None:
     times, heights = strips._lines[0][0].getData()
     assert np.isnan(heights).sum() == 1
     assert np.all(np.diff(times) > 0)
-    strips.take([point(5)], anew=True)
+    strips.take([point(5)], restart=True)
     strips.redraw()
     assert len(strips._lines[0][0].getData()[0]) == 1
     strips.take([point(5_000)])

@@ -83,5 +83,5 @@ def test_without_a_stylus_or_a_pointer_there_are_words_alone(view, pointer):
 def test_the_hint_says_what_moves_the_stylus():
     assert "mouse" in grip().hint[0]
     assert "key" in grip(keys=True).hint[0]
-    assert "start" in grip(pointer=None).hint[0]
+    assert "begin" in grip(pointer=None).hint[0]
     assert "key" in grip(pointer=None, keys=True).hint[0]

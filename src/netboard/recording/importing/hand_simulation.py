@@ -16,7 +16,7 @@ from netboard.base.settings import read
 from netboard.base.tables.scene import Physics
 from netboard.base.terminal import FittedTable
 from netboard.physics.hands.sampled import Hands
-from netboard.physics.simulation import Motion, Steps, columns_of, energies_of, is_held, simulate
+from netboard.physics.simulation import Motion, Steps, columns_of, energies_of, is_stably_integrated, simulate
 from netboard.recording.importing.hand_files import doubts, read_hands, write_table
 
 SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
@@ -86,7 +86,7 @@ def simulate_file(
     tell(1.0, "writing")
     write_table(result, columns, provenance(path, config, wishes), force)
     notes = doubts(hands)
-    if not is_held(motion, physics, free):
+    if not is_stably_integrated(motion, physics, free):
         step = f"{motion.longest * 1e3:.3g} ms"
         notes.append(f"{steps.method} is unstable for this scene in steps of {step}: the result is invalid")
     return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}, notes

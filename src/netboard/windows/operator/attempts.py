@@ -22,7 +22,7 @@ class AttemptModel(QAbstractTableModel):
         self.attempts: list[Attempt] = []
 
     def take(self, attempts: Sequence[Attempt]) -> bool:
-        """Append new attempts, or start anew if the session is another one; return whether there were new ones."""
+        """Append new attempts, or start again if the session is another one; return whether there were new ones."""
         have = len(self.attempts)
         if len(attempts) < have or list(attempts[:have]) != self.attempts:
             self.beginResetModel()

@@ -21,7 +21,7 @@ from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
-from netboard.windows.operator.changes import Memory, Recent
+from netboard.windows.operator.changes import Recent, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
@@ -49,7 +49,7 @@ class ConsoleClient(QObject):
         super().__init__(window)
         self._config, self._context, self._window = config, context, window
         self._operator: Operator | None = Operator(config.network, context)
-        self._memory, self._recent = Memory(), Recent()
+        self._history, self._recent = StatusHistory(), Recent()
         self.status: Status | None = None
         self._heard_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
@@ -105,7 +105,7 @@ class ConsoleClient(QObject):
         status = operator.poll()
         if status is not None:
             self.status, self._heard_ns = status, now_ns()
-            self._recent = self._memory.remember(now_ns() * 1e-9, status)
+            self._recent = self._history.add(now_ns() * 1e-9, status)
             if LACKING in status.waiting_for:
                 self._stop_ns = None
         for number, (name, asked_ns) in list(self._asked.items()):
@@ -144,13 +144,8 @@ class ConsoleClient(QObject):
 def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:
     """Run the console until its window is closed or the process is asked to stop.
 
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop.
-    after : float, optional
-        Delay of the screenshot after the first status; the console then goes on. Without a delay, the screenshot is
-        taken at the first status and the console ends [s].
+    A screenshot is taken `after` seconds after the first status, and the console goes on; without a delay, it is taken
+    at the first status and the console ends.
     """
     windows.require_new(picture)
     windows.application()

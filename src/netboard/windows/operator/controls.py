@@ -72,13 +72,7 @@ class CommandButton(QPushButton):
 
 
 class StopPanel(QWidget):
-    """The emergency stop, and its release.
-
-    Signals
-    -------
-    stopped
-        Emitted when the button goes down, not when it is released.
-    """
+    """The emergency stop, and its release; `stopped` is emitted when the button goes down, not when it is released."""
 
     stopped = Signal()
 
@@ -112,17 +106,9 @@ class CommandBar(QWidget):
 
 
 class NoteField(QWidget):
-    """A text field for notes. A note is stamped with the time of its first letter, because writing takes time.
+    """A text field for notes, stamped with the tick of their first letter, because writing takes time.
 
-    Signals
-    -------
-    written
-        Emitted with the note as JSON: its text, and the tick of its first letter.
-
-    Attributes
-    ----------
-    tick : int
-        The newest known tick; the console window keeps it up to date [1].
+    `written` carries the note as JSON: its text, and that tick. The console window keeps `tick` up to date.
     """
 
     written = Signal(str)

@@ -65,13 +65,7 @@ class Choice(QWidget):
 
 
 class SessionForm(QWidget):
-    """The form of a session.
-
-    Signals
-    -------
-    filled
-        Emitted with the answers as JSON, once they are complete and submitted.
-    """
+    """The form of a session; `filled` carries the answers as JSON, once they are complete and submitted."""
 
     filled = Signal(str)
     left = Signal()

@@ -42,37 +42,22 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """State of one lamp.
-
-    Attributes
-    ----------
-    tip : str
-        What is wrong and what to do; if all is well, what the lamp shows.
-    """
+    """State of one lamp."""
 
     name: str
     level: Level
     words: str
-    tip: str
+    tip: str  # what is wrong and what to do; if all is well, what the lamp shows
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits at which lamps change their level.
+    """Limits at which lamps change their level."""
 
-    Attributes
-    ----------
-    sample_age : float
-        Age above which a sample is stale [s].
-    clock_bound : float
-        Largest uncertainty of the clock offset with which a device is armed [s].
-    lost_ticks, clipped_ticks : int
-        Most ticks without a fresh sample, and with a force at its limit [1].
-    """
-
-    sample_age: float
-    clock_bound: float
+    sample_age: float  # age above which a sample is stale [s]
+    clock_bound: float  # largest uncertainty of the clock offset with which a device is armed [s]
     late_ticks: int
+    # lost_ticks, clipped_ticks: most ticks without a fresh sample, and with a force at its limit [1]
     lost_ticks: int
     clipped_ticks: int
     version: str
@@ -92,13 +77,7 @@ def limits_of(config: Config, version: str) -> Limits:
 
 
 def session_lamps(status: Status | None, silence: float, recent: Recent, limits: Limits) -> tuple[Lamp, ...]:
-    """Return the lamps of the session, always the same ones in the same order.
-
-    Parameters
-    ----------
-    silence : float
-        Time since the last status; infinite before the first [s].
-    """
+    """Return the lamps of the session, always in the same order; `silence` is the time since the last status [s]."""
     server = _server(silence)
     if status is None:
         return (server, *(Lamp(name, Level.OFF, "", "Known once the server answers.") for name in SESSION_LAMPS[1:]))
@@ -233,10 +212,7 @@ def _form(status: Status) -> Lamp:
 def alarm(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
     """Return the alarm to write across the window; empty if there is none.
 
-    Parameters
-    ----------
-    unconfirmed : bool
-        Whether the server has failed to confirm an emergency stop in time.
+    `unconfirmed`: the server has failed to confirm an emergency stop in time.
     """
     if unconfirmed and not (status is not None and replayed(status)):
         return "STOP NOT CONFIRMED: LET GO OF THE STYLUSES"

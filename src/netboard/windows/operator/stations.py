@@ -44,8 +44,8 @@ def station_lamps(status: Status, recent: Recent, side: Side, limits: Limits) ->
             if awaited
             else Lamp("Device", Level.OFF, "not needed", "No agent is connected, and this block needs none.")
         )
-        dark = [Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _NAMES[1:]]
-        return (device, *dark, display)
+        unknown = [Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _NAMES[1:]]
+        return (device, *unknown, display)
     found = next((station for station in status.stations if station[0] == side), (side, nan, 0, 0.0, 0, 0))
     _, age, bits, rendered, lost_ticks, clipped_ticks = found
     now = _Station(
@@ -69,9 +69,9 @@ def _device(now: _Station, limits: Limits) -> Lamp:
 
 
 def _link(now: _Station, limits: Limits) -> Lamp:
-    heard, rate = now.link[3], now.link[7]
-    tip = f"Last message {milliseconds(heard)} ago, {rate:.0f} messages per second."
-    if heard > limits.sample_age:
+    age, rate = now.link[3], now.link[7]
+    tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
+    if age > limits.sample_age:
         return Lamp("Link", Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on.")
     if rate < SLOW_RATE:
         return Lamp("Link", Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station.")

@@ -52,20 +52,12 @@ STRIP_TURNS = 2
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Everything that the console shows.
-
-    Attributes
-    ----------
-    silence : float
-        Time since the last status; infinite before the first [s].
-    unconfirmed : bool
-        Whether the server has failed to confirm an emergency stop in time.
-    """
+    """Everything that the console shows."""
 
     status: Status | None = None
-    silence: float = float("inf")
+    silence: float = float("inf")  # time since the last status; infinite before the first [s]
     recent: Recent = field(default_factory=Recent)
-    unconfirmed: bool = False
+    unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
     attempts: Sequence[Attempt] = ()
     points: Sequence[Point] = ()
 
@@ -136,7 +128,7 @@ class ConsoleWindow(Window):
         points = self.state.points
         self.note.tick = max(status.tick, points[-1][0] if points else 0)
         self._shown += 1
-        self.strips.take(points, anew=other)
+        self.strips.take(points, restart=other)
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
             self.strips.redraw()
 

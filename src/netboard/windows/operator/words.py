@@ -146,18 +146,12 @@ def _next(status: Status) -> str:
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
-    """Return the text of the most severe lamp, and how many other lamps need attention.
-
-    Parameters
-    ----------
-    lamps : sequence of (str, Lamp)
-        Each lamp with its station; empty for the lamps of the session.
-    """
-    unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
-    if not unwell:
+    """Return the text of the most severe lamp, and how many others need attention; each lamp comes with its station."""
+    warnings = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
+    if not warnings:
         return Line("", Tone.QUIET)
-    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first of equal severity
-    others = f" (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
+    where, lamp = max(warnings, key=lambda named: named[1].level)  # the first of equal severity
+    others = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
     named = f"{where.upper()} {lamp.name.lower()}".strip()
     return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 

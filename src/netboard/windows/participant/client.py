@@ -55,11 +55,7 @@ Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
 class DisplayClient(QObject):
     """Connect one station to the server, and show the views in its window.
 
-    Parameters
-    ----------
-    config : Config
-        The local configuration: address of the server, `[display]`, and the board until the server has sent its
-        configuration.
+    Of the local `config`, only the address of the server and `[display]` are used once the server has sent its own.
     """
 
     def __init__(
@@ -262,15 +258,8 @@ def run(
 ) -> None:
     """Run the display of a station until its window is closed or the process is asked to stop.
 
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop.
-    after : float, optional
-        Delay of the screenshot after the first painted view, or less if the display ends before. The display then
-        goes on. Without a delay, the screenshot is taken at the first painted view and the display ends [s].
-    play : callable, optional
-        Makes the player of this side, if this display is also its input.
+    A screenshot is taken `after` seconds after the first painted view, or at the end; without a delay, it is taken at
+    the first painted view and the display ends. `play` makes the player, if this display is also the input of its side.
     """
     windows.require_new(picture)
     application()

@@ -47,18 +47,7 @@ KEYS = (QEvent.Type.KeyPress, QEvent.Type.KeyRelease)
 
 
 class Pointing(QObject):
-    """The height at which a player points in a window.
-
-    Parameters
-    ----------
-    reach : float
-        Largest height above and below zero [m].
-
-    Attributes
-    ----------
-    height : float or None
-        The height; None before the player has pointed anywhere [m].
-    """
+    """The height at which a player points, within `reach` of zero [m]; None before the player has pointed anywhere."""
 
     moved = Signal()
 
@@ -137,13 +126,7 @@ class Pointing(QObject):
 
 
 class Playing(QObject):
-    """The pointer and the force of one side's player.
-
-    Parameters
-    ----------
-    config : Config
-        The local configuration; its options of this side's device are used.
-    """
+    """The pointer and the force of one side's player, whose device has its options in the local configuration."""
 
     def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
         super().__init__(window)

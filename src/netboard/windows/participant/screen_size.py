@@ -23,18 +23,7 @@ HELP = (
 
 
 class CalibrationWindow(Window):
-    """A window that shows the outline of a card, and a ruler.
-
-    Parameters
-    ----------
-    claimed : float
-        Pixel size that the screen reports; 0 if it does not [mm].
-
-    Attributes
-    ----------
-    mm_per_pixel : float
-        Pixel size measured with the card [mm].
-    """
+    """A window that shows the outline of a card, and a ruler; `claimed` is the pixel size that the screen reports."""
 
     def __init__(self, claimed: float) -> None:
         super().__init__()

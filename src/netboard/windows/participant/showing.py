@@ -53,13 +53,7 @@ class Player(Protocol):
 
 
 class Showing(QObject):
-    """Turn the views of one station into frames, counts and markers.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of board and block; replaced when the server sends its own.
-    """
+    """Turn the views of one station into frames, counts and markers; the server's configuration replaces `config`."""
 
     def __init__(
         self,

@@ -20,19 +20,11 @@ SUCCEEDED, FAILED = "succeeded", "failed"
 
 @dataclass(frozen=True, slots=True)
 class TrialEvents:
-    """The events up to a view.
-
-    Attributes
-    ----------
-    events : tuple of str
-        Phases that began since the previous view, in order, whether a view showed them or not.
-    result : str
-        ``succeeded`` or ``failed`` while the result is displayed, else empty.
-    """
+    """The events up to a view."""
 
     view: View
-    events: tuple[str, ...]
-    result: str = ""
+    events: tuple[str, ...]  # phases that began since the previous view, in order, whether a view showed them or not
+    result: str = ""  # ``succeeded`` or ``failed`` while the result is displayed, else empty
     since: int = 0
 
 

@@ -32,13 +32,7 @@ WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
 
 
 class BoardView(QWidget):
-    """Widget that shows one picture at a time.
-
-    Attributes
-    ----------
-    mm_per_pixel : float
-        Pixel size of the screen; 0 scales the picture to the window [mm].
-    """
+    """Widget that shows one picture at a time."""
 
     painted = Signal()
 
@@ -61,7 +55,7 @@ class BoardView(QWidget):
     @mm_per_pixel.setter
     def mm_per_pixel(self, size: float) -> None:
         self._mm_per_pixel = size
-        self._arrange_anew()
+        self._rearrange()
 
     @property
     def metres_across(self) -> float:
@@ -87,7 +81,7 @@ class BoardView(QWidget):
             before.extent,
             before.colours.background,
         ):
-            self._arrange_anew()
+            self._rearrange()
             return True
         parts = self._arranged(picture, self._parts)
         dirty = QRect()
@@ -101,7 +95,7 @@ class BoardView(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
         """Adapt scale and layout to the new size."""
         super().resizeEvent(event)
-        self._arrange_anew()
+        self._rearrange()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Paint the parts in the requested rectangle, then emit `painted`."""
@@ -114,7 +108,7 @@ class BoardView(QWidget):
                         self._paint(painter, part)
         self.painted.emit()
 
-    def _arrange_anew(self) -> None:
+    def _rearrange(self) -> None:
         """Compute the scale, lay out every part and repaint the whole window."""
         if self.picture is None:
             return

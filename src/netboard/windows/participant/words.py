@@ -94,14 +94,7 @@ FILLED: dict[str, set[str]] = {
 
 
 def parse_words(text: str, source: str) -> Words:
-    """Parse the texts of a language.
-
-    Raises
-    ------
-    ConfigError
-        If the file is not valid TOML, or a text is unknown, missing, not a string, or has other placeholders than
-        expected. The message has one line per problem.
-    """
+    """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
     try:
         found = tomllib.loads(text)
     except ValueError as error:

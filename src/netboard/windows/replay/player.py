@@ -69,13 +69,7 @@ class Pane:
 
 
 class PlayerWindow(windows.BoardWindow):
-    """A window that plays recordings.
-
-    Parameters
-    ----------
-    now : callable
-        A monotonic clock [s].
-    """
+    """A window that plays recordings by a monotonic clock [s]."""
 
     def __init__(
         self,
@@ -152,14 +146,14 @@ class PlayerWindow(windows.BoardWindow):
     def _in_words(self, position: float, view: View) -> str:
         """Format the state of the replay in one line."""
         here = self.playback
-        told = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
-        told.append(f"{here.speed:g}\u00d7")
+        texts = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
+        texts.append(f"{here.speed:g}\u00d7")
         if here.loop is not None:
-            told.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
-        told.append(f"{self._station} station")
+            texts.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
+        texts.append(f"{self._station} station")
         if not self._captions:
-            told += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
-        return "   ".join(filter(None, told))
+            texts += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
+        return "   ".join(filter(None, texts))
 
     def toggle(self) -> None:
         """Play or pause."""
@@ -231,15 +225,7 @@ def run(
     sync: Sync = "time",
     at: float | None = None,
 ) -> None:
-    """Play recordings until the window is closed or the process is asked to stop.
-
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop.
-    at : float or None
-        Start position; None for the start of the block [s].
-    """
+    """Play recordings from a position [s], or from the start of the block, until the window is closed."""
     windows.require_new(picture)
     app = windows.application()
     window = PlayerWindow(reels, station, speed, sync)
