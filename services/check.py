@@ -69,7 +69,7 @@ def check(
         for report in reports:
             console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
-    raise typer.Exit(EXIT_CODES[max(report.grade for report in reports)])
+    raise typer.Exit(EXIT_CODES[max(report.severity for report in reports)])
 
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:

@@ -97,11 +97,11 @@ def _row(entry: "Entry", folder: Path) -> list["Cell"]:
     from rich.text import Text
 
     from netboard.recording.integrity.report_text import COLOURS
-    from netboard.recording.integrity.severity import VERDICTS, Grade
+    from netboard.recording.integrity.severity import RESULTS, Severity
 
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
-    known = entry.kind in ("recording", "journal") and entry.verdict != VERDICTS[Grade.DAMAGE]
-    colour = COLOURS[Grade(VERDICTS.index(entry.verdict))]
+    known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
+    colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
     return [
         (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
         str(entry.path.relative_to(folder)),
@@ -114,11 +114,11 @@ def _row(entry: "Entry", folder: Path) -> list["Cell"]:
 
 def in_total(entries: Sequence["Entry"]) -> str:
     """Return a summary of one line."""
-    from netboard.recording.integrity.severity import VERDICTS
+    from netboard.recording.integrity.severity import RESULTS
 
     recordings = [entry for entry in entries if entry.kind != "journal"]
     counts = ", ".join(
-        f"{count} {verdict}" for verdict in VERDICTS if (count := sum(e.verdict == verdict for e in recordings))
+        f"{count} {verdict}" for verdict in RESULTS if (count := sum(e.verdict == verdict for e in recordings))
     )
     hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
     sessions = len({(entry.dyad, entry.session) for entry in entries})

@@ -7,18 +7,18 @@ from typing import Any
 from rich.markup import escape
 
 from netboard.base.tick import TICK_SECONDS
-from netboard.recording.integrity.severity import VERDICTS, Grade, Report
+from netboard.recording.integrity.severity import RESULTS, Report, Severity
 
-COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
+COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "red"}
 """Colour of each severity on a terminal."""
 
 
 def in_words(report: Report, whole: bool) -> str:
     """Return the result of a check and its evidence."""
-    lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
+    lines = [f"{escape(str(report.path))}: [{COLOURS[report.severity]}]{report.result}[/], {report.ticks} ticks"]
     for finding in report.findings:
-        if whole or finding.grade != Grade.SOUND:
-            colour = COLOURS[finding.grade]
+        if whole or finding.severity != Severity.SOUND:
+            colour = COLOURS[finding.severity]
             lines.append(f"  [{colour}]{finding.part:13}[/] {escape(finding.text)}")
     return "\n".join(lines)
 
@@ -26,7 +26,7 @@ def in_words(report: Report, whole: bool) -> str:
 def in_total(reports: Sequence[Report], took: float) -> str:
     """Return a summary of two lines: results and speed."""
     counts = ", ".join(
-        f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
+        f"{count} {RESULTS[grade]}" for grade in Severity if (count := sum(r.severity == grade for r in reports))
     )
     ticks = sum(report.ticks for report in reports)
     words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
@@ -51,14 +51,14 @@ def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
     """Return the reports for JSON."""
     again, computing = _computed(reports)
     return {
-        "verdict": VERDICTS[max(report.grade for report in reports)],
+        "verdict": RESULTS[max(report.severity for report in reports)],
         "recordings": [
             {
                 "path": str(report.path),
-                "verdict": report.verdict,
+                "verdict": report.result,
                 "ticks": report.ticks,
                 "findings": [
-                    {"part": one.part, "grade": one.grade.name.lower(), "text": one.text} for one in report.findings
+                    {"part": one.part, "grade": one.severity.name.lower(), "text": one.text} for one in report.findings
                 ],
                 "replay": None if report.replay is None else _plain(asdict(report.replay)),
             }
