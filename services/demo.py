@@ -24,7 +24,7 @@ from netboard.nodes.operator.launcher import Launcher, free_port
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
-from netboard.recording.replay.text import summary_of, summary_tables, verdict_line
+from netboard.recording.replay.text import summary_of, summary_tables, verification_line
 from netboard.services.planned import Wanted
 from netboard.stage.stage import make_stage
 
@@ -188,11 +188,11 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
     for path in paths:
         with Recording(path) as recording:
             summary = summary_of(recording)
-            verdict = verify_recording(recording)
+            result = verify_recording(recording)
         if len(paths) == 1:
             console.print(summary_tables(summary))
-        console.print(verdict_line(verdict))
-        good &= verdict.identical and not summary.missing_ticks
+        console.print(verification_line(result))
+        good &= result.identical and not summary.missing_ticks
         console.print(f"recording   {path}")
     for picture in sorted(words.glob("*.png")):
         console.print(f"screenshot  {picture}")

@@ -9,7 +9,7 @@ from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.account import Stretch, account_of, parts_of
+from netboard.recording.integrity.account import NumberRange, account_of, parts_of
 from netboard.recording.integrity.quality_check import judged
 from netboard.recording.replay.text import summary_of, summary_tables
 from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of
@@ -60,12 +60,10 @@ def _level(factor: BlockFactor, trials: int) -> str:
 
 def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
     """Return a table of the attempts that the configured quality rules flag, with the reasons."""
-    doubtful = [verdict for verdict in verdicts if verdict.flags]
-    title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
-    table = FittedTable(
-        *numbers("trial", "attempt"), "outcome", "flag", "what it says", title=title, header=bool(doubtful)
-    )
-    for verdict in doubtful:
+    flagged = [verdict for verdict in verdicts if verdict.flags]
+    title = f"Flagged attempts: {len(flagged)} of {len(verdicts)}"
+    table = FittedTable(*numbers("trial", "attempt"), "outcome", "flag", "meaning", title=title, header=bool(flagged))
+    for verdict in flagged:
         words, sentences = "\n".join(verdict.flags), "\n".join(WORDS[word] for word in verdict.flags)
         table.add_row(str(verdict.trial), str(verdict.attempt), verdict.outcome, words, sentences)
     return table
@@ -81,19 +79,19 @@ def account_table(path: Path) -> FittedTable:
         return table
     for part in account.parts:
         table.add_row(part.path.name, part.ended or "recovered")
-    for what, stretches in (
+    for what, ranges in (
         ("ticks present", account.present),
         ("ticks lost", account.lost),
         ("ticks unexplained", account.unexplained),
         ("records lost", account.lost_records),
         ("records unexplained", account.unexplained_records),
     ):
-        table.add_row(what, "\n".join(stretch_text(stretch) for stretch in stretches) or "none")
+        table.add_row(what, "\n".join(range_text(one) for one in ranges) or "none")
     table.add_row("pauses", "\n".join(f"tick {pause.tick}: {pause.cause or 'unexplained'}" for pause in account.pauses))
     return table
 
 
-def stretch_text(stretch: Stretch) -> str:
+def range_text(one: NumberRange) -> str:
     """Return a range of tick or record numbers, how many they are, and why they are missing."""
-    count = stretch.last - stretch.first + 1
-    return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")
+    count = one.last - one.first + 1
+    return f"{count}: {one.first} to {one.last}" + (f", {one.cause}" if one.cause else "")

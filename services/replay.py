@@ -12,10 +12,10 @@ from netboard.network import keys
 from netboard.network.transport import sockets
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.loading import load
 from netboard.recording.replay.pairing import Sync
-from netboard.recording.replay.text import marks_table, verdict_line
+from netboard.recording.replay.text import marks_table, verification_line
 from netboard.services.keyboard import Keyboard
 
 HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
@@ -25,9 +25,9 @@ HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick  
 def verify(path: Path) -> int:
     """Recompute every tick of a recording and compare it to the bit."""
     with Recording(path) as recording:
-        verdict = verify_recording(recording)
-    Console(highlight=False).print(verdict_line(verdict))
-    return 0 if verdict.identical else 1
+        result = verify_recording(recording)
+    Console(highlight=False).print(verification_line(result))
+    return 0 if result.identical else 1
 
 
 def narrate(path: Path, speed: float) -> int:
@@ -51,9 +51,9 @@ def show(
     """
     from netboard.windows.replay.player import run
 
-    reels = [loaded(path) for path in paths]
+    recordings = [loaded(path) for path in paths]
     with Stopping() as stopping:
-        run(reels, station, stopping, speed, screenshot, sync, at)
+        run(recordings, station, stopping, speed, screenshot, sync, at)
     return 0
 
 
@@ -66,15 +66,15 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
         Where to begin; None for the start of the block [s].
     """
     from netboard.nodes.replay.replay_server import ReplayServer, printable_line
-    from netboard.recording.replay.orders import KEYS
+    from netboard.recording.replay.commands import KEYS
 
     door = keys.door(config.network)
     console = Console(highlight=False)
-    reel = loaded(path)
+    recording = loaded(path)
     speak("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
-        server = ReplayServer(reel, config.network, context, door, speed, at)
-        console.print(f"{reel.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
+        server = ReplayServer(recording, config.network, context, door, speed, at)
+        console.print(f"{recording.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
         if keyboard.there:
             console.print(HELP)
         server.run(
@@ -91,7 +91,7 @@ def tell_marks(path: Path) -> int:
     return 0
 
 
-def loaded(path: Path) -> Reel:
+def loaded(path: Path) -> LoadedRecording:
     """Read a recording, with a progress bar on a terminal."""
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()

@@ -37,7 +37,7 @@ def rehearse(
     settings = configuration.load(config, overrides or ())
     from netboard.services import rehearsal as service
     from netboard.services import studies
-    from netboard.task.plans.blocks import blocks_of, shortened
+    from netboard.task.plans.plan import blocks_of, shortened
 
     wanted = list(shortened(blocks_of(settings, studies.load(study), seed, dyad), blocks, trials))
     code = service.main(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)

@@ -14,15 +14,14 @@ from netboard.base.config import parse
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.counterfactual.figure import draw
-from netboard.recording.counterfactual.file import keep
-from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf, what_if
+from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf, save, what_if
 from netboard.recording.files.reader import Recording
 from netboard.stage.stage import make_stage
 
 WORDS = (
-    "The loop is open: the hands do what they did and do not react to the change. The trial machine decides anew.\n"
-    "Each attempt begins with the state recorded at its release; it is compared until the first of both ends.\n"
-    "unfinished: it had not ended when the recorded one did."
+    "The hands move as recorded and do not react to the change (open loop). The trial state machine decides again.\n"
+    "Each attempt starts from the state recorded at its release. It is compared until the earlier of the two ends.\n"
+    "unfinished: the attempt had not ended when the recorded one did."
 )
 """Explanation of the numbers, below every table."""
 
@@ -58,7 +57,7 @@ def main(
         console.print(table_of(found.comparisons, changes))
         console.print("nothing differs, to the bit" if found.identical else WORDS, soft_wrap=True)
     if output is not None:
-        keep(output, found, config, source, path.name, changes)
+        save(output, found, config, source, path.name, changes)
     if figure is not None:
         draw(found, changes, shown).savefig(figure, dpi=100)
     return 0

@@ -31,7 +31,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.services.info import provenance_table
 from netboard.services.studies import check, load
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import parse_study
 
 FILE = Path(__file__).parents[1] / "data" / "studies" / "mass_by_force.toml"

@@ -15,7 +15,7 @@ from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
 from netboard.nodes.server.attempts import MOST_ROWS
-from netboard.recording.replay.orders import in_words
+from netboard.recording.replay.commands import in_words
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
 
@@ -33,14 +33,14 @@ class ReplayAnswers:
 
     def __init__(self, server: "ReplayServer") -> None:
         self._server = server
-        ticks = server.reel.ticks
+        ticks = server.recording.ticks
         self._late = np.cumsum(ticks["late_ns"] > LATE_NS)
 
     def status(self) -> Status:
         """Return the status of the recorded session."""
-        server, reel, now = self._server, self._server.reel, now_ns()
+        server, recording, now = self._server, self._server.recording, now_ns()
         index = server.index
-        row, config, outcomes = reel.ticks[index], reel.config, reel.outcomes(index)
+        row, config, outcomes = recording.ticks[index], recording.config, recording.outcomes(index)
         return Status(
             session=server.session,
             tick=int(row["tick"]) + 1,
@@ -53,7 +53,7 @@ class ReplayAnswers:
             late_ticks=int(self._late[index]),
             waiting_for=(),
             peers=server.control.peers,
-            notice=f"{REPLAY_OF}{reel.name}: {in_words(server.playback, reel, now * 1e-9)}",
+            notice=f"{REPLAY_OF}{recording.name}: {in_words(server.playback, recording, now * 1e-9)}",
             links=tuple(server.control.links(now)),
             loops=(),
             name=config.session.name,
@@ -68,7 +68,7 @@ class ReplayAnswers:
             blocks=config.block.blocks,
             label=config.block.label,
             condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
-            rest=reel.rest(index) or 0.0,
+            rest=recording.rest(index) or 0.0,
             pending="",
             outcomes=len(outcomes),
             recordings=(),
@@ -78,7 +78,7 @@ class ReplayAnswers:
 
     def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
         """Return the state of a station as an item of `Status.stations`."""
-        ticks = self._server.reel.ticks
+        ticks = self._server.recording.ticks
         row = ticks[index]
         age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
         bits = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
@@ -89,7 +89,7 @@ class ReplayAnswers:
 
     def _begun(self, index: int) -> int:
         """Return the index of the row with which the current attempt began; that of the next row without an attempt."""
-        ticks = self._server.reel.ticks
+        ticks = self._server.recording.ticks
         if int(ticks["phase"][index]) not in BALL_FREE:
             return index + 1
         return max(int(np.searchsorted(ticks["tick"], ticks["tick"][index] - ticks["run_ticks"][index])), 0)
@@ -97,12 +97,12 @@ class ReplayAnswers:
     def outcomes(self, first: int) -> Outcomes:
         """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
-        known = self._server.reel.outcomes(self._server.index)
+        known = self._server.recording.outcomes(self._server.index)
         return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one, up to the current one."""
-        reel, index = self._server.reel, self._server.index
-        rows = reel.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
+        recording, index = self._server.recording, self._server.index
+        rows = recording.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
         rows = rows[(rows["tick"] > after) & (rows["tick"] % TRACE_EVERY == 0)]
-        return trace_of(rows, rows["tick"].tolist(), ball=reel.curtain.ball)
+        return trace_of(rows, rows["tick"].tolist(), ball=recording.curtain.ball)

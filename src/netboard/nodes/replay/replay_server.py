@@ -20,8 +20,8 @@ from netboard.nodes.ports.control_port import ControlPort, Wish
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.nodes.replay.replay_answers import ReplayAnswers
-from netboard.recording.replay.loaded import Reel
-from netboard.recording.replay.orders import Order, in_words, obey
+from netboard.recording.replay.commands import ReplayCommand, in_words, run_command
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import Playback
 
 log = logging.getLogger(__name__)
@@ -84,27 +84,27 @@ class ReplayServer:
 
     def __init__(
         self,
-        reel: Reel,
+        recording: LoadedRecording,
         network: Network,
         context: sockets.Context,
         door: authenticator.Door | None,
         speed: float = 1.0,
         at: float | None = None,
     ) -> None:
-        self.reel = reel
+        self.recording = recording
         self.session = uuid.uuid4().hex
         self.playback = Playback(
-            reel.length, min(reel.begin if at is None else at, reel.length), now_ns() * 1e-9, speed
+            recording.length, min(recording.begin if at is None else at, recording.length), now_ns() * 1e-9, speed
         )
-        self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
+        self._words = recording.ticks.view(np.int64).reshape(len(recording.ticks), -1)
         self._door = door
         self._over = False
         where = channels.addresses(network, door)
         control = sockets.control_server(context, where.listen(channels.CONTROL))
-        welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), reel.text)
+        welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), recording.text)
         self.control = ControlPort(control, welcome, ReplayAnswers(self))
         self._views = ViewPort(network, context, door)
-        what = f"this is a replay of {reel.name}"
+        what = f"this is a replay of {recording.name}"
         motion = sockets.motion_server(context, where.listen(channels.MOTION))
         records = sockets.log_server(context, where.listen(channels.LOG))
         self._closed = (
@@ -116,17 +116,19 @@ class ReplayServer:
     @property
     def index(self) -> int:
         """The row that is shown now [1]."""
-        return self.reel.at(self.playback.at(now_ns() * 1e-9))
+        return self.recording.at(self.playback.at(now_ns() * 1e-9))
 
-    def run(self, stopping: Callable[[], bool], keys: Callable[[], Order | None], say: Callable[[str], None]) -> None:
+    def run(
+        self, stopping: Callable[[], bool], keys: Callable[[], ReplayCommand | None], say: Callable[[str], None]
+    ) -> None:
         """Serve until somebody ends it.
 
         Parameters
         ----------
         keys : callable
-            Returns the order of a key pressed at this terminal, or None.
+            Returns the command of a key pressed at this terminal, or None.
         say : callable
-            Takes a line for people whenever an order was carried out or refused.
+            Takes a line for people whenever a command was carried out or refused.
         """
         self.playback = self.playback.play(now_ns() * 1e-9)
         begun_ns, rounds = now_ns(), 0
@@ -135,8 +137,8 @@ class ReplayServer:
                 say(words)
             if rounds % HOUSE_ROUNDS == 0:
                 self.keep_house()
-                if (order := keys()) is not None:
-                    say(self._carry_out(order, "a key")[1])
+                if (command := keys()) is not None:
+                    say(self._carry_out(command, "a key")[1])
             rounds += 1
             left_ns = ROUND_NS - (now_ns() - begun_ns) % ROUND_NS
             self._waiter.wait(left_ns * 1e-9)
@@ -159,30 +161,30 @@ class ReplayServer:
 
     def _show(self, milliseconds: int) -> None:
         """Send each station its view, if it is due."""
-        index, reel = self.index, self.reel
-        seen = reel.ticks[index], self._words[index]
-        self._views.show(milliseconds, reel.curtain, *seen, reel.best(index), reel.rest(index))
+        index, recording = self.index, self.recording
+        seen = recording.ticks[index], self._words[index]
+        self._views.show(milliseconds, recording.curtain, *seen, recording.best(index), recording.rest(index))
 
     def _grant(self, wish: Wish) -> str:
         """Carry out a command and reply to it."""
         command = wish.command
-        accepted, words = self._carry_out(Order(command.name, command.argument), wish.name)
+        accepted, words = self._carry_out(ReplayCommand(command.name, command.argument), wish.name)
         self.control.reply(wish, accepted, words[:MOST_LETTERS])
         return words[:MOST_LETTERS]
 
-    def _carry_out(self, order: Order, by: str) -> tuple[bool, str]:
-        """Carry out an order; return whether it succeeded, and what to say."""
+    def _carry_out(self, command: ReplayCommand, by: str) -> tuple[bool, str]:
+        """Carry out a command; return whether it succeeded, and what to say."""
         now = now_ns() * 1e-9
-        if order.name == "take":
+        if command.name == "take":
             return True, "everybody may command a replay"
         try:
-            self.playback = obey(self.playback, self.reel, now, order)
+            self.playback = run_command(self.playback, self.recording, now, command)
         except NetboardError as error:
             return False, str(error)
         self._views.renew()
-        self._over = order.name == "end"
-        log.info("%s", printable_line(f"{order.name} {order.argument} by {by}"))
-        return True, "the replay ends" if self._over else in_words(self.playback, self.reel, now)
+        self._over = command.name == "end"
+        log.info("%s", printable_line(f"{command.name} {command.argument} by {by}"))
+        return True, "the replay ends" if self._over else in_words(self.playback, self.recording, now)
 
     def keep_house(self) -> None:
         """Check the peers and the authentication."""
