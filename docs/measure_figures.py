@@ -17,7 +17,7 @@ from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 IMAGES = Path(__file__).parent / "images"

@@ -9,7 +9,7 @@ from netboard.base.config import Config
 from netboard.benchmarks.analysis.specimen import make_study
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse_all
 from netboard.recording.export.runs import runs_of
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 

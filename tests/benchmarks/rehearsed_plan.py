@@ -4,7 +4,7 @@ from pathlib import Path
 
 from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 

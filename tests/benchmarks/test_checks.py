@@ -35,7 +35,7 @@ from netboard.benchmarks.faults.evidence import Pause
 from netboard.benchmarks.faults.gathering import Evidence, Taken, Window
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
-from netboard.recording.integrity.account import Account, Stretch
+from netboard.recording.integrity.account import Account, NumberRange
 from netboard.recording.integrity.account import Pause as Told
 from netboard.recording.integrity.severity import Finding, Report, Severity
 from netboard.task.trials.state_machine import Phase
@@ -66,7 +66,7 @@ def lost_at(k: int, hold: int = 10, fade: int = 50) -> NDArray:
     return np.where(age > 0, faded, forces)
 
 
-def account(lost: tuple[Stretch, ...] = (), unexplained: tuple[Stretch, ...] = ()) -> Account:
+def account(lost: tuple[NumberRange, ...] = (), unexplained: tuple[NumberRange, ...] = ()) -> Account:
     return Account("s", (), (), lost, unexplained, (), (), (Told(1, "why"),), ())
 
 
@@ -168,8 +168,8 @@ def test_no_force_while_paused() -> None:
 
 
 def test_every_tick_is_accounted_for_or_not() -> None:
-    lost = taken(accounts=(account(lost=(Stretch(3, 5, "no room"),)),))
-    unexplained = taken(accounts=(account(unexplained=(Stretch(3, 5),)),))
+    lost = taken(accounts=(account(lost=(NumberRange(3, 5, "no room"),)),))
+    unexplained = taken(accounts=(account(unexplained=(NumberRange(3, 5),)),))
     assert whole()(evidence()).holds
     assert nothing_lost()(evidence()).holds
     assert whole()(evidence(rig=lost)).holds
@@ -262,7 +262,7 @@ def test_the_other_dyad_must_notice_nothing() -> None:
     assert neighbour_unmoved(evidence(neighbour=taken())).holds
     assert neighbour_unmoved(evidence(neighbour=taken((pause(at=-500),)))).holds
     assert not neighbour_unmoved(evidence(neighbour=taken((pause(),)))).holds
-    assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(Stretch(1, 2),)),)))).holds
+    assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(NumberRange(1, 2),)),)))).holds
 
 
 def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from netboard.benchmarks.analysis.readings import AMBIGUITIES
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.services.cli import app
 from netboard.services.sensitivity import QUICK
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 

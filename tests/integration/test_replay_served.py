@@ -17,7 +17,7 @@ from netboard.benchmarks.faults.rigs import PATIENCE, Rig
 from netboard.network import keys
 from netboard.network.protocol.codec import decode
 from netboard.network.transport import channels, poller, sockets
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.loading import load
 from netboard.stage.view import View
 
@@ -69,11 +69,11 @@ def watch(rig: Rig, seconds: float, begin: Callable[[], None] = lambda: None) ->
     return seen
 
 
-def differing(reel: Reel, seen: dict[Side, list[View]]) -> list[tuple[View, View]]:
+def differing(recording: LoadedRecording, seen: dict[Side, list[View]]) -> list[tuple[View, View]]:
     """Views that are not what is recorded of their tick, with what is."""
-    numbers = reel.ticks["tick"]
+    numbers = recording.ticks["tick"]
     pairs = [
-        (view, reel.view(int(np.searchsorted(numbers, view.tick)), side, view.sent_ns, view.seq))
+        (view, recording.view(int(np.searchsorted(numbers, view.tick)), side, view.sent_ns, view.seq))
         for side, views in seen.items()
         for view in views
     ]
@@ -93,7 +93,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[
 
 
 @pytest.fixture(scope="module")
-def reel(live: tuple[Path, dict[Side, list[View]]]) -> Reel:
+def recording(live: tuple[Path, dict[Side, list[View]]]) -> LoadedRecording:
     return load(live[0])
 
 
@@ -122,15 +122,17 @@ def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
-def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, dict[Side, list[View]]], reel: Reel) -> None:
+def test_what_was_sent_live_is_what_the_recording_shows(
+    live: tuple[Path, dict[Side, list[View]]], recording: LoadedRecording
+) -> None:
     _, seen = live
     assert min(map(len, seen.values())) > 100
     assert any(view.phase == "running" for view in seen["left"])
-    assert differing(reel, seen) == []
+    assert differing(recording, seen) == []
 
 
 @pytest.mark.daily(2, of="replay served")
-def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> None:
+def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, recording: LoadedRecording) -> None:
     for speed in ("1", "0.25", "8"):
 
         def begin(speed: str = speed) -> None:
@@ -144,26 +146,26 @@ def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> 
             assert len(set(ticks)) > 10
             assert np.all(np.diff(ticks) >= 0)
             assert np.all(np.diff([view.seq for view in views]) > 0)
-        assert differing(reel, seen) == []
+        assert differing(recording, seen) == []
 
 
 @pytest.mark.daily(2, of="replay served")
-def test_it_is_steered_from_a_shell(rig: Rig, reel: Reel) -> None:
+def test_it_is_steered_from_a_shell(rig: Rig, recording: LoadedRecording) -> None:
     assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
     done = run(rig, "control", "seek", "trial", "2", "--json")
     told = json.loads(done.stdout)
     assert told["accepted"]
     assert told["status"]["trial"] == 2
     tick = told["status"]["tick"]
-    began = reel.trial(2)
+    began = recording.trial(2)
     assert began is not None
-    assert tick == reel.ticks["tick"][reel.at(began[0])] + 1
+    assert tick == recording.ticks["tick"][recording.at(began[0])] + 1
     stepped = json.loads(run(rig, "control", "step", "back", "7", "--json").stdout)
     assert stepped["status"]["tick"] == tick - 7
     watched = watch(rig, 0.3)
     assert {view.tick for views in watched.values() for view in views} == {tick - 8}, "it stands still"
     status = json.loads(run(rig, "status", "--json").stdout)
-    assert status["notice"].startswith(f"replay of {reel.name}: paused at ")
+    assert status["notice"].startswith(f"replay of {recording.name}: paused at ")
     assert not status["armed"]
     refused = run(rig, "control", "arm")
     assert refused.returncode == 1

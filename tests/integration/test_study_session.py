@@ -164,7 +164,7 @@ def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
         before = journal(rig).read_bytes()
         rig.start("server", "server", *STUDY)
         assert rig.wait("server") == 1
-        assert "was begun before. Go on with it: netboard server --resume" in rig.said("server")
+        assert "was started before. Continue it with netboard server --resume" in rig.said("server")
         assert journal(rig).read_bytes() == before
 
 

@@ -225,7 +225,7 @@ def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
     table.succeed()
     table.wish("repeat")
     table.wish("repeat", "1")
-    with pytest.raises(NetboardError, match="will be repeated already"):
+    with pytest.raises(NetboardError, match="is already to be repeated"):
         table.wish("repeat", "2")
     with pytest.raises(NetboardError, match='found "x", expected the number of a trial'):
         table.wish("veto", "x")
@@ -255,7 +255,7 @@ def test_a_session_without_a_journal_has_a_ledger_all_the_same() -> None:
 
 def test_a_session_that_was_begun_before_is_not_begun_again(path: Path) -> None:
     opened(path).close()
-    with pytest.raises(NetboardError, match="this session was begun before"):
+    with pytest.raises(NetboardError, match="this session was started before"):
         opened(path)
 
 

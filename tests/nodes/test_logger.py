@@ -22,7 +22,7 @@ from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch
 from netboard.nodes.logger.logger import Logger, place
 from netboard.recording.files.reader import Recording
 from netboard.recording.format import partfile
-from netboard.recording.integrity.account import Stretch, account_of
+from netboard.recording.integrity.account import NumberRange, account_of
 from netboard.recording.recovery.recover import recover
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
@@ -164,7 +164,7 @@ def test_each_block_has_a_recording(tmp_path: Path) -> None:
     assert rig.server.acks[-1].file == logger.finished[-1].name
     assert rig.server.goodbyes == ["the recording is complete"]
     account = account_of(logger.finished)
-    assert account.present == (Stretch(0, 1504),)
+    assert account.present == (NumberRange(0, 1504),)
     assert (account.sound, account.complete) == (True, True)
 
 
@@ -201,7 +201,7 @@ def test_a_logger_that_dies_in_a_block_is_followed_in_that_block(tmp_path: Path,
     with Recording(second.finished[0]) as recording:
         assert recording.config_text == block_config(block)
     account = account_of([recover(dead).output, *victim.finished, *second.finished])
-    assert account.present == (Stretch(0, 1499),)
+    assert account.present == (NumberRange(0, 1499),)
     assert (account.sound, account.complete) == (True, True)
     assert victim.run(lambda: True) == 0
 
@@ -439,7 +439,7 @@ def test_a_folder_that_is_deleted_ends_it_and_nothing_is_lost(tmp_path: Path, ca
     second = rig.logger()
     assert second.run(never) == 0
     account = account_of([saved, *second.finished])
-    assert account.present == (Stretch(0, 999),)
+    assert account.present == (NumberRange(0, 999),)
     assert account.sound
     assert account.complete
 
@@ -488,12 +488,12 @@ def test_a_folder_that_is_moved_ends_it_and_nothing_is_lost(tmp_path: Path, capl
         logger.step()
     (tmp_path / "disk").rename(tmp_path / "moved")
     assert logger.run(never) == 1
-    assert "it is whole, wherever it is now" in caplog.text
+    assert "the file is complete, wherever it is now" in caplog.text
     second = rig.logger()
     assert second.run(never) == 0
     (moved,) = (tmp_path / "moved").iterdir()
     account = account_of([moved.rename(tmp_path / "found.mcap"), *second.finished])
-    assert account.present == (Stretch(0, 999),)
+    assert account.present == (NumberRange(0, 999),)
     assert account.sound
 
 
@@ -549,7 +549,7 @@ def test_it_ends_while_there_is_space_to_finish_and_another_goes_on_elsewhere(
     second = rig.logger()
     assert second.run(never) == 0
     account = account_of([*logger.finished, *second.finished])
-    assert account.present == (Stretch(0, 1999),)
+    assert account.present == (NumberRange(0, 1999),)
     assert account.sound
 
 
@@ -574,7 +574,7 @@ def test_a_full_disk_ends_it_with_a_whole_recording(
     second = rig.logger()
     assert second.run(never) == 0
     account = account_of([*logger.finished, *second.finished])
-    assert account.present == (Stretch(0, 1999),)
+    assert account.present == (NumberRange(0, 1999),)
     assert account.sound
 
 
@@ -596,7 +596,7 @@ def test_a_disk_that_refuses_everything_leaves_a_part_to_recover(
     second = rig.logger()
     assert second.run(never) == 0
     account = account_of([recover(part).output, *second.finished])
-    assert account.present == (Stretch(0, 1999),)
+    assert account.present == (NumberRange(0, 1999),)
     assert account.sound
 
 

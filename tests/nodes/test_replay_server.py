@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from made_recordings import CONFIG, reel_of, two_trials
+from made_recordings import CONFIG, loaded_recording, two_trials
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.rig import Network
@@ -34,8 +34,8 @@ class Rig:
     def __init__(self, stack: ExitStack) -> None:
         self.network = replace(Network(), port=free_port())
         self.context = stack.enter_context(sockets.open_context())
-        self.reel = reel_of(two_trials(), JUDGED, NOTE)
-        self.server = ReplayServer(self.reel, self.network, self.context, None)
+        self.recording = loaded_recording(two_trials(), JUDGED, NOTE)
+        self.server = ReplayServer(self.recording, self.network, self.context, None)
         where = channels.addresses(self.network)
         self.operator = Operator(self.network, self.context)
         self.stations = {
@@ -160,7 +160,7 @@ def test_live_commands_are_refused_in_words(rig: Rig) -> None:
     for command in set(COMMANDS) - {*REPLAY_COMMANDS, "pause", "resume", "next", "end", "take"}:
         reply = rig.do(command)
         assert not reply.accepted
-        assert reply.reason.startswith(f"cannot {command}: this is a replay of made.mcap; it knows ")
+        assert reply.reason.startswith(f"cannot {command}: this is a replay of made.mcap; expected one of ")
     assert not rig.status().armed
 
 
@@ -189,7 +189,7 @@ def test_agents_and_loggers_are_told_that_there_is_nothing_for_them(rig: Rig) ->
 def test_a_display_is_welcomed_with_the_recorded_configuration_and_told_when_it_is_over(rig: Rig) -> None:
     welcome = rig.heard(rig.display, Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
     assert isinstance(welcome, Welcome)
-    assert welcome.config == rig.reel.text
+    assert welcome.config == rig.recording.text
     assert rig.status().peers == ("console", "display.left")
     rig.server.control.goodbye("the replay is over")
     for _ in range(TRIES):

@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.integrity.account import Account, Pause, Stretch, account_of, parts_of
+from netboard.recording.integrity.account import Account, NumberRange, Pause, account_of, parts_of
 from netboard.recording.recovery.recover import recover
 from netboard.recording.recovery.spill import Spill
 from netboard.recording.recovery.spilled import recover_any
@@ -67,14 +67,14 @@ def ticks_in(log: Sequence[Any], numbers: Iterable[int]) -> list[int]:
     return [int(np.frombuffer(log[k].row, TICK)["tick"][0]) for k in numbers if isinstance(log[k], TickRecord)]
 
 
-def spread(stretches: Iterable[Stretch]) -> list[int]:
-    return [number for stretch in stretches for number in range(stretch.first, stretch.last + 1)]
+def spread(ranges: Iterable[NumberRange]) -> list[int]:
+    return [number for one in ranges for number in range(one.first, one.last + 1)]
 
 
 def test_a_whole_session(tmp_path: Path) -> None:
     log = session(500)
     account = account_of([write_part(tmp_path / "a.mcap", log, range(len(log)))])
-    assert account.present == (Stretch(0, 499),)
+    assert account.present == (NumberRange(0, 499),)
     assert (account.lost, account.unexplained, account.lost_records, account.unexplained_records) == ((), (), (), ())
     assert account.sound
     assert account.complete
@@ -86,7 +86,7 @@ def test_a_session_that_was_opened_late_has_no_ticks_before_that(tmp_path: Path)
     log = session(500)
     later = [EventRecord(0, 123, 0, BLOCK_BEGAN, {"config": CONFIG_TEXT}), *log[ticks_before(log, 123) :]]
     account = account_of([write_part(tmp_path / "a.mcap", later, range(len(later)))])
-    assert account.present == (Stretch(123, 499),)
+    assert account.present == (NumberRange(123, 499),)
     assert account.sound
 
 
@@ -107,7 +107,7 @@ def test_blocks_are_parts_of_one_session(tmp_path: Path) -> None:
     paths = [write_part(tmp_path / f"{name}.mcap", log, held, ended) for name, held, ended in files]
     assert all(parts_of(path) == paths for path in paths)
     account = account_of(paths)
-    assert account.present == (Stretch(0, 499),)
+    assert account.present == (NumberRange(0, 499),)
     assert account.sound
     assert not account.complete
     assert account_of(paths[:3]).complete
@@ -121,7 +121,7 @@ def test_parts_that_overlap_are_one_session(tmp_path: Path) -> None:
         write_part(tmp_path / "a.mcap", log, range(200), ""),
     ]
     account = account_of(parts)
-    assert account.present == (Stretch(0, 499),)
+    assert account.present == (NumberRange(0, 499),)
     assert account.sound
     assert account.complete
     assert [part.path.name for part in account.parts] == ["a.recovered.mcap", "b.mcap", "c.mcap"]
@@ -135,8 +135,8 @@ def test_what_is_lost_has_the_cause_that_the_server_gave(tmp_path: Path) -> None
     held = [*range(100), *range(150, 200), *range(210, len(log))]
     account = account_of([write_part(tmp_path / "a.mcap", log, held)])
     assert spread(account.lost) == ticks_in(log, [*range(100, 150), *range(200, 210)])
-    assert [stretch.cause for stretch in account.lost] == ["the spill is full", "the server no longer had them"]
-    assert [stretch[:2] for stretch in account.lost_records] == [(100, 149), (200, 209)]
+    assert [one.cause for one in account.lost] == ["the spill is full", "the server no longer had them"]
+    assert [one[:2] for one in account.lost_records] == [(100, 149), (200, 209)]
     assert account.sound
 
 
@@ -161,10 +161,10 @@ def test_a_part_that_is_not_there_is_unexplained(tmp_path: Path) -> None:
     account = account_of(parts)
     assert not account.sound
     assert spread(account.unexplained) == ticks_in(log, range(100, 200))
-    assert account.unexplained_records == (Stretch(100, 199),)
+    assert account.unexplained_records == (NumberRange(100, 199),)
     missing_first = account_of(parts[1:])
     assert spread(missing_first.unexplained) == ticks_in(log, range(200))
-    assert missing_first.unexplained_records == (Stretch(0, 199),)
+    assert missing_first.unexplained_records == (NumberRange(0, 199),)
 
 
 def test_a_lost_event_is_missed_though_no_tick_is(tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_a_lost_event_is_missed_though_no_tick_is(tmp_path: Path) -> None:
         ]
     )
     assert account.unexplained == ()
-    assert account.unexplained_records == (Stretch(55, 55),)
+    assert account.unexplained_records == (NumberRange(55, 55),)
     assert not account.sound
 
 
@@ -189,7 +189,7 @@ def test_what_one_part_lost_another_may_have(tmp_path: Path) -> None:
             write_part(tmp_path / "b.mcap", log, range(40, 160), ""),
         ]
     )
-    assert account.present == (Stretch(0, 299),)
+    assert account.present == (NumberRange(0, 299),)
     assert account.lost_records == ()
 
 
@@ -204,7 +204,7 @@ def test_damage_is_a_cause(tmp_path: Path) -> None:
     account = account_of([recover(tmp_path / "b.mcap").output])
     assert account.unexplained == ()
     assert account.lost
-    assert all("a damaged chunk" in stretch.cause for stretch in account.lost)
+    assert all("a damaged chunk" in one.cause for one in account.lost)
 
 
 def test_a_record_that_could_not_be_read(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_a_record_that_could_not_be_read(tmp_path: Path) -> None:
             writer.write(record, number, OPENED_NS)
     writer.finish(OPENED_NS)
     account = account_of([tmp_path / "a.mcap"])
-    assert [stretch.cause for stretch in account.lost] == ["could not be read: no message"]
+    assert [one.cause for one in account.lost] == ["could not be read: no message"]
     assert account.sound
 
 
@@ -289,7 +289,7 @@ def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
     assert len(account.parts) == 2
     assert account.parts[1].ended == "no logger took it from the server"
     assert spread(account.lost) == ticks_in(log, range(300, 320))
-    assert [stretch[:2] for stretch in account.lost_records] == [(300, 319), (439, 439)]
+    assert [one[:2] for one in account.lost_records] == [(300, 319), (439, 439)]
     assert account.sound
 
 

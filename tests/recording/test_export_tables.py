@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
-from netboard.recording.export.dictionary import write_dictionary
 from netboard.recording.export.tables import (
     CLOCKS,
     EVENTS,
@@ -25,6 +24,7 @@ from netboard.recording.export.tables import (
     TRIALS,
     Subject,
 )
+from netboard.recording.export.tabular import write_dictionary
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS
 from netboard.recording.format.summary import attempts_along, find_attempts

@@ -93,11 +93,11 @@ REFUSED = {
     ),
     "time going back": (
         HEADER + "0,0,0,0,0\n2e-3,0,0,0,0\n1e-3,0,0,0,0\n",
-        "line 4, column t: found 0.001 after 0.002, expected times that increase",
+        "line 4, column t: found 0.001 after 0.002, expected increasing times",
     ),
     "time standing still": (
         HEADER + "0,0,0,0,0\n0,0,0,0,0\n0,0,0,0,0\n",
-        "line 3, column t: found 0 after 0, expected times that increase; there are 2 such",
+        "line 3, column t: found 0 after 0, expected increasing times; there are 2 such",
     ),
     "millimetres": (
         HEADER + "0,0,0,0,0\n1e-3,0,0,-12.5,0\n",

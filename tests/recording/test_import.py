@@ -252,7 +252,7 @@ def test_a_table_that_ends_badly_leaves_nothing(
     table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join([*lines[:-1], lines[5]]), encoding="utf-8")
-    with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected numbers that increase"):
+    with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected increasing numbers"):
         import_table(table, tmp_path / "made", CONFIG, Wishes(), UTC_NS, lambda *told: None)
     assert list((tmp_path / "made").iterdir()) == []
 

@@ -98,7 +98,7 @@ def test_it_goes_on(journal: Journal, path: Path) -> None:
 
 
 def test_none_to_go_on_with(path: Path) -> None:
-    with pytest.raises(RecordingError, match="is not there: this session was not begun, so leave out --resume"):
+    with pytest.raises(RecordingError, match="does not exist: this session was never started; leave out --resume"):
         Journal.reopen(path)
 
 
@@ -145,7 +145,7 @@ def test_a_torn_line_is_reported_and_its_place_taken(
     with caplog.at_level(logging.WARNING):
         again, _, _, rest = Journal.reopen(path)
     assert rest.startswith(b'{"entry":"note"')
-    assert "its last line was torn" in caplog.text
+    assert "its last line is incomplete" in caplog.text
     assert path.read_bytes() == torn, "whoever only looks changes nothing"
     again.append(ENTRIES[1])
     again.close()

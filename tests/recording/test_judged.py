@@ -97,7 +97,7 @@ def test_the_same_flags_as_live(path: Path) -> None:
     assert list(found) == live()
 
 
-def test_info_lists_what_is_doubtful(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_info_lists_flagged_attempts(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.exception

@@ -11,9 +11,9 @@ from netboard.recording.replay.loading import load
 def test_a_recording_is_read_and_told_of_on_the_way(tmp_path):
     told = []
     path = recorded(tmp_path, two_trials())
-    reel = load(path, told.append)
-    np.testing.assert_array_equal(reel.ticks, two_trials())
-    assert reel.name == path.name
+    recording = load(path, told.append)
+    np.testing.assert_array_equal(recording.ticks, two_trials())
+    assert recording.name == path.name
     assert told[-1] == 10_000
 
 

@@ -133,10 +133,10 @@ def test_all_problems_are_said_at_once(study: Path) -> None:
     first, *problems = str(caught.value).splitlines()
     study.write_text(HEAD.replace('"-mm"', '"-mile"') + blocks[0])
     with pytest.raises(
-        ConfigError, match=r"2 to mend:\n.*line 5, key columns\.right_z: unit.*\n.*b9\.csv: no such file"
+        ConfigError, match=r"2 problems to fix:\n.*line 5, key columns\.right_z: unit.*\n.*b9\.csv: no such file"
     ):
         examine(study, Path("out"), quiet)
-    assert first == "nothing was imported, 3 to mend:"
+    assert first == "nothing was imported, 3 problems to fix:"
     assert [problem.partition(":")[2].partition(" ")[0] != problem for problem in problems] == [True] * 3
     assert ("b9.csv" in problems[0], "[block] force" in problems[1], "block 1 is listed" in problems[2]) == (True,) * 3
 
@@ -179,7 +179,7 @@ def test_recordings_that_are_there_and_are_others_are_refused(study: Path) -> No
     assert changed.count("was imported with other settings; move it away") == 4
     victim = next(Path("out").glob("*D01_block01*"))
     victim.write_bytes(victim.read_bytes()[:-100])
-    assert f"{victim}: is there and damaged" in command("--manifest", "study.toml", "-o", "out", code=2)
+    assert f"{victim}: exists but is damaged" in command("--manifest", "study.toml", "-o", "out", code=2)
 
 
 def test_a_table_without_times_gets_them_from_its_rate(study: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from made_recordings import reel_of, two_trials
+from made_recordings import loaded_recording, two_trials
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.pairing import divide, pair
 
@@ -21,7 +21,7 @@ def slower():
     return ticks
 
 
-REELS = reel_of(two_trials()), reel_of(slower())
+REELS = loaded_recording(two_trials()), loaded_recording(slower())
 
 
 def test_by_time_they_start_together():
@@ -52,7 +52,7 @@ def test_one_alone_is_on_its_own_time_line():
 
 
 def test_without_a_trial_in_common_they_go_by_time():
-    alone = reel_of(two_trials()[:900])
+    alone = loaded_recording(two_trials()[:900])
     assert pair((REELS[0], alone), "trial") == pair((REELS[0], alone), "time")
 
 

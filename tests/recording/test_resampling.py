@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.base.errors import ConfigError
-from netboard.recording.importing.resampling import resampled, stretches
+from netboard.recording.importing.resampling import resampled, segments
 
 
 def at_ticks(time: np.ndarray, columns: dict[str, np.ndarray], kind="cubic") -> tuple[np.ndarray, dict]:
-    (stretch,) = stretches(time, 0.1)
-    return stretch.ticks, dict(resampled(time, columns, stretch, kind))
+    (segment,) = segments(time, 0.1)
+    return segment.ticks, dict(resampled(time, columns, segment, kind))
 
 
 @pytest.mark.parametrize("rate", [100, 250, 333, 2000])
@@ -74,8 +74,8 @@ def test_ticks_stay_as_they_are(values: list[float], begin: float) -> None:
 
 def test_stretches_end_at_gaps_and_a_lone_sample_is_none() -> None:
     time = np.array([0.0, 0.001, 0.002, 1.0, 2.0, 2.0015, 2.003])
-    found = stretches(time, 0.1)
-    assert [(stretch.first, stretch.stop, stretch.exact) for stretch in found] == [(0, 3, True), (4, 7, False)]
-    assert [stretch.ticks.tolist() for stretch in found] == [[0, 1, 2], [2000, 2001, 2002, 2003]]
+    found = segments(time, 0.1)
+    assert [(segment.first, segment.stop, segment.exact) for segment in found] == [(0, 3, True), (4, 7, False)]
+    assert [segment.ticks.tolist() for segment in found] == [[0, 1, 2], [2000, 2001, 2002, 2003]]
     with pytest.raises(ConfigError, match="no two rows"):
-        stretches(np.array([0.0, 1.0]), 0.1)
+        segments(np.array([0.0, 1.0]), 0.1)

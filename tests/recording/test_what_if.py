@@ -9,8 +9,7 @@ import pytest
 import proofs
 from netboard.base.config import Config
 from netboard.recording.counterfactual.figure import draw
-from netboard.recording.counterfactual.file import keep
-from netboard.recording.counterfactual.what_if import attempts_of, most_telling, what_if
+from netboard.recording.counterfactual.what_if import attempts_of, most_telling, save, what_if
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.verification import verify
@@ -78,7 +77,7 @@ def test_what_is_kept_verifies_and_says_what_it_is(tmp_path: Path) -> None:
     config, source = changed(model="lagrangian"), proofs.write(tmp_path / "a.mcap", proofs.rows())
     with Recording(source) as recording:
         found = what_if(recording.ticks(), make_stage(config))
-        kept = keep(tmp_path / "b.mcap", found, config, recording.metadata, "a.mcap", ["physics.model=lagrangian"])
+        kept = save(tmp_path / "b.mcap", found, config, recording.metadata, "a.mcap", ["physics.model=lagrangian"])
     rows = attempts_of(found)
     assert verify(make_stage(config), rows).identical
     report = check(tmp_path / "b.mcap", replay=True)

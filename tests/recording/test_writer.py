@@ -282,7 +282,7 @@ def test_a_file_that_is_moved_away_is_noticed_and_finished_where_it_is(tmp_path:
     (tmp_path / "a.mcap.part").write_bytes(b"another")
     with pytest.raises(RecordingError, match="was moved away"):
         writer.flush(now)
-    with pytest.raises(RecordingError, match="is whole, wherever it is now"):
+    with pytest.raises(RecordingError, match="is complete, wherever it is now"):
         writer.finish(now)
     with Reader(tmp_path / "b.mcap") as reader:
         assert reader.ticks().tobytes() == ROWS[:20].tobytes()

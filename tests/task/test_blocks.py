@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from netboard.base.config import Config
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 

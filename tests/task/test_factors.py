@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from netboard.base.config import Config, parse, resolve
 from netboard.base.tables.experiment import Block, Design, Session
-from netboard.task.plans.blocks import blocks_of
 from netboard.task.plans.counterbalance import trial_levels
-from netboard.task.plans.plan import plan_of, to_json
+from netboard.task.plans.plan import blocks_of, plan_of, to_json
 from netboard.task.studies.factors import factors_of, role_of, trial_role
 from netboard.task.studies.study import paper_study, parse_study
 

@@ -139,7 +139,7 @@ def test_other_damage_names_file_and_line(number: int, line: bytes, words: str) 
 
 @pytest.mark.parametrize("data", [b"", b'{"entry":"hea', b"\0\0\n"])
 def test_a_journal_without_a_header_says_that_nothing_was_done(data: bytes) -> None:
-    with pytest.raises(RecordingError, match="nothing was done in it: delete it"):
+    with pytest.raises(RecordingError, match="nothing was recorded in it; delete it"):
         read_lines(data, SOURCE)
 
 
@@ -237,13 +237,13 @@ def test_what_was_under_way_at_a_crash_stays_incomplete() -> None:
     ("entries", "words"),
     [
         ([BlockBegan(9, 1, 1, "r1", 0)], "block 9, and the plan has blocks 1 to 3"),
-        ([BlockBegan(2, 1, 1, "r1", 0)], "block 2 begins, and block 1 is not over"),
-        ([BEGAN, BlockEnded(1, "given_up"), BEGAN], "block 1 begins, and it is over already"),
-        ([began(1)], "something of block 1, which is not the one that goes on"),
+        ([BlockBegan(2, 1, 1, "r1", 0)], "block 2 begins before the end of block 1"),
+        ([BEGAN, BlockEnded(1, "given_up"), BEGAN], "block 1 begins, although it is over"),
+        ([began(1)], "an entry of block 1, which is not the current block"),
         ([BEGAN, began(2)], "trial 2, attempt 1 of block 1, where trial 1, attempt 1 comes next"),
         ([BEGAN, began(1), ended(1, 1, "fell"), began(1)], "where trial 1, attempt 2 comes next"),
         ([BEGAN, began(1), ended(1), ended(1)], "where trial 2, attempt 1 comes next"),
-        ([BEGAN, Veto(1, 1)], "a veto of the repeat of trial 1, which nobody has asked for"),
+        ([BEGAN, Veto(1, 1)], "a veto of the repeat of trial 1, which was not requested"),
     ],
 )
 def test_contradictions_name_the_line(entries: list[Entry], words: str) -> None:
@@ -297,7 +297,7 @@ def test_a_journal_cut_at_any_byte_tells_where_the_session_stood_then(
 # --- repeats ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_rule_for_doubtful_trials() -> None:
+def test_the_rule_for_flagged_trials() -> None:
     rules, none = Quality(repeat="flagged"), Repeats(60)
     assert wants_repeat(rules, "success", ("clipped",), 7, none)
     assert not wants_repeat(Quality(), "success", ("clipped",), 7, none)
@@ -319,13 +319,13 @@ def test_which_trial_repeats_which() -> None:
 def test_what_operators_are_told() -> None:
     asked = Repeats(60).ask(5).ask(9)
     assert asked.why_not_ask(7, 20) == ""
-    assert asked.why_not_ask(5, 20) == "trial 5 will be repeated already"
+    assert asked.why_not_ask(5, 20) == "trial 5 is already to be repeated"
     assert asked.why_not_ask(5, 62) == ""
     assert asked.why_not_ask(20, 20) == "trial 20 cannot be repeated: trials 1 to 19 are done in this block"
     assert asked.why_not_ask(1, 1) == "trial 1 cannot be repeated: no trial is done in this block"
     assert asked.why_not_veto(9, 61) == ""
-    assert asked.why_not_veto(5, 61) == "the repeat of trial 5 has begun: skip it, if it is not wanted"
-    assert asked.why_not_veto(8, 61) == "no repeat of trial 8 has been asked for"
+    assert asked.why_not_veto(5, 61) == "the repeat of trial 5 has begun; skip it to leave it out"
+    assert asked.why_not_veto(8, 61) == "no repeat of trial 8 was requested"
     assert [asked.newest(present) for present in (1, 60, 61, 62)] == [9, 9, 9, 0]
 
 
@@ -339,12 +339,12 @@ def test_the_same_plan_is_not_refused() -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"dyad": "D04"}, "dyad: it was begun with D03, and this is D04"),
-        ({"seed": 8, "plan_digest": "x"}, "seed: it was begun with 7, and this is 8"),
-        ({"participants": ("P05", "P07")}, "participants: it was begun with P05 and P06, and this is P05 and P07"),
-        ({"pilot": True}, "pilot run: it was begun with no, and this is yes"),
-        ({"study_digest": "x", "plan_digest": "y"}, "the text of the study has changed since"),
-        ({"plan_digest": "y"}, "the same study makes another plan now"),
+        ({"dyad": "D04"}, "dyad: D03 when the session began, D04 now"),
+        ({"seed": 8, "plan_digest": "x"}, "seed: 7 when the session began, 8 now"),
+        ({"participants": ("P05", "P07")}, "participants: P05 and P06 when the session began, P05 and P07 now"),
+        ({"pilot": True}, "pilot run: no when the session began, yes now"),
+        ({"study_digest": "x", "plan_digest": "y"}, "the text of the study has changed"),
+        ({"plan_digest": "y"}, "the same study now gives another plan"),
     ],
 )
 def test_another_plan_is_refused_in_words(changed: dict[str, Any], words: str) -> None:
@@ -357,6 +357,6 @@ def test_another_plan_is_refused_in_words(changed: dict[str, Any], words: str) -
 def test_what_else_has_changed_is_told() -> None:
     assert changes(HEADER, HEADER) == ()
     assert changes(HEADER, replace(HEADER, netboard="0.2.0", config_digest="d1")) == (
-        "version of netboard: it was begun with 0.1.0, and this is 0.2.0",
-        "the rig's configuration has changed since",
+        "version of netboard: 0.1.0 when the session began, 0.2.0 now",
+        "the rig's configuration has changed",
     )

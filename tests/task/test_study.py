@@ -85,8 +85,8 @@ def test_what_differs_is_read_as_the_configuration_reads_it() -> None:
     ("text", "problem"),
     [
         ("a = ", "not valid TOML"),
-        ("", "[kinds]: there is none"),
-        ("[kinds.duo]", "[orders]: there is none"),
+        ("", "[kinds]: found none"),
+        ("[kinds.duo]", "[orders]: found none"),
         (SMALL + "questions = 3", "[kinds.duo] questions: unknown key; "),
         (SMALL + "trials = 3", "[kinds.duo] trials: unknown key; did you mean block.trials?"),
         ("hold_time = 3\n" + SMALL, "hold_time: unknown key; did you mean task.hold_time?"),
@@ -121,7 +121,7 @@ def test_what_differs_is_read_as_the_configuration_reads_it() -> None:
         (SMALL + "[questionnaires.q]\ntext = 'x'\nafter = ['dou']", '[questionnaires.q] after: found "dou"'),
         (
             "trials_per_condition = 3\n" + SMALL + "block.duration = 9\n[factors.f.levels]\na = {}\nb = {}",
-            "[kinds.duo] block.duration: a time limit promises no number of trials",
+            "[kinds.duo] block.duration: with a time limit the number of trials is unknown",
         ),
         (
             SMALL + "".join(f"[factors.{f}]\nlevels.a.physics.M = 1\nlevels.b.physics.M = 2\n" for f in "xy"),

@@ -28,9 +28,8 @@ from netboard.analysis.results.everything import NOT_COMPUTED, results_of
 from netboard.analysis.results.paper import COMPARISON, compare
 from netboard.analysis.results.performers import PEOPLE, people_of
 from netboard.analysis.results.result import RESULTS
-from netboard.recording.export.dictionary import write_dictionary
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.tabular import open_csv, open_parquet
+from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.recording.format.channels import Field
 
 SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")

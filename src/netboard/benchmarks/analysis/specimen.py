@@ -9,7 +9,7 @@ import numpy as np
 
 from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import Job, jobs_of, rehearse_all
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 SEED = 1

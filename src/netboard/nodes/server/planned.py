@@ -20,8 +20,7 @@ from netboard.task.journal.progress import progress_of, resume_words
 from netboard.task.journal.same_session import changes, require_same_plan
 from netboard.task.plans import plan as plans
 from netboard.task.plans.balance import require_balance
-from netboard.task.plans.blocks import shortened
-from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated
+from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated, shortened
 from netboard.task.studies.study import Study, resolve_study
 
 console = Console(highlight=False)

@@ -65,7 +65,7 @@ def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) 
     start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
     for rows, attempt, colour, style, label in (
         (found.recorded, shown.then, _RECORDED, "-", "recorded"),
-        (found.computed, shown.now, _COMPUTED, "--", "computed anew"),
+        (found.computed, shown.now, _COMPUTED, "--", "recomputed"),
     ):
         part = rows[start : start + attempt.stop - attempt.tick]
         part = part[np.isin(part["phase"], BALL_FREE)]

@@ -2,7 +2,7 @@
 
 The loop is open: the hands move as recorded, whatever the board does. The replay therefore shows the effect of a change
 on board, ball, forces and outcome without human reaction. It does not predict what people would have done. The trial
-state machine decides anew.
+state machine decides again.
 
 The ball is an unstable system (a saddle): a tiny difference grows exponentially within a fraction of a second, and a
 block computed in one run would be noise after its first seconds. So each attempt starts from the recorded state at its
@@ -10,15 +10,22 @@ release, and any difference in it is due to the change. Between attempts, from t
 next, the stage runs but its results are not used. Without a change, every tick is bit-identical to the recorded one.
 """
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.config import Config, resolve
 from netboard.base.tick import TICK_SECONDS
+from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.recording.files.offline_writer import event_of
+from netboard.recording.files.provenance import config_sha256
+from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.summary import Attempt, find_attempts
 from netboard.recording.integrity.verification import as_words, runs, state_of
 from netboard.stage.stage import Stage
@@ -162,3 +169,49 @@ def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
 def seconds_since_release(count: int) -> NDArray[np.float64]:
     """Return the tick times of an attempt [s]."""
     return np.arange(count, dtype=np.float64) * TICK_SECONDS
+
+
+def save(
+    path: Path, found: WhatIf, config: Config, source: Mapping[str, str], name: str, changes: Sequence[str]
+) -> int:
+    """Save a counterfactual replay as a recording: the attempts only, with the changed configuration, marked as such.
+
+    The session id is derived from the source's id and the changes, so that the account of a session never mixes the
+    two. There are gaps between the attempts, so that the file verifies by itself: after a gap, verification continues
+    from the recorded state.
+    """
+    text, said = resolve(config), "; ".join(changes)
+    session = hashlib.sha256(f"{source['session']} {said}".encode()).hexdigest()[:32]
+    metadata = {
+        **source,
+        "session": session,
+        "name": config.session.name,
+        "dyad": config.session.dyad,
+        "study": config.session.study,
+        "block": str(config.block.number),
+        "config_sha256": config_sha256(text.encode()),
+        "what_if": said,
+        "source": name,
+        "source_session": source["session"],
+    }
+    opened_ns = int(source["opened_log_ns"])
+    writer = RecordingWriter(path, metadata, text, config.recording, opened_ns)
+    rows = attempts_of(found)
+    number = events = 0
+    now_ns = opened_ns
+    try:
+        for row in rows:
+            now_ns = opened_ns + int(row["time_ns"] - rows["time_ns"][0])
+            writer.write(TickRecord(row.tobytes()), number, now_ns)
+            number += 1
+            if row["event"]:
+                event = EventRecord(events, int(row["tick"]), int(row["time_ns"]), *event_of(row))
+                writer.write(event, number, now_ns)
+                number, events = number + 1, events + 1
+            if writer.is_due(now_ns):
+                writer.flush(now_ns)
+        writer.finish(now_ns)
+    except BaseException:
+        writer.abandon()
+        raise
+    return len(rows)

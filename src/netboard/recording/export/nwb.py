@@ -48,9 +48,9 @@ _UNKNOWN_AGE = "P0D/"
 _COLUMNS = {
     "levelling_time": "when the levelling before it began [s]",
     **ATTEMPT_TEXTS,
-    "condition": "configuration of the block, and what the hands feel",
-    "force_scale": "what is felt is multiplied by this [1]",
-    "force_delay": "what is felt comes so much later [s]",
+    "condition": "configuration of the block, and its force condition",
+    "force_scale": "factor of the haptic feedback [1]",
+    "force_delay": "delay of the haptic feedback [s]",
 }
 """Columns of the trials table, besides start (the release of the ball) and stop."""
 
@@ -267,5 +267,5 @@ def _session_text(run: Run, person: Person) -> str:
     label = f" ({block.label})" if block.label else ""
     return (
         f"{TASK_TEXT} This is run {run.number} of session {run.session}: block {block.number} of "
-        f"{block.blocks}{label}, {block.configuration}, felt force: {block.force}. The subject moved {hands}."
+        f"{block.blocks}{label}, {block.configuration}, force condition: {block.force}. The subject moved {hands}."
     )

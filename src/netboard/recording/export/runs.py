@@ -153,7 +153,7 @@ def _refuse(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tup
             if other != identity:
                 raise RecordingError(
                     f"{first} and {run.path}: {kind}s {' '.join(other)} and {' '.join(identity)} would both be called "
-                    f"{label}, as only letters and digits count; export them apart"
+                    f"{label}, because labels keep only letters and digits; export them separately"
                 )
 
 

@@ -134,7 +134,7 @@ def _ticks(subject: Subject) -> Iterator[Rows]:
 
 TICKS = Table(
     "ticks",
-    "one tick of a millisecond",
+    "one tick of 1 ms",
     (
         _RECORDING,
         _TIME,
@@ -204,7 +204,7 @@ TRIALS = Table(
         Field("trial", "integer", "number of the trial in the block, from 1", "1"),
         Field("attempt", "integer", "number of the attempt at this trial, from 1", "1"),
         Field("target", "integer", "side of the target: -1 left, +1 right", "1"),
-        Field("catch_trial", "integer", "1: a catch trial, in which nothing is felt", "1"),
+        Field("catch_trial", "integer", "1: a catch trial, without haptic feedback", "1"),
         Field("role", "string", ROLE_TEXT, ""),
         Field("kind", "string", "kind of block, as in the study; empty: none", ""),
         Field(
@@ -218,9 +218,9 @@ TRIALS = Table(
         Field("began", "integer", "first tick of the levelling before it", "1"),
         Field("tick", "integer", "tick at which the ball was released", "1"),
         Field("stop", "integer", "tick after its last one", "1"),
-        Field("duration", "number", "from the release to the end, holding included", "s"),
+        Field("duration", "number", "from the release to the end, including the hold", "s"),
         Field("doubtful", "integer", "1: it has flags; 0: it has none; -1: not judged, as it has no end", "1"),
-        Field("flags", "string", "why it is doubtful, by the rules of [quality]: words with spaces between", ""),
+        Field("flags", "string", "why it is flagged, by the rules of [quality]: words separated by spaces", ""),
     ),
     _trials,
 )
@@ -325,7 +325,7 @@ RECORDINGS = Table(
         *(Field(name, "string", text, "") for name, text in _SAID.items()),
         Field("ended", "string", "how it ended, complete if as planned; empty if it was recovered", ""),
         Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
-        Field("metadata", "string", "all that it says about itself, as a JSON object", ""),
+        Field("metadata", "string", "all of its metadata, as a JSON object", ""),
     ),
     _recordings,
 )

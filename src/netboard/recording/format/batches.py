@@ -81,7 +81,7 @@ class Layout:
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
             kinds = [str(column["type"]) for column in columns]
         except (ValueError, KeyError, TypeError) as error:
-            raise RecordingError(f"the schema of its ticks says nothing of their columns ({error})") from None
+            raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
         for name, kind in zip(self._names, kinds, strict=True):
             if name in (TICK.names or ()) and np.dtype(kind) != TICK[name]:
                 raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
@@ -91,7 +91,7 @@ class Layout:
         values = unpack(message)
         data, count = values.get("columns"), values.get("count")
         if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
-            raise RecordingError("a batch of ticks whose length contradicts what it says of itself")
+            raise RecordingError("a batch of ticks whose length contradicts its header")
         return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count)
 
     def places(self, names: Sequence[str]) -> NDArray[np.int64]:

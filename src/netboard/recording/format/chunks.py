@@ -75,7 +75,7 @@ def _parts(body: bytes) -> tuple[int, int, bytes, memoryview]:
     (length,) = _LENGTH.unpack_from(body, _CHUNK_HEAD.size + name)
     start = _CHUNK_HEAD.size + name + _LENGTH.size
     if start + length != len(body):
-        raise RecordingError("a damaged chunk: it is not as long as it says")
+        raise RecordingError("a damaged chunk: its length is wrong")
     return size, crc, compression, memoryview(body)[start:]
 
 

@@ -207,7 +207,9 @@ class PartFile:
             os.fsync(self._file.fileno())
         self._file.close()
         if astray == _MOVED:
-            raise RecordingError(f"{self.part}: {astray} while it was being written; it is whole, wherever it is now")
+            raise RecordingError(
+                f"{self.part}: {astray} while it was being written; the file is complete, wherever it is now"
+            )
         with _disk(self.part):
             publish(self.part, self.path)
 

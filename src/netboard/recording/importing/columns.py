@@ -27,28 +27,28 @@ class Column:
 COLUMNS: dict[str, Column] = {
     column.name: column
     for column in (
-        Column("time", "number", "s", "when the row was measured, increasing; from anywhere", True),
-        Column("left_z", "number", "m", "height of the left stylus above where a level board wants it", True),
-        Column("right_z", "number", "m", "height of the right stylus, likewise", True),
-        Column("left_vz", "number", "m/s", "rate of left_z; computed if it is not there"),
-        Column("right_vz", "number", "m/s", "rate of right_z; computed if it is not there"),
+        Column("time", "number", "s", "time of the row, increasing, from any origin", True),
+        Column("left_z", "number", "m", "height of the left stylus above its end of the level board", True),
+        Column("right_z", "number", "m", "height of the right stylus above its end of the level board", True),
+        Column("left_vz", "number", "m/s", "rate of left_z; computed if missing"),
+        Column("right_vz", "number", "m/s", "rate of right_z; computed if missing"),
         Column("left_x", "number", "m", "left stylus, out of the screen"),
         Column("left_y", "number", "m", "left stylus, to the right"),
         Column("right_x", "number", "m", "right stylus, out of the screen"),
         Column("right_y", "number", "m", "right stylus, to the right"),
         Column("z", "number", "m", "height of the board's centre"),
-        Column("vz", "number", "m/s", "rate of z; computed if it is not there"),
+        Column("vz", "number", "m/s", "rate of z; computed if missing"),
         Column("theta", "number", "rad", "tilt of the board, + = right end up"),
-        Column("omega", "number", "rad/s", "rate of theta; computed if it is not there"),
+        Column("omega", "number", "rad/s", "rate of theta; computed if missing"),
         Column("p", "number", "m", "ball along the board, + = right"),
-        Column("vp", "number", "m/s", "rate of p; computed if it is not there"),
-        Column("left_force", "number", "N", "force felt by the left hand, + = up"),
-        Column("right_force", "number", "N", "force felt by the right hand, + = up"),
+        Column("vp", "number", "m/s", "rate of p; computed if missing"),
+        Column("left_force", "number", "N", "force on the left hand, + = up"),
+        Column("right_force", "number", "N", "force on the right hand, + = up"),
         Column("left_coupling", "number", "N", "force of the left hand on the board, + = up"),
         Column("right_coupling", "number", "N", "force of the right hand on the board, + = up"),
-        Column("trial", "integer", "1", "number of the trial, from 1; 0 or nothing between trials"),
-        Column("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if it is not there"),
-        Column("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if it is not there"),
+        Column("trial", "integer", "1", "number of the trial, from 1; 0 or empty between trials"),
+        Column("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if missing"),
+        Column("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if missing"),
         Column(
             "phase", "word", "", "idle, levelling, running (ball free), holding (in the target), or netboard's numbers"
         ),
@@ -147,7 +147,7 @@ def scales(words: Sequence[str]) -> dict[str, tuple[float, float]]:
         known: Mapping[str, tuple[float, float]] = UNITS.get(COLUMNS[name].unit, {})
         if unit.removeprefix("-") not in known:
             expected = ", ".join(known) or "none: it is words"
-            raise ConfigError(f"--unit {name}={unit}: expected one of {expected}, with - if its axis is turned round")
+            raise ConfigError(f"--unit {name}={unit}: expected one of {expected}, with - if its axis is inverted")
         times, over = known[unit.removeprefix("-")]
         found[name] = (-times if unit.startswith("-") else times, over)
     return found

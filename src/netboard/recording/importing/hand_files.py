@@ -188,7 +188,7 @@ def _check(table: NDArray[np.float64], where: _Where) -> None:
     if len(back):
         row = int(back[0]) + 1
         raise ConfigError(
-            f"{where(row, 't')}: found {t[row]:.12g} after {t[row - 1]:.12g}, expected times that increase"
+            f"{where(row, 't')}: found {t[row]:.12g} after {t[row - 1]:.12g}, expected increasing times"
             + (f"; there are {len(back)} such" if len(back) > 1 else "")
         )
     usual = float(np.median(np.diff(t)))

@@ -29,7 +29,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """A range of samples without gaps.
 
     Attributes
@@ -44,7 +44,7 @@ class Stretch:
     exact: bool
 
 
-def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
+def segments(time: NDArray[np.float64], gap: float) -> list[Segment]:
     """Split samples at gaps."""
     at = (time - time[0]) / TICK_SECONDS
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
@@ -57,13 +57,13 @@ def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
         if not ticks.size:
             continue
         exact = ticks.size == stop - first and bool(np.all(np.abs(at[first:stop] - ticks) <= NEAR))
-        found.append(Stretch(first, stop, ticks, exact))
+        found.append(Segment(first, stop, ticks, exact))
     if not found:
         raise ConfigError(f"no two rows are within {gap:g} s of each other: is time in another unit? (--unit time=ms)")
     return found
 
 
-def resampled(time: NDArray[np.float64], columns: Columns, stretch: Stretch, kind: Interpolation) -> Columns:
+def resampled(time: NDArray[np.float64], columns: Columns, segment: Segment, kind: Interpolation) -> Columns:
     """Return the columns of a range at its ticks, with the velocities of positions.
 
     Parameters
@@ -76,13 +76,13 @@ def resampled(time: NDArray[np.float64], columns: Columns, stretch: Stretch, kin
     mapping of ndarray, shape (m,)
         Columns at the ticks, with the `RATES` of all positions [SI].
     """
-    here = slice(stretch.first, stretch.stop)
+    here = slice(segment.first, segment.stop)
     t = time[here]
-    x = np.clip(time[0] + stretch.ticks * TICK_SECONDS, t[0], t[-1])
+    x = np.clip(time[0] + segment.ticks * TICK_SECONDS, t[0], t[-1])
     newest = np.searchsorted(t, x + NEAR * TICK_SECONDS, "right") - 1
     found: dict[str, NDArray[Any]] = {}
     for name, values in ((name, column[here]) for name, column in columns.items()):
-        if stretch.exact or values.dtype.kind != "f":
+        if segment.exact or values.dtype.kind != "f":
             found[name] = values[newest]
         elif name not in RATES:
             found[name] = np.interp(x, t, values)

@@ -81,7 +81,7 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
                 "expected another session.dyad, session.name or block.number"
             )
     if problems:
-        raise ConfigError("\n".join((f"nothing was imported, {len(problems)} to mend:", *problems)))
+        raise ConfigError("\n".join((f"nothing was imported, {len(problems)} problems to fix:", *problems)))
     return Plan(tuple(jobs), tuple(there))
 
 
@@ -101,7 +101,7 @@ def _is_there(job: Job) -> bool:
         return False
     found = entry_of(job.path)
     if found.verdict == RESULTS[Severity.DAMAGE]:
-        raise RecordingError(f"{job.path}: is there and damaged ({found.why}); move it away to import it again")
+        raise RecordingError(f"{job.path}: exists but is damaged ({found.why}); move it away to import it again")
     with Recording(job.path) as recording:
         said, text = recording.metadata, recording.config_text
     ours = {
@@ -114,7 +114,7 @@ def _is_there(job: Job) -> bool:
     }
     same = said.get("imported") == "ticks" or all(said.get(name) == value for name, value in ours.items())
     if not same or text != resolve(job.config):
-        raise RecordingError(f"{job.path}: is there, and was imported with other settings; move it away")
+        raise RecordingError(f"{job.path}: exists, and was imported with other settings; move it away")
     return True
 
 
@@ -145,8 +145,8 @@ def run(
                     tell(plan.jobs[place].source.name, len(done) + len(failed), len(plan.jobs))
             except BrokenExecutor as error:
                 raise NetboardError(
-                    f"a process that imports was killed, perhaps for want of memory: {len(done)} of {len(plan.jobs)} "
-                    "recordings are done, and whole; run the same command again for the others, with fewer --workers"
+                    f"an import process was killed, perhaps because memory ran out: {len(done)} of {len(plan.jobs)} "
+                    "recordings are complete; run the same command again for the rest, with fewer --workers"
                 ) from error
             finally:
                 pool.shutdown(cancel_futures=True)

@@ -14,7 +14,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.recording.files.offline_writer import Keeper, name_of
 from netboard.recording.importing.columns import COLUMNS, TASK
-from netboard.recording.importing.resampling import Interpolation, resampled, stretches
+from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
 from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks, sha256_of
 
@@ -109,16 +109,16 @@ def import_table(
 
 def _at_ticks(samples: Samples, wishes: Wishes) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
     """Resample to ticks; also return warnings."""
-    found = stretches(samples.time, wishes.gap)
-    parts = [resampled(samples.time, samples.columns, stretch, wishes.interpolation) for stretch in found]
-    ticks = np.concatenate([stretch.ticks for stretch in found])
+    found = segments(samples.time, wishes.gap)
+    parts = [resampled(samples.time, samples.columns, segment, wishes.interpolation) for segment in found]
+    ticks = np.concatenate([segment.ticks for segment in found])
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     usual = float(np.median(np.diff(samples.time)))
-    exact = all(stretch.exact for stretch in found)
+    exact = all(segment.exact for segment in found)
     notes = [f"{samples.time.size} samples, {1 / usual:.6g} a second" + (", which are ticks" if exact else "")]
     if len(found) > 1:
         notes.append(f"{len(found) - 1} gaps of more than {wishes.gap:g} s, in which there is no sample")
-    if alone := samples.time.size - sum(stretch.stop - stretch.first for stretch in found):
+    if alone := samples.time.size - sum(segment.stop - segment.first for segment in found):
         notes.append(f"{alone} samples between gaps, too few to say how the hands moved, are left out")
     if samples.left_out:
         notes.append(f"columns left out: {', '.join(samples.left_out)}")
@@ -142,7 +142,7 @@ def _keep(
     """Write rows as a recording; delete it if writing fails."""
     first = next(pieces, None)
     if first is None:
-        raise ConfigError(f"{said['imported_from']}: there is no row in it")
+        raise ConfigError(f"{said['imported_from']}: has no rows")
     path = folder / name_of(config, said["imported_sha256"])
     folder.mkdir(parents=True, exist_ok=True)
     keeper = Keeper(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))

@@ -161,7 +161,7 @@ def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
         back = np.flatnonzero(np.diff(rows["tick"], prepend=newest) <= 0)
         if back.size:
             raise ConfigError(
-                f"{portion.at(back[0])}, column tick: found {rows['tick'][back[0]]}, expected numbers that increase: "
+                f"{portion.at(back[0])}, column tick: found {rows['tick'][back[0]]}, expected increasing numbers: "
                 "the ticks of one recording"
             )
         newest = int(rows["tick"][-1])

@@ -28,7 +28,7 @@ _PAUSES = (Cause.PAUSE, Cause.FAULT)
 _NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:_part\d+)?(?:\.recovered)?")
 
 
-class Stretch(NamedTuple):
+class NumberRange(NamedTuple):
     """A range of consecutive numbers.
 
     Attributes
@@ -73,17 +73,17 @@ class Account:
 
     Attributes
     ----------
-    lost_records : tuple of Stretch
+    lost_records : tuple of NumberRange
         Records of any kind that no part holds, by their log-channel numbers, with causes.
     """
 
     session: str
     parts: tuple[Part, ...]
-    present: tuple[Stretch, ...]
-    lost: tuple[Stretch, ...]
-    unexplained: tuple[Stretch, ...]
-    lost_records: tuple[Stretch, ...]
-    unexplained_records: tuple[Stretch, ...]
+    present: tuple[NumberRange, ...]
+    lost: tuple[NumberRange, ...]
+    unexplained: tuple[NumberRange, ...]
+    lost_records: tuple[NumberRange, ...]
+    unexplained_records: tuple[NumberRange, ...]
     pauses: tuple[Pause, ...]
     events: tuple[EventRecord, ...]
 
@@ -111,8 +111,8 @@ def parts_of(path: Path) -> list[Path]:
 class _Loss(NamedTuple):
     """A loss noted by the logger: record numbers, the widest possible range of ticks, and the cause."""
 
-    records: Stretch
-    ticks: Stretch
+    records: NumberRange
+    ticks: NumberRange
 
 
 class _Read(NamedTuple):
@@ -185,13 +185,13 @@ def _opened(events: dict[int, EventRecord]) -> int:
     return first.tick if first is not None and first.name == BLOCK_BEGAN else 0
 
 
-def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[Stretch, ...], list[Stretch]]:
+def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[NumberRange, ...], list[NumberRange]]:
     """Return the ranges of present ticks, and those of missing ones between and before them."""
     if not ticks.size:
         return (), []
     gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
-    missing = [Stretch(gap.first, gap.first + gap.count - 1) for gap in gaps]
-    there = _sort_out([Stretch(opened, int(ticks[-1]))], missing)[1]
+    missing = [NumberRange(gap.first, gap.first + gap.count - 1) for gap in gaps]
+    there = _sort_out([NumberRange(opened, int(ticks[-1]))], missing)[1]
     return there, missing
 
 
@@ -202,7 +202,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
         if remark.name != "log_lost":
             continue
         first, count = int(remark.details["first"]), int(remark.details["count"])
-        records = Stretch(first, first + count - 1)
+        records = NumberRange(first, first + count - 1)
         cause = cause_of_loss(records, causes) or found.part.damage or "the server no longer had them"
         if first in unreadable:
             cause = f"could not be read: {unreadable[first]}"
@@ -210,10 +210,10 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
         after = int(remark.details.get("after_tick", -1))
         place = int(np.searchsorted(found.ticks["tick"], after, "right"))
         last = int(found.ticks["tick"][place]) - 1 if place < found.ticks.size else after + count
-        yield _Loss(records._replace(cause=cause), Stretch(last - count + 1, last, cause))
+        yield _Loss(records._replace(cause=cause), NumberRange(last - count + 1, last, cause))
 
 
-def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
+def cause_of_loss(records: NumberRange, causes: Sequence[EventRecord]) -> str:
     """Return the cause that the server gave for a loss of records, or an empty string."""
     for event in causes:
         first, count = int(event.details["first"]), int(event.details["count"])
@@ -222,37 +222,41 @@ def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
     return ""
 
 
-def _damaged_ticks(read: Sequence[_Read]) -> list[Stretch]:
+def _damaged_ticks(read: Sequence[_Read]) -> list[NumberRange]:
     """Return the ticks that may have been in the unrecoverable data of a part."""
     claims = []
     for place, found in enumerate(read):
         if found.part.damage and found.ticks.size:
             following = next((later.ticks for later in read[place + 1 :] if later.ticks.size), found.ticks[-1:])
-            claims.append(Stretch(int(found.ticks["tick"][0]), int(following["tick"][0]), found.part.damage))
+            claims.append(NumberRange(int(found.ticks["tick"][0]), int(following["tick"][0]), found.part.damage))
     return claims
 
 
-def _damaged_records(parts: Sequence[Part]) -> list[Stretch]:
+def _damaged_records(parts: Sequence[Part]) -> list[NumberRange]:
     """Return the records that may have been in the unrecoverable data of a part."""
     return [
-        Stretch(part.first_record, later.first_record - 1, part.damage)
+        NumberRange(part.first_record, later.first_record - 1, part.damage)
         for part, later in pairwise(parts)
         if part.damage
     ]
 
 
-def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -> tuple[Stretch, ...]:
+def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -> tuple[NumberRange, ...]:
     """Return the records that no part holds."""
-    held: list[Stretch] = []
+    held: list[NumberRange] = []
     for part, lost in zip(parts, losses, strict=True):
-        held.extend(_sort_out([Stretch(part.first_record, part.next_record - 1)], [loss.records for loss in lost])[1])
+        held.extend(
+            _sort_out([NumberRange(part.first_record, part.next_record - 1)], [loss.records for loss in lost])[1]
+        )
     last = max((part.next_record - 1 for part in parts), default=-1)
-    return _sort_out([Stretch(0, last)], held)[1]
+    return _sort_out([NumberRange(0, last)], held)[1]
 
 
-def _sort_out(holes: Iterable[Stretch], claims: Iterable[Stretch]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
+def _sort_out(
+    holes: Iterable[NumberRange], claims: Iterable[NumberRange]
+) -> tuple[tuple[NumberRange, ...], tuple[NumberRange, ...]]:
     """Split missing ranges into those covered by a claim, each with the first claim's cause, and the rest."""
-    claimed: list[Stretch] = []
+    claimed: list[NumberRange] = []
     rest = [hole for hole in holes if hole.first <= hole.last]
     for claim in claims:
         uncut, rest = rest, []
@@ -261,8 +265,8 @@ def _sort_out(holes: Iterable[Stretch], claims: Iterable[Stretch]) -> tuple[tupl
             if first > last:
                 rest.append(hole)
                 continue
-            claimed.append(Stretch(first, last, claim.cause))
-            sides = (Stretch(hole.first, first - 1), Stretch(last + 1, hole.last))
+            claimed.append(NumberRange(first, last, claim.cause))
+            sides = (NumberRange(hole.first, first - 1), NumberRange(last + 1, hole.last))
             rest.extend(side for side in sides if side.first <= side.last)
     return tuple(sorted(claimed)), tuple(sorted(rest))
 

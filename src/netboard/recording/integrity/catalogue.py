@@ -129,7 +129,7 @@ def _recording(path: Path, size: int) -> Entry:
     with Recording(path) as recording:
         said, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
-        why = [] if end.get("ended", "") == "complete" else [f"ends early: {end.get('ended', 'it was recovered')}"]
+        why = [] if end.get("ended", "") == "complete" else [f"ends early: {end.get('ended', 'recovered')}"]
         why += [f"{lost} records lost"] if lost else []
         why += [f"recovered, lost: {recording.recovery['damage']}"] if recording.recovery.get("damage") else []
         why += ["computed, not recorded"] if "what_if" in said else []
@@ -202,7 +202,7 @@ def _begun(entry: Entry) -> Entry:
 
 def _spill(path: Path, size: int) -> Entry:
     """Make the entry of a server's spill file."""
-    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why="no logger took it: netboard recover")
+    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why="no logger received it: netboard recover")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
     return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
@@ -224,7 +224,7 @@ def _journal(path: Path, size: int, lines: Lines) -> Entry:
         condition=f"session {header.session}, {len(over)} blocks over",
         done=len(done),
         verdict=RESULTS[Severity.LOSS if lines.torn else Severity.SOUND],
-        why="its last line was torn" if lines.torn else "",
+        why="its last line is incomplete" if lines.torn else "",
     )
 
 

@@ -31,8 +31,8 @@ _INTERLEAVED_NS = 1_000_000_000
 _SINGLE = "agent."
 """Name prefix of peers with a single connection: an agent occupies its side."""
 
-_STRETCH = 60
-_AT_LEAST = 6
+_PROBES_PER_FIT = 60
+_LEAST_PROBES = 6
 
 
 class Fit(NamedTuple):
@@ -61,7 +61,7 @@ def check_clocks(
         Largest bound of an agent's clock offset during trials [ms].
     """
     if not probes:
-        yield Finding(Severity.SOUND, "no clock probe was recorded")
+        yield Finding(Severity.SOUND, "no clock probes were recorded")
     for peer in sorted({probe.peer for probe in probes}):
         connections = connections_of([probe for probe in probes if probe.peer == peer])
         for number, mine in enumerate(connections, start=1):
@@ -127,12 +127,14 @@ def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
         text = f"{words}; {steps} of them contradict every plausible drift: its clock was stepped or set"
         return Finding(Severity.LOSS, text)
     fits = [
-        fit for at in range(0, len(probes), _STRETCH) if (fit := line_through(probes[at : at + _STRETCH])) is not None
+        fit
+        for at in range(0, len(probes), _PROBES_PER_FIT)
+        if (fit := line_through(probes[at : at + _PROBES_PER_FIT])) is not None
     ]
     if not fits:
         return Finding(Severity.SOUND, f"{words}; too few for a line")
     known = [fit.drift_ppm for fit in fits if not np.isnan(fit.drift_ppm)]
-    drift = f"drift {np.median(known):+.1f} ppm" if known else "drift not known"
+    drift = f"drift {np.median(known):+.1f} ppm" if known else "drift unknown"
     beyond = sum(fit.beyond for fit in fits)
     about = f"{words}, {drift}"
     if beyond:
@@ -172,7 +174,7 @@ def stepped(probes: Sequence[ClockRecord]) -> int:
 
 def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     """Fit a line through the midpoints of the faster half of the probes; None for too few of them."""
-    if len(probes) < _AT_LEAST:
+    if len(probes) < _LEAST_PROBES:
         return None
     sent, received, answered, back, offsets, bounds = _stamps(probes)
     ways = (back - sent) - (answered - received)

@@ -15,7 +15,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import unknown_ticks
 from netboard.recording.format.channels import CHANNELS
 from netboard.recording.format.summary import find_gaps
-from netboard.recording.integrity.account import OF_THE_SERVER, Stretch, cause_of_loss
+from netboard.recording.integrity.account import OF_THE_SERVER, NumberRange, cause_of_loss
 from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
 from netboard.recording.integrity.walk import ACTIVE, Evidence
 from netboard.task.trials.state_machine import Phase
@@ -97,7 +97,7 @@ def _noted_losses(evidence: Evidence) -> Iterator[Finding]:
     for remark in evidence.remarks:
         if remark.name == "log_lost":
             first, count = int(remark.details["first"]), int(remark.details["count"])
-            cause = cause_of_loss(Stretch(first, first + count - 1), causes) or "the server no longer had them"
+            cause = cause_of_loss(NumberRange(first, first + count - 1), causes) or "the server no longer had them"
             after = remark.details.get("after_tick", "?")
             yield Finding(Severity.LOSS, f"{count} records were lost after tick {after}: {cause}")
 

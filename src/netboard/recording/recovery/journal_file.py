@@ -75,8 +75,8 @@ class Journal:
         except OSError as error:
             if isinstance(error, FileExistsError) and path.exists():
                 raise RecordingError(
-                    f"{path}: exists already: this session was begun before. Go on with it: netboard server --resume; "
-                    "or give the new session another name ([session] name, dyad)"
+                    f"{path}: exists already: this session was started before. Continue it with "
+                    "netboard server --resume, or give the new session another name ([session] name, dyad)"
                 ) from None
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
 
@@ -93,11 +93,13 @@ class Journal:
             lines = read_lines(path.read_bytes(), str(path))
             handle = os.open(path, os.O_RDWR | _BINARY)
         except FileNotFoundError:
-            raise RecordingError(f"{path}: is not there: this session was not begun, so leave out --resume") from None
+            raise RecordingError(
+                f"{path}: does not exist: this session was never started; leave out --resume"
+            ) from None
         except OSError as error:
             raise RecordingError(f"{path}: cannot be opened: {error.strerror or error}") from error
         if lines.torn:
-            log.warning("%s: its last line was torn, and is left out: %r", path, lines.torn)
+            log.warning("%s: its last line is incomplete and is left out: %r", path, lines.torn)
         return cls(path, handle, lines.sound, len(lines.entries)), lines.header, lines.entries, lines.torn
 
     @property
@@ -152,7 +154,7 @@ class Journal:
 
     def _restore(self) -> None:
         """Write a deleted file anew from its open handle."""
-        log.warning("%s: was deleted, and is written anew", self.path)
+        log.warning("%s: was deleted; writing it again", self.path)
         handle = _new(self.path, os.pread(self._handle, self._end, 0))
         os.close(self._handle)
         self._handle = handle

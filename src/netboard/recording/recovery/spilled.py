@@ -177,7 +177,7 @@ def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, Event
             case EventRecord(name=name) if name == OPENED:
                 opened = message
     if welcome is None or opened is None:
-        raise RecordingError(f"{path}: the beginning of this spill is damaged; nothing can be made of the rest")
+        raise RecordingError(f"{path}: the beginning of this spill is damaged; the rest cannot be read")
     return welcome, opened, damage
 
 

@@ -36,7 +36,7 @@ class Material:
     events: tuple[EventRecord, ...] = ()
 
 
-class Reel:
+class LoadedRecording:
     """A recording ready for replay.
 
     Attributes
@@ -52,7 +52,7 @@ class Reel:
     def __init__(self, material: Material) -> None:
         self.name, self.text, ticks = material.name, material.config_text, material.ticks
         if not len(ticks):
-            raise RecordingError(f"{self.name}: has no tick to show")
+            raise RecordingError(f"{self.name}: has no ticks to show")
         self.config: Config = parse(self.text, self.name)
         self.curtain = make_curtain(self.config)
         self.ticks, self.times = ticks, seconds(ticks)

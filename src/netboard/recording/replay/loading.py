@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tick import TICK
 from netboard.recording.files.reader import Recording
-from netboard.recording.replay.loaded import Material, Reel
+from netboard.recording.replay.loaded import LoadedRecording, Material
 
 DRAWN = ("z", "theta", "p", "left_z", "right_z")
 """Fields of a tick that the display draws."""
@@ -17,7 +17,7 @@ DRAWN = ("z", "theta", "p", "left_z", "right_z")
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 
-def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
+def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> LoadedRecording:
     """Read a whole recording."""
     with Recording(path) as recording:
         parts = [np.empty(0, TICK)]
@@ -25,7 +25,7 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
             parts.append(rows)
             tell(sum(map(len, parts)))
         rows = drawable(np.concatenate([part.view(_ROW_BYTES) for part in parts]).view(TICK))
-        return Reel(Material(path.name, recording.config_text, rows, recording.events()))
+        return LoadedRecording(Material(path.name, recording.config_text, rows, recording.events()))
 
 
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:

@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 from typing import Literal
 
 from netboard.base.tick import TICK_SECONDS
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 
 Sync = Literal["time", "trial"]
 """Common points: the start of the block, or of each trial."""
@@ -66,9 +66,9 @@ def _last(own: Sequence[float], part: int) -> float:
     return own[part + 1] if part + 2 == len(own) else max(own[part + 1] - TICK_SECONDS, own[part])
 
 
-def pair(reels: Sequence[Reel], sync: Sync) -> Pairing:
+def pair(recordings: Sequence[LoadedRecording], sync: Sync) -> Pairing:
     """Align recordings."""
-    return divide([_divisions(reel, _shared(reels) if sync == "trial" else ()) for reel in reels])
+    return divide([_divisions(recording, _shared(recordings) if sync == "trial" else ()) for recording in recordings])
 
 
 def divide(own: Sequence[Sequence[float]]) -> Pairing:
@@ -84,12 +84,14 @@ def divide(own: Sequence[Sequence[float]]) -> Pairing:
     return Pairing(tuple(map(tuple, own)), (0.0, *accumulate(longest)))
 
 
-def _shared(reels: Sequence[Reel]) -> tuple[int, ...]:
+def _shared(recordings: Sequence[LoadedRecording]) -> tuple[int, ...]:
     """Return the trials that all recordings have."""
-    return tuple(number for number in reels[0].trials if all(number in reel.trials for reel in reels))
+    return tuple(
+        number for number in recordings[0].trials if all(number in recording.trials for recording in recordings)
+    )
 
 
-def _divisions(reel: Reel, trials: Sequence[int]) -> tuple[float, ...]:
+def _divisions(recording: LoadedRecording, trials: Sequence[int]) -> tuple[float, ...]:
     """Return the common points of a recording: the starts of these trials, or that of the block."""
-    begins = [found[0] for number in trials if (found := reel.trial(number)) is not None]
-    return (0.0, *(begins or [reel.begin]), reel.length)
+    begins = [found[0] for number in trials if (found := recording.trial(number)) is not None]
+    return (0.0, *(begins or [recording.begin]), recording.length)

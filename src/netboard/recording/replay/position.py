@@ -96,7 +96,7 @@ class Playback:
         if loop is not None:
             loop = self._inside(loop[0]), self._inside(loop[1])
             if not loop[0] < loop[1]:
-                raise ValueError("a loop needs some length")
+                raise ValueError("expected a loop longer than 0 s")
         return replace(self.now(now), loop=loop)
 
 

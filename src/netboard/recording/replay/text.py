@@ -8,7 +8,7 @@ from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.integrity.verification import Verification
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import clock
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
@@ -24,14 +24,14 @@ def summary_tables(summary: Summary) -> RenderableType:
     return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
 
 
-def verdict_line(verdict: Verification) -> str:
+def verification_line(result: Verification) -> str:
     """Return the result of a verification in one line, with rich markup."""
-    gaps = f", across {verdict.gaps} gaps" if verdict.gaps else ""
-    if verdict.identical:
-        return f"[green]verified: all {verdict.checked} ticks are identical to the bit{gaps}[/green]"
+    gaps = f", across {result.gaps} gaps" if result.gaps else ""
+    if result.identical:
+        return f"[green]verified: all {result.checked} ticks are identical to the bit{gaps}[/green]"
     return (
-        f"[red]not identical: tick {verdict.tick}, {verdict.field}: recorded {verdict.recorded!r}, "
-        f"computed {verdict.computed!r} (first difference, after {verdict.checked} ticks{gaps})[/red]"
+        f"[red]not identical: tick {result.tick}, {result.field}: recorded {result.recorded!r}, "
+        f"computed {result.computed!r} (first difference, after {result.checked} ticks{gaps})[/red]"
     )
 
 
@@ -91,10 +91,12 @@ def _counts(summary: Summary) -> FittedTable:
     return table
 
 
-def marks_table(reel: Reel) -> FittedTable:
+def marks_table(recording: LoadedRecording) -> FittedTable:
     """Return a table of trials and events with their times."""
-    table = FittedTable(*numbers("time", "tick", "trial"), "kind", "what", title=f"{reel.name}: {clock(reel.length)}")
-    for mark in reel.marks:
+    table = FittedTable(
+        *numbers("time", "tick", "trial"), "kind", "what", title=f"{recording.name}: {clock(recording.length)}"
+    )
+    for mark in recording.marks:
         style = "bold" if mark.kind == "trial" else ""
         table.add_row(f"{mark.time:.3f} s", str(mark.tick), str(mark.trial), mark.kind, mark.label, style=style)
     return table

@@ -367,7 +367,9 @@ def read_lines(data: bytes, source: str) -> Lines:
         torn = lines.pop() + b"\n"
     found = [_read(line, f"{source}, line {number}") for number, line in enumerate(lines, start=1)]
     if not found:
-        raise RecordingError(f"{source}: holds no whole line, so nothing was done in it: delete it and begin anew")
+        raise RecordingError(
+            f"{source}: has no complete line, so nothing was recorded in it; delete it and start the session again"
+        )
     header, *entries = found
     if not isinstance(header, Header):
         raise RecordingError(f'{source}, line 1: found "{_NAMES[type(header)]}", expected the header of a journal')
@@ -396,7 +398,7 @@ def _read(line: bytes, where: str) -> Any:
     if name == "header" and said.get("format") != FORMAT:
         raise RecordingError(
             f"{where}: has format version {said.get('format')}, this netboard reads version {FORMAT}; "
-            f"go on with netboard {said.get('netboard', 'of its own version')}"
+            f"continue with netboard {said.get('netboard', 'of its own version')}"
         )
     if not isinstance(name, str) or name not in KINDS:
         raise RecordingError(f"{where}: found the entry {name!r}, expected one of {', '.join(KINDS)}")

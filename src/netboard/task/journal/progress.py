@@ -166,7 +166,7 @@ class _Reader:
             case Veto(block=number, trial=trial):
                 so_far = self._present(number)
                 if trial not in so_far.repeats.asked:
-                    raise ValueError(f"a veto of the repeat of trial {trial}, which nobody has asked for")
+                    raise ValueError(f"a veto of the repeat of trial {trial}, which was not requested")
                 so_far.repeats = so_far.repeats.veto(trial)
             case BlockEnded(block=number, how=how):
                 self.interrupt()
@@ -187,18 +187,18 @@ class _Reader:
         if number not in self.blocks:
             raise ValueError(f"block {number}, and the plan has blocks {min(self.blocks)} to {max(self.blocks)}")
         if self.blocks[number].over:
-            raise ValueError(f"block {number} begins, and it is over already")
+            raise ValueError(f"block {number} begins, although it is over")
         for other, so_far in self.blocks.items():
             if other < number and not so_far.finished:
                 if not so_far.stopped:
-                    raise ValueError(f"block {number} begins, and block {other} is not over")
+                    raise ValueError(f"block {number} begins before the end of block {other}")
                 so_far.over = True
         self.blocks[number].begun, self.blocks[number].stopped = True, False
 
     def _present(self, number: int) -> _BlockSoFar:
         so_far = self.blocks.get(number)
         if so_far is None or not so_far.begun or so_far.over:
-            raise ValueError(f"something of block {number}, which is not the one that goes on")
+            raise ValueError(f"an entry of block {number}, which is not the current block")
         return so_far
 
     def _number(self, entry: AttemptBegan | AttemptEnded) -> _BlockSoFar:

@@ -34,9 +34,11 @@ def require_same_plan(header: Header, now: Header, source: str) -> None:
     }
     problems = _differences(header, now, words)
     if header.study_digest != now.study_digest:
-        problems.append("the text of the study has changed since")
+        problems.append("the text of the study has changed")
     elif not problems and header.plan_digest != now.plan_digest:
-        problems.append("the same study makes another plan now: this netboard orders blocks in another way")
+        problems.append(
+            "the same study now gives another plan, because this version of netboard orders blocks differently"
+        )
     if problems:
         raise RecordingError("\n".join(f"{source}: cannot be resumed: {problem}" for problem in problems))
 
@@ -56,7 +58,7 @@ def changes(header: Header, now: Header) -> tuple[str, ...]:
     """
     found = _differences(header, now, {"netboard": "version of netboard", "consent": "consent"})
     if header.config_digest != now.config_digest:
-        found.append("the rig's configuration has changed since")
+        found.append("the rig's configuration has changed")
     return tuple(found)
 
 
@@ -64,7 +66,7 @@ def _differences(header: Header, now: Header, words: dict[str, str]) -> list[str
     """Describe the fields in which two headers differ."""
     both = [(word, getattr(header, name), getattr(now, name)) for name, word in words.items()]
     return [
-        f"{word}: it was begun with {_said(then)}, and this is {_said(new)}" for word, then, new in both if then != new
+        f"{word}: {_said(then)} when the session began, {_said(new)} now" for word, then, new in both if then != new
     ]
 
 

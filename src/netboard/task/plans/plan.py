@@ -334,3 +334,35 @@ def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:
 def _in_language(texts: dict[str, str], language: str) -> str:
     """Return a text in the display's language, else in English, else in the first language."""
     return texts.get(language) or texts.get("en") or next(iter(texts.values()))
+
+
+def blocks_of(config: Config, study: Study, seed: int, dyad: int) -> list[Config]:
+    """Return the configuration of each block of a dyad, in order, with the names of session and dyad."""
+    plan = plan_of(study, seed, dyad, (config.session.hand_a, config.session.hand_b))
+    rig = seated(config, plan)
+    return [
+        config_of(
+            replace(rig, session=replace(rig.session, name=f"S{session.number:02d}", dyad=f"D{dyad:02d}")),
+            session,
+            block.number,
+        )
+        for session in plan.sessions
+        for block in session.blocks
+    ]
+
+
+def shortened(blocks: list[Config], most: int | None, trials: int | None) -> Iterator[Config]:
+    """Yield only the first blocks, with fewer trials each.
+
+    Parameters
+    ----------
+    most : int or None
+        Number of blocks to keep; None for all [1].
+    trials : int or None
+        Most trials per block; None for no limit [1].
+    """
+    kept = blocks[:most]
+    for config in kept:
+        count = config.block.trials if trials is None else min(trials, config.block.trials)
+        catch = tuple(trial for trial in config.block.catch if trial <= count)
+        yield replace(config, block=replace(config.block, blocks=len(kept), trials=count, catch=catch))

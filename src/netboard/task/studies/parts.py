@@ -93,8 +93,10 @@ class Factor:
             "order and so on, one level for a whole dyad, or drawn trial by trial within each block"
         ),
     ] = "alternate"
-    type: Annotated[FactorType, about("what its levels are; auto: as what they set is")] | Literal["auto"] = "auto"
-    unit: Annotated[str, about("unit of a numeric factor; empty: that of what its levels set")] = ""
+    type: (
+        Annotated[FactorType, about("type of its levels; auto: the type of the key that they set")] | Literal["auto"]
+    ) = "auto"
+    unit: Annotated[str, about("unit of a numeric factor; empty: the unit of the key that its levels set")] = ""
     levels: Annotated[dict[str, Level], about("its levels by name, each with what differs")] = field(
         default_factory=dict
     )
@@ -110,21 +112,23 @@ class Kind(Changes):
         about("who performs it: the dyad, one participant alone, or both alone, one after the other"),
     ] = "dyad"
     role: (
-        Annotated[Role, about("what its trials are for: an analysis takes test trials; auto: by its name, else test")]
+        Annotated[Role, about("purpose of its trials: analyses use test trials; auto: from its name, else test")]
         | Literal["auto"]
     ) = "auto"
     other_hand: Annotated[
         Literal["own", "still", "robot"],
-        about("who moves the other hand of one alone: he himself (bimanual), nobody, or a simulated partner"),
+        about("who moves the other hand of a person alone: the same person (bimanual), nobody, or a simulated partner"),
     ] = "own"
     factors: Annotated[tuple[str, ...], about('factors that vary over its blocks; "all": every one', strict=False)] = (
         ALL,
     )
     catch: Annotated[
         float,
-        about("catch trials, in which nothing is felt: below 1 a share, from 1 on how many", "1", ge=0, le=1000),
+        about("catch trials, without haptic feedback: below 1 the share, from 1 on the number", "1", ge=0, le=1000),
     ] = 0.0
-    catch_after: Annotated[int, about("so many trials of a block are never catch trials", "1", ge=0, le=10_000)] = 1
+    catch_after: Annotated[
+        int, about("number of first trials in a block that are never catch trials", "1", ge=0, le=10_000)
+    ] = 1
 
     def people(self) -> tuple[Literal["A", "B", "dyad"], ...]:
         """Return the performers of the blocks of one step, in turn."""
@@ -143,7 +147,7 @@ class Questionnaire:
     """A questionnaire that the operator is reminded of."""
 
     __pydantic_config__ = NO_EXTRAS
-    text: Annotated[str, about("what the operator is shown: words, or a web address", min_length=1)]
+    text: Annotated[str, about("text or web address that the operator sees", min_length=1)]
     after: Annotated[
-        tuple[str, ...], about('kinds of blocks after which it comes; "session": after the last block', strict=False)
+        tuple[str, ...], about('kinds of blocks that it follows; "session": after the last block', strict=False)
     ] = (SESSION,)

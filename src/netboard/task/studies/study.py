@@ -207,9 +207,9 @@ def _found(value: object) -> str:
 def _contradictions(study: Study) -> Iterator[str]:
     """Find parts that are each valid but contradict each other."""
     if not study.kinds:
-        yield "[kinds]: there is none, expected at least one kind of block, such as [kinds.dyadic]"
+        yield "[kinds]: found none, expected at least one kind of block, such as [kinds.dyadic]"
     if not study.orders:
-        yield '[orders]: there is none, expected at least one, such as main = "4 dyadic"'
+        yield '[orders]: found none, expected at least one, such as main = "4 dyadic"'
     for name in study.order:
         if name not in study.orders:
             yield f'order: found "{name}", {_expected(name, study.orders)}'
@@ -219,7 +219,7 @@ def _contradictions(study: Study) -> Iterator[str]:
         if len(factor.levels) < 2:
             yield f"[factors.{name}] levels: found {len(factor.levels)}, expected two or more"
         if name == ALL:
-            yield f"[factors.{name}]: expected another name; this one means every factor"
+            yield f"[factors.{name}]: expected another name; this one stands for all factors"
         yield from (f"[factors.{name}] {problem}" for problem in _factor_problems(factor))
     for name, questionnaire in study.questionnaires.items():
         for kind in questionnaire.after:
@@ -259,14 +259,14 @@ def _factor_problems(factor: Factor) -> Iterator[str]:
         if set_here := sorted(_keys(changes) - {IN_TRIALS}):
             yield f"levels.{level}: sets {', '.join(set_here)}; within a block only {IN_TRIALS} can differ"
         if changes.instructions:
-            yield f"levels.{level} instructions: there are some, expected none for a factor within a block"
+            yield f"levels.{level} instructions: found some, expected none for a factor within a block"
 
 
 def _kind_problems(study: Study, name: str) -> Iterator[str]:
     """Find the problems of a kind of block."""
     kind = study.kinds[name]
     if name == SESSION:
-        yield ": expected another name; this one means the end of a session"
+        yield ": expected another name; this one stands for the end of a session"
     for factor in kind.factors:
         if factor not in (*study.factors, ALL):
             yield f' factors: found "{factor}", {_expected(factor, (*study.factors, ALL))}'
@@ -283,7 +283,7 @@ def _kind_problems(study: Study, name: str) -> Iterator[str]:
         yield " block.left, block.right: are set, expected neither where one participant performs (see other_hand)"
     limits = [{**study.block, **kind.block}, *(level.block for f in varied.values() for level in f.levels.values())]
     if study.trials_per_condition and varied and any(block.get("duration", 0) > 0 for block in limits):
-        yield " block.duration: a time limit promises no number of trials, expected trials_per_condition = 0 with it"
+        yield " block.duration: with a time limit the number of trials is unknown; expected trials_per_condition = 0"
 
 
 def _keys(changes: Changes) -> set[str]:

@@ -1,4 +1,4 @@
-"""Flag attempts of doubtful quality by rules declared in advance (`netboard.base.tables.experiment.Quality`).
+"""Flag attempts by quality rules declared in advance (`netboard.base.tables.experiment.Quality`).
 
 A `Referee` gets the rows of the ticks, in chunks of any size, and the frames that the displays have painted. At the
 tick that ends an attempt it returns a `Verdict` with the flags that apply, from `WORDS`. The server does this live;

@@ -78,7 +78,7 @@ class Repeats:
             done = f"trials 1 to {present - 1} are done" if present > 1 else "no trial is done"
             return f"trial {trial} cannot be repeated: {done} in this block"
         if trial in self._to_come(present):
-            return f"trial {trial} will be repeated already"
+            return f"trial {trial} is already to be repeated"
         return ""
 
     def why_not_veto(self, trial: int, present: int) -> str:
@@ -94,8 +94,8 @@ class Repeats:
         if trial in self._to_come(present):
             return ""
         if trial in self.asked:
-            return f"the repeat of trial {trial} has begun: skip it, if it is not wanted"
-        return f"no repeat of trial {trial} has been asked for"
+            return f"the repeat of trial {trial} has begun; skip it to leave it out"
+        return f"no repeat of trial {trial} was requested"
 
     def newest(self, present: int) -> int:
         """Return the trial whose repeat was requested last and has not begun; 0 for none [1].

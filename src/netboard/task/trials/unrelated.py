@@ -78,7 +78,5 @@ def unrelated_of(ticks: NDArray[Any], source: str) -> Unrelated:
         if np.isfinite(forces).all() and forces.any():
             found.append(forces)
     if not found:
-        raise ConfigError(
-            f"[block] unrelated: {source}: found no successful trial in which anything was felt, expected one or more"
-        )
+        raise ConfigError(f"[block] unrelated: {source}: found no successful trial with forces, expected at least one")
     return Unrelated(tuple(found))

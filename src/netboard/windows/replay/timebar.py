@@ -13,7 +13,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QWidget
 
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import KINDS, Mark
 from netboard.recording.replay.pairing import Pairing
 from netboard.windows.participant.scene import COLOURS, Colours, Mood
@@ -57,15 +57,15 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
 
     sought = Signal(float)
 
-    def __init__(self, reels: Sequence[Reel], pairing: Pairing, parent: QWidget | None = None) -> None:
+    def __init__(self, recordings: Sequence[LoadedRecording], pairing: Pairing, parent: QWidget | None = None) -> None:
         self._colours: Colours = COLOURS[Mood.RUN]
         super().__init__(parent, background=self._colours.background)
-        self.setFixedHeight(HEIGHT * len(reels) + AXIS_HEIGHT)
+        self.setFixedHeight(HEIGHT * len(recordings) + AXIS_HEIGHT)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setAntialiasing(True)
-        self._set_up(max(pairing.length, 1e-3), len(reels))
-        for which, reel in enumerate(reels):
-            self._draw_lane(reel, pairing, which, len(reels))
+        self._set_up(max(pairing.length, 1e-3), len(recordings))
+        for which, recording in enumerate(recordings):
+            self._draw_lane(recording, pairing, which, len(recordings))
         self._loop = pg.LinearRegionItem(brush=pg.mkBrush("#ffffff18"), pen=pg.mkPen(None), movable=False)
         self._loop.setVisible(False)
         self.addItem(self._loop, ignoreBounds=True)
@@ -88,29 +88,29 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         for below in range(1, lanes):
             self.addItem(pg.InfiniteLine(-below * LANE, angle=0, pen=pg.mkPen(self._colours.guide)), ignoreBounds=True)
 
-    def _draw_lane(self, reel: Reel, pairing: Pairing, which: int, lanes: int) -> None:
+    def _draw_lane(self, recording: LoadedRecording, pairing: Pairing, which: int, lanes: int) -> None:
         """Draw target, marks and ball of one recording."""
-        times = np.linspace(0.0, pairing.length, min(MOST_POINTS, len(reel.ticks)))
-        rows = np.array([reel.at(pairing.at(time)[which]) for time in times.tolist()])
-        geometry = reel.config.geometry
+        times = np.linspace(0.0, pairing.length, min(MOST_POINTS, len(recording.ticks)))
+        rows = np.array([recording.at(pairing.at(time)[which]) for time in times.tolist()])
+        geometry = recording.config.geometry
         height = LANE * (1 - FREE) / geometry.board_length
         middle = -LANE * (which + 1) + LANE * (1 - FREE) / 2
-        target = middle + reel.ticks["target"][rows] * geometry.target_distance * height
+        target = middle + recording.ticks["target"][rows] * geometry.target_distance * height
         half = geometry.target_width / 2 * height
         edges = [pg.PlotDataItem(times, target + edge) for edge in (-half, half)]
         self.addItem(pg.FillBetweenItem(*edges, brush=pg.mkBrush(self._colours.target)), ignoreBounds=True)
         bottom, top = (lanes - 1 - which) / lanes, 1 / lanes
-        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success covers the next trial
+        for mark in sorted(recording.marks, key=lambda one: KINDS.index(one.kind)):  # a success covers the next trial
             colour, style, (low, high) = MARKS[mark.kind]
             span = bottom + low * top, bottom + high * top
             pen = pg.mkPen(colour, width=1.5, style=style)
             line = pg.InfiniteLine(pairing.of(which, mark.time), pen=pen)
             line.setSpan(*span)
             self.addItem(line, ignoreBounds=True)
-        if reel.config.physics.balls:
-            ball = middle + reel.ticks["p"][rows] * height
+        if recording.config.physics.balls:
+            ball = middle + recording.ticks["p"][rows] * height
             self.plot(times, ball, pen=pg.mkPen(self._colours.ball, width=1.5))
-        self._number([mark for mark in reel.marks if mark.kind == "trial"], pairing, which)
+        self._number([mark for mark in recording.marks if mark.kind == "trial"], pairing, which)
 
     def _number(self, trials: list[Mark], pairing: Pairing, which: int) -> None:
         """Write the trial numbers, as many as fit."""

@@ -9,7 +9,7 @@ from math import isfinite
 
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import REPLAY_COMMANDS
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import ANY, KINDS, near
 from netboard.recording.replay.position import SPEEDS, Playback, clock
 
@@ -24,61 +24,61 @@ MOST = 2**53
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ReplayCommand:
     """A command to carry out."""
 
     name: str
     argument: str
 
 
-KEYS: dict[str, Order] = {
-    " ": Order("toggle", ""),
-    "left": Order("seek", "-1"),
-    "right": Order("seek", "+1"),
-    "up": Order("faster", "1"),
-    "down": Order("faster", "-1"),
-    "+": Order("faster", "1"),
-    "-": Order("faster", "-1"),
-    ".": Order("step", "1"),
-    ",": Order("step", "-1"),
-    "n": Order("next", ""),
-    "p": Order("previous", ""),
-    "l": Order("loop", ""),
-    "q": Order("end", ""),
+KEYS: dict[str, ReplayCommand] = {
+    " ": ReplayCommand("toggle", ""),
+    "left": ReplayCommand("seek", "-1"),
+    "right": ReplayCommand("seek", "+1"),
+    "up": ReplayCommand("faster", "1"),
+    "down": ReplayCommand("faster", "-1"),
+    "+": ReplayCommand("faster", "1"),
+    "-": ReplayCommand("faster", "-1"),
+    ".": ReplayCommand("step", "1"),
+    ",": ReplayCommand("step", "-1"),
+    "n": ReplayCommand("next", ""),
+    "p": ReplayCommand("previous", ""),
+    "l": ReplayCommand("loop", ""),
+    "q": ReplayCommand("end", ""),
 }
 """Commands of the terminal's keys."""
 
 
-def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
+def run_command(playback: Playback, recording: LoadedRecording, now: float, command: ReplayCommand) -> Playback:
     """Carry out a command."""
-    deed = _DEEDS.get(order.name)
-    if deed is None:
+    run = _COMMANDS.get(command.name)
+    if run is None:
         known = ", ".join(sorted(KNOWN))
-        raise NetboardError(f"cannot {order.name}: this is a replay of {reel.name}; it knows {known}")
-    return deed(playback, reel, now, order.argument.strip().lower())
+        raise NetboardError(f"cannot {command.name}: this is a replay of {recording.name}; expected one of {known}")
+    return run(playback, recording, now, command.argument.strip().lower())
 
 
-def in_words(playback: Playback, reel: Reel, now: float) -> str:
+def in_words(playback: Playback, recording: LoadedRecording, now: float) -> str:
     """Describe the position and state of a replay."""
     here = playback.now(now)
     told = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
     told.append(f"{here.speed:g} times real time")
     if here.loop is not None:
         told.append(f"loop {clock(here.loop[0])} to {clock(here.loop[1])}")
-    return ", ".join((*told, reel.where(here.position)))
+    return ", ".join((*told, recording.where(here.position)))
 
 
-def _seek(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+def _seek(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
     what, _, which = argument.partition(" ")
     if what == "trial":
-        return playback.seek(now, _trial(reel, which)[0])
+        return playback.seek(now, _trial(recording, which)[0])
     if what == "tick":
-        return playback.seek(now, reel.time_of(_whole("seek tick", which)))
+        return playback.seek(now, recording.time_of(_whole("seek tick", which)))
     position = _number("seek", argument, "seconds (12.5), seconds from here (+2, -2), trial N or tick N")
     return playback.move(now, position) if argument[0] in "+-" else playback.seek(now, position)
 
 
-def _speed(playback: Playback, _reel: Reel, now: float, argument: str) -> Playback:
+def _speed(playback: Playback, _recording: LoadedRecording, now: float, argument: str) -> Playback:
     least, most = SPEEDS[0], SPEEDS[-1]
     speed = _number("speed", argument, f"{least:g} to {most:g} times real time")
     if not least <= speed <= most:
@@ -86,18 +86,18 @@ def _speed(playback: Playback, _reel: Reel, now: float, argument: str) -> Playba
     return playback.pace(now, speed)
 
 
-def _faster(playback: Playback, _reel: Reel, now: float, argument: str) -> Playback:
+def _faster(playback: Playback, _recording: LoadedRecording, now: float, argument: str) -> Playback:
     return playback.faster(now, int(argument))
 
 
-def _step(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+def _step(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
     back, _, count = argument.partition(" ")
     ticks = -_whole("step back", count or "1") if back == "back" else _whole("step", argument or "1")
     here = playback.pause(now)
-    return here.seek(now, reel.stepped(here.position, ticks))
+    return here.seek(now, recording.stepped(here.position, ticks))
 
 
-def _loop(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+def _loop(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
     words = argument.split()
     match words:
         case [] if playback.loop is not None:
@@ -105,9 +105,9 @@ def _loop(playback: Playback, reel: Reel, now: float, argument: str) -> Playback
         case ["off"]:
             return playback.repeat(now, None)
         case [] | ["on"]:
-            part = (0.0, reel.length)
+            part = (0.0, recording.length)
         case ["trial", which]:
-            part = _trial(reel, which)
+            part = _trial(recording, which)
         case [begin, end]:
             part = _number("loop", begin, _LOOP), _number("loop", end, _LOOP)
         case _:
@@ -115,7 +115,7 @@ def _loop(playback: Playback, reel: Reel, now: float, argument: str) -> Playback
     try:
         looped = playback.repeat(now, part)
     except ValueError:
-        raise NetboardError(f'loop: found "{argument}", expected two times within {reel.length:g} s') from None
+        raise NetboardError(f'loop: found "{argument}", expected two times within {recording.length:g} s') from None
     inside = looped.loop is not None and looped.loop[0] <= looped.position < looped.loop[1]
     return looped if inside else looped.seek(now, part[0])
 
@@ -123,15 +123,15 @@ def _loop(playback: Playback, reel: Reel, now: float, argument: str) -> Playback
 _LOOP = "on, off, trial N, or two times in seconds"
 
 
-def _go(back: bool) -> Callable[[Playback, Reel, float, str], Playback]:
+def _go(back: bool) -> Callable[[Playback, LoadedRecording, float, str], Playback]:
     """Return the command that goes to the next or previous mark."""
 
-    def go(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+    def go(playback: Playback, recording: LoadedRecording, now: float, argument: str) -> Playback:
         kind = argument or "trial"
         where = "before" if back else "after"
         if kind not in (*KINDS, ANY):
             raise NetboardError(f'found "{argument}", expected {ANY} or one of its kinds: {", ".join(KINDS)}')
-        mark = near(reel.marks, playback.at(now), kind, back=back)
+        mark = near(recording.marks, playback.at(now), kind, back=back)
         if mark is None:
             raise NetboardError(f"no {kind} comes {where} {clock(playback.at(now))}")
         return playback.seek(now, mark.time)
@@ -139,11 +139,11 @@ def _go(back: bool) -> Callable[[Playback, Reel, float, str], Playback]:
     return go
 
 
-def _trial(reel: Reel, which: str) -> tuple[float, float]:
-    found = reel.trial(_whole("trial", which))
+def _trial(recording: LoadedRecording, which: str) -> tuple[float, float]:
+    found = recording.trial(_whole("trial", which))
     if found is None:
-        known = f"trials {reel.trials[0]} to {reel.trials[-1]}" if reel.trials else "no trial"
-        raise NetboardError(f"there is no trial {which}: {reel.name} has {known}")
+        known = f"trials {recording.trials[0]} to {recording.trials[-1]}" if recording.trials else "no trial"
+        raise NetboardError(f"there is no trial {which}: {recording.name} has {known}")
     return found
 
 
@@ -167,12 +167,12 @@ def _number(name: str, text: str, expected: str) -> float:
     return number
 
 
-_DEEDS: dict[str, Callable[[Playback, Reel, float, str], Playback]] = {
-    "play": lambda playback, _reel, now, _argument: playback.play(now),
-    "resume": lambda playback, _reel, now, _argument: playback.play(now),
-    "pause": lambda playback, _reel, now, _argument: playback.pause(now),
-    "toggle": lambda playback, _reel, now, _argument: playback.toggle(now),
-    "end": lambda playback, _reel, now, _argument: playback.pause(now),
+_COMMANDS: dict[str, Callable[[Playback, LoadedRecording, float, str], Playback]] = {
+    "play": lambda playback, _recording, now, _argument: playback.play(now),
+    "resume": lambda playback, _recording, now, _argument: playback.play(now),
+    "pause": lambda playback, _recording, now, _argument: playback.pause(now),
+    "toggle": lambda playback, _recording, now, _argument: playback.toggle(now),
+    "end": lambda playback, _recording, now, _argument: playback.pause(now),
     "seek": _seek,
     "speed": _speed,
     "faster": _faster,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from made_recordings import CONFIG, reel_of, two_trials
+from made_recordings import CONFIG, loaded_recording, two_trials
 from netboard.base.config import SIDES
 from netboard.base.errors import RecordingError
 from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
@@ -15,7 +15,7 @@ from netboard.recording.replay.marks import ANY, near
 from netboard.stage.curtain import make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
 
-REEL = reel_of(two_trials())
+RECORDING = loaded_recording(two_trials())
 FIRST_NS = 5_000_000_000
 
 
@@ -24,7 +24,7 @@ def event(tick, what, /, **details):
 
 
 def test_trials_and_what_came_of_them_are_marked():
-    assert [(mark.time, mark.kind, mark.label) for mark in REEL.marks] == [
+    assert [(mark.time, mark.kind, mark.label) for mark in RECORDING.marks] == [
         (pytest.approx(0.501), "trial", "trial 1: success in 3.000 s"),
         (pytest.approx(1.0), "release", "level 1"),
         (pytest.approx(4.0), "success", "held 1"),
@@ -44,7 +44,7 @@ def test_notes_events_and_holes_are_marked_and_what_the_ticks_tell_is_not_told_t
         event(2300, "stood_still", milliseconds="31"),
         event(4100, "attempt_ended", trial="1", attempt="1", outcome="success", flags="late"),
     )
-    told = [(mark.tick, mark.kind, mark.label) for mark in reel_of(ticks, *events).marks]
+    told = [(mark.tick, mark.kind, mark.label) for mark in loaded_recording(ticks, *events).marks]
     assert [mark for mark in told if mark[1] in ("note", "event", "gap")] == [
         (2050, "note", "he laughs"),
         (2200, "note", "she too"),
@@ -55,7 +55,7 @@ def test_notes_events_and_holes_are_marked_and_what_the_ticks_tell_is_not_told_t
 
 def test_the_next_mark_and_the_one_before():
     def to(position, kind, *, back=False):
-        found = near(REEL.marks, position, kind, back=back)
+        found = near(RECORDING.marks, position, kind, back=back)
         return None if found is None else found.time
 
     assert to(0.0, "trial") == pytest.approx(0.501)
@@ -68,62 +68,62 @@ def test_the_next_mark_and_the_one_before():
 
 
 def test_a_row_holds_from_its_tick_to_the_next():
-    assert [REEL.at(position) for position in (-1.0, 0.0, 0.0009, 0.001, 0.0015, 9.999, 99.0)] == [
+    assert [RECORDING.at(position) for position in (-1.0, 0.0, 0.0009, 0.001, 0.0015, 9.999, 99.0)] == [
         *(0, 0, 0, 1, 1, 9999, 9999)
     ]
 
 
 @given(st.integers(0, 9999), st.integers(-20_000, 20_000))
 def test_steps_are_ticks(index, count):
-    here = float(REEL.times[index])
-    assert REEL.at(here) == index
-    assert REEL.at(REEL.stepped(here, count)) == min(max(index + count, 0), 9999)
+    here = float(RECORDING.times[index])
+    assert RECORDING.at(here) == index
+    assert RECORDING.at(RECORDING.stepped(here, count)) == min(max(index + count, 0), 9999)
 
 
 def test_trials_are_found_by_their_number():
-    assert REEL.trials == (1, 2)
-    assert REEL.trial(1) == pytest.approx((0.501, 4.001))
-    assert REEL.trial(3) is None
-    assert REEL.time_of(1100) == pytest.approx(1.0)
+    assert RECORDING.trials == (1, 2)
+    assert RECORDING.trial(1) == pytest.approx((0.501, 4.001))
+    assert RECORDING.trial(3) is None
+    assert RECORDING.time_of(1100) == pytest.approx(1.0)
 
 
 def test_a_hole_shows_what_was_before_it_and_is_named():
-    reel = reel_of(np.delete(two_trials(), slice(3000, 3200)))
-    assert reel.at(3.1) == 2999
-    assert reel.gap_at(3.1) == "ticks 3100 to 3299 are missing"
-    assert "ticks 3100 to 3299 are missing" in reel.where(3.1)
-    assert reel.gap_at(2.999) == reel.gap_at(3.2) == ""
-    assert reel.stepped(3.1, 1) == pytest.approx(3.2)
-    one = reel_of(np.delete(two_trials(), 3000))
+    recording = loaded_recording(np.delete(two_trials(), slice(3000, 3200)))
+    assert recording.at(3.1) == 2999
+    assert recording.gap_at(3.1) == "ticks 3100 to 3299 are missing"
+    assert "ticks 3100 to 3299 are missing" in recording.where(3.1)
+    assert recording.gap_at(2.999) == recording.gap_at(3.2) == ""
+    assert recording.stepped(3.1, 1) == pytest.approx(3.2)
+    one = loaded_recording(np.delete(two_trials(), 3000))
     assert one.gap_at(3.0) == "tick 3100 is missing"
 
 
 def test_the_best_time_counts_from_the_tick_of_the_success_on():
     assert two_trials()["completion"][4000] == 0.0, "a row has the state that its tick found"
-    assert (REEL.best(3999), REEL.best(4000), REEL.best(9999)) == (None, 3.0, 3.0)
-    assert reel_of(two_trials()[4001:]).best(0) == 3.0
+    assert (RECORDING.best(3999), RECORDING.best(4000), RECORDING.best(9999)) == (None, 3.0, 3.0)
+    assert loaded_recording(two_trials()[4001:]).best(0) == 3.0
 
 
 def test_the_rest_runs_from_the_beginning_of_the_block_while_nothing_is_on():
     config = replace(CONFIG, block=replace(CONFIG.block, rest=0.4))
-    reel = reel_of(two_trials(), event(100, BLOCK_BEGAN), config=config)
-    assert reel.rest(100) == pytest.approx(0.3)
-    assert reel.rest(450) is None
-    assert reel_of(two_trials(), config=config).rest(100) is None, "nobody knows when the block began"
+    recording = loaded_recording(two_trials(), event(100, BLOCK_BEGAN), config=config)
+    assert recording.rest(100) == pytest.approx(0.3)
+    assert recording.rest(450) is None
+    assert loaded_recording(two_trials(), config=config).rest(100) is None, "nobody knows when the block began"
     active = two_trials()
     active["phase"][:500] = Phase.PAUSED
-    assert reel_of(active, event(100, BLOCK_BEGAN), config=config).rest(100) is None
+    assert loaded_recording(active, event(100, BLOCK_BEGAN), config=config).rest(100) is None
 
 
 @given(st.integers(0, 9999), st.sampled_from(SIDES))
 def test_a_view_is_that_of_the_curtain(index, station):
-    view = REEL.view(index, station, 7, 3)
+    view = RECORDING.view(index, station, 7, 3)
     assert view == view_of(make_curtain(CONFIG), two_trials()[index], station, 3.0 if index >= 4000 else None, 7, 3)
     assert (view.left is None) == (station == "right")
 
 
 def test_outcomes_are_those_judged_so_far():
-    judged = reel_of(
+    judged = loaded_recording(
         two_trials(),
         event(4100, "held", completion="2.5"),
         event(4100, "attempt_ended", trial="1", attempt="1", outcome="success", flags="late,lost"),
@@ -137,17 +137,17 @@ def test_outcomes_are_those_judged_so_far():
 
 
 def test_without_verdicts_the_outcomes_are_plain():
-    assert [(row[1], row[3]) for row in REEL.outcomes(9999)] == [
-        (attempt.trial, attempt.outcome) for attempt in REEL.attempts
+    assert [(row[1], row[3]) for row in RECORDING.outcomes(9999)] == [
+        (attempt.trial, attempt.outcome) for attempt in RECORDING.attempts
     ]
 
 
 def test_where_it_is_in_words():
-    assert REEL.where(3.0) == "tick 3100, running, trial 1, last event: level 1"
-    long = reel_of(two_trials(), event(2100, "command", name="note", argument="x" * 5000))
+    assert RECORDING.where(3.0) == "tick 3100, running, trial 1, last event: level 1"
+    long = loaded_recording(two_trials(), event(2100, "command", name="note", argument="x" * 5000))
     assert len(long.where(3.0)) < 200
 
 
 def test_nothing_cannot_be_played():
     with pytest.raises(RecordingError, match="no tick"):
-        reel_of(two_trials()[:0])
+        loaded_recording(two_trials()[:0])
