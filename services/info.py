@@ -12,7 +12,7 @@ from netboard.services.options import RECORDINGS, RecordingFile, examples
 if TYPE_CHECKING:
     from netboard.base.terminal import FittedTable
     from netboard.recording.files.reader import Recording
-    from netboard.recording.integrity.account import Stretch
+    from netboard.recording.integrity.account import NumberRange
     from netboard.task.studies.factors import BlockFactor
     from netboard.task.trials.quality import Verdict
 
@@ -110,7 +110,7 @@ def account_table(path: Path) -> "FittedTable":
     return table
 
 
-def stretch_text(stretch: "Stretch") -> str:
+def stretch_text(stretch: "NumberRange") -> str:
     """Return a range of tick or record numbers, how many they are, and why they are missing."""
     count = stretch.last - stretch.first + 1
     return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")

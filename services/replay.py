@@ -10,7 +10,7 @@ from netboard.services.options import RECORDINGS, ConfigFile, Overrides, Screens
 
 if TYPE_CHECKING:
     from netboard.base.config import Config
-    from netboard.recording.replay.loaded import Reel
+    from netboard.recording.replay.loaded import LoadedRecording
 
 app = typer.Typer()
 
@@ -75,11 +75,11 @@ def replay(
     if verify:
         from netboard.recording.files.reader import Recording
         from netboard.recording.integrity.verification import verify_recording
-        from netboard.recording.replay.text import verdict_line
+        from netboard.recording.replay.text import verification_line
 
         with Recording(path) as recording:
             verdict = verify_recording(recording)
-        console.print(verdict_line(verdict))
+        console.print(verification_line(verdict))
         raise typer.Exit(0 if verdict.identical else 1)
     if headless:
         from netboard.nodes.replay.replay import narrate
@@ -108,7 +108,7 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.replay.replay_server import ReplayServer, printable_line
-    from netboard.recording.replay.orders import KEYS
+    from netboard.recording.replay.commands import KEYS
     from netboard.services.keyboard import Keyboard
 
     authenticator = keys.make_authenticator(config.network)
@@ -127,7 +127,7 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
         )
 
 
-def loaded(path: Path) -> "Reel":
+def loaded(path: Path) -> "LoadedRecording":
     """Read a recording, with a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -10,7 +10,7 @@ from netboard.benchmarks.harness.results import Folder, new_folder
 from netboard.benchmarks.harness.running import run
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 WHOLE, QUICK = (4, 18, 20), (2, 12, 3)

@@ -36,7 +36,7 @@ def rehearse(
     settings = load(config, overrides)
     from netboard.nodes.rehearsal.session import rehearse_blocks
     from netboard.services.studies import load_study
-    from netboard.task.plans.blocks import blocks_of, shortened
+    from netboard.task.plans.plan import blocks_of, shortened
 
     wanted = list(shortened(blocks_of(settings, load_study(study), seed, dyad), blocks, trials))
     code = rehearse_blocks(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)

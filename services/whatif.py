@@ -47,9 +47,8 @@ def whatif(
 
     from netboard.base.config import parse
     from netboard.recording.counterfactual.figure import draw
-    from netboard.recording.counterfactual.file import keep
     from netboard.recording.counterfactual.table import EXPLANATION, as_data, table_of
-    from netboard.recording.counterfactual.what_if import what_if
+    from netboard.recording.counterfactual.what_if import save, what_if
     from netboard.recording.files.reader import Recording
     from netboard.stage.stage import make_stage
 
@@ -69,7 +68,7 @@ def whatif(
         console.print(table_of(found.comparisons, changes))
         console.print("no difference: every bit is the same" if found.identical else EXPLANATION, soft_wrap=True)
     if output is not None:
-        keep(output, found, config, source, recording.name, changes)
+        save(output, found, config, source, recording.name, changes)
     if figure is not None:
         draw(found, changes, shown).savefig(figure, dpi=100)
 

@@ -6,20 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from made_recordings import reel_of, two_trials
+from made_recordings import loaded_recording, two_trials
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
-from netboard.nodes.server.operators import CAUSES
-from netboard.recording.replay.orders import KEYS, KNOWN, Order, in_words, obey
+from netboard.nodes.server.commands import CAUSES
+from netboard.recording.replay.commands import KEYS, KNOWN, ReplayCommand, in_words, run_command
 from netboard.recording.replay.position import Playback
 
-REEL = reel_of(two_trials())
-START = Playback(REEL.length, 2.0)
+RECORDING = loaded_recording(two_trials())
+START = Playback(RECORDING.length, 2.0)
 NOW = 0.0
 
 
 def after(name, argument="", playback=START):
-    return obey(playback, REEL, NOW, Order(name, argument))
+    return run_command(playback, RECORDING, NOW, ReplayCommand(name, argument))
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_play_pause_speed_and_step():
 
 
 def test_loops_come_and_go():
-    assert after("loop").loop == (0.0, REEL.length)
+    assert after("loop").loop == (0.0, RECORDING.length)
     looped = after("loop", "trial 1")
     assert looped.loop == pytest.approx((0.501, 4.001))
     for argument in ("", "off"):
         assert after("loop", argument, looped).loop is None
-    assert after("loop", "on", looped).loop == (0.0, REEL.length)
+    assert after("loop", "on", looped).loop == (0.0, RECORDING.length)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_what_cannot_be_done_is_said(name, argument, words):
 
 @pytest.mark.parametrize("name", sorted((set(COMMANDS) | set(CAUSES)) - set(KNOWN) - {"take"}))
 def test_what_belongs_to_a_live_session_is_refused_in_words(name):
-    with pytest.raises(NetboardError, match=f"cannot {name}: this is a replay of made.mcap; it knows .*seek"):
+    with pytest.raises(NetboardError, match=f"cannot {name}: this is a replay of made.mcap; expected one of .*seek"):
         after(name)
 
 
@@ -103,8 +103,10 @@ def test_every_key_does_something():
 
 
 def test_in_words():
-    assert in_words(START.play(NOW), REEL, 1.0).startswith("playing at 0:03.0 of 0:10.0, 1 times real time, tick 3100")
-    assert "loop 0:00.5 to 0:04.0" in in_words(after("loop", "trial 1"), REEL, 1.0)
+    assert in_words(START.play(NOW), RECORDING, 1.0).startswith(
+        "playing at 0:03.0 of 0:10.0, 1 times real time, tick 3100"
+    )
+    assert "loop 0:00.5 to 0:04.0" in in_words(after("loop", "trial 1"), RECORDING, 1.0)
 
 
 ARGUMENTS = st.one_of(
@@ -124,6 +126,6 @@ def test_no_order_leads_out_of_the_recording(orders):
     for name, argument, wait in orders:
         now += wait
         with suppress(NetboardError):
-            playback = obey(playback, REEL, now, Order(name, argument))
-        assert 0.0 <= playback.at(now) <= REEL.length
-        assert in_words(playback, REEL, now)
+            playback = run_command(playback, RECORDING, now, ReplayCommand(name, argument))
+        assert 0.0 <= playback.at(now) <= RECORDING.length
+        assert in_words(playback, RECORDING, now)

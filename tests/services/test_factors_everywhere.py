@@ -32,7 +32,7 @@ from netboard.recording.integrity.catalogue import entry_of
 from netboard.services.info import provenance_table
 from netboard.services.plan import check_study
 from netboard.services.studies import load_study
-from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import parse_study
 
 FILE = Path(__file__).parents[1] / "data" / "studies" / "mass_by_force.toml"

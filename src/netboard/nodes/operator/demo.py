@@ -22,7 +22,7 @@ from netboard.nodes.operator.launcher import Launcher, free_port
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
-from netboard.recording.replay.text import summary_of, summary_tables, verdict_line
+from netboard.recording.replay.text import summary_of, summary_tables, verification_line
 from netboard.stage.stage import make_stage
 
 PICTURE_AFTER = 8.0
@@ -185,7 +185,7 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
             verdict = verify_recording(recording)
         if len(paths) == 1:
             console.print(summary_tables(summary))
-        console.print(verdict_line(verdict))
+        console.print(verification_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
         console.print(f"recording   {path}")
     for picture in sorted(words.glob("*.png")):

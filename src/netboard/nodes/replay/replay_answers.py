@@ -16,7 +16,7 @@ from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.replay.state import ReplayState
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
 from netboard.nodes.server.attempts import MOST_ROWS
-from netboard.recording.replay.orders import in_words
+from netboard.recording.replay.commands import in_words
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
 

@@ -21,8 +21,8 @@ from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.nodes.replay.replay_answers import ReplayAnswers
 from netboard.nodes.replay.state import ReplayState
-from netboard.recording.replay.loaded import Reel
-from netboard.recording.replay.orders import Order, in_words, obey
+from netboard.recording.replay.commands import ReplayCommand, in_words, run_command
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import Playback
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ class ReplayServer:
 
     def __init__(
         self,
-        reel: Reel,
+        reel: LoadedRecording,
         network: Network,
         context: sockets.Context,
         authenticator: Authenticator | None,
@@ -107,7 +107,9 @@ class ReplayServer:
         )
         self._waiter = poller.Waiter([control.socket])
 
-    def run(self, stopping: Callable[[], bool], keys: Callable[[], Order | None], say: Callable[[str], None]) -> None:
+    def run(
+        self, stopping: Callable[[], bool], keys: Callable[[], ReplayCommand | None], say: Callable[[str], None]
+    ) -> None:
         """Serve until somebody ends it.
 
         Parameters
@@ -155,17 +157,17 @@ class ReplayServer:
     def _grant(self, request: CommandRequest) -> str:
         """Carry out a command and reply to it."""
         command = request.command
-        accepted, words = self._carry_out(Order(command.name, command.argument), request.name)
+        accepted, words = self._carry_out(ReplayCommand(command.name, command.argument), request.name)
         self.control.reply(request, accepted, words[:MOST_LETTERS])
         return words[:MOST_LETTERS]
 
-    def _carry_out(self, order: Order, by: str) -> tuple[bool, str]:
+    def _carry_out(self, order: ReplayCommand, by: str) -> tuple[bool, str]:
         """Carry out an order; return whether it succeeded, and what to say."""
         now, state = now_ns() * 1e-9, self.state
         if order.name == "take":
             return True, "everybody may command a replay"
         try:
-            state.playback = obey(state.playback, state.reel, now, order)
+            state.playback = run_command(state.playback, state.reel, now, order)
         except NetboardError as error:
             return False, str(error)
         self._views.renew()

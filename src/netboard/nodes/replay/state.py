@@ -4,7 +4,7 @@ import uuid
 from dataclasses import dataclass, field
 
 from netboard.base.clock import now_ns
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import Playback
 
 
@@ -18,7 +18,7 @@ class ReplayState:
         Id of this run; not that of the recording, because numbering starts anew.
     """
 
-    reel: Reel
+    reel: LoadedRecording
     playback: Playback
     session: str = field(default_factory=lambda: uuid.uuid4().hex)
 

@@ -127,16 +127,16 @@ _EVENTS = {
 
 _SCAN_TEXTS = {
     "block": "number of the block in the plan, from 1",
-    "part": "number of the file within its block, from 1: a logger that starts anew begins another",
+    "part": "number of the file within its block, from 1: a restarted logger begins another",
     "label": "what people called the block",
     "kind": "kind of block, as in the study",
     "role": "what its trials are for: practice, familiarisation, baseline or test",
     "configuration": "dyadic: two people with one hand each; bimanual: one person with both hands",
     "stylus": "whose stylus, left or right, or both, the subject moved",
-    "force": f"what the hands feel: {FORCE_WORDS}",
-    "force_scale": "what is felt is multiplied by this",
-    "force_delay_ms": "what is felt comes so much later",
-    "catch_trials": "numbers of the trials in which nothing is felt",
+    "force": f"force condition: {FORCE_WORDS}",
+    "force_scale": "factor of the haptic feedback",
+    "force_delay_ms": "delay of the haptic feedback",
+    "catch_trials": "numbers of the trials without haptic feedback",
     "other_hand": "who moves the other end of the board: a subject, own (the other hand), still, or robot",
     "device": "netboard's name for the kind of device",
     "simulated": "true: the movements are those of a simulated person",
@@ -148,7 +148,7 @@ _SCAN_TEXTS = {
 _PERSON_TEXTS = {
     "age": {"Description": "age of the participant; not known to netboard", "Units": "year"},
     "sex": {"Description": "sex of the participant; not known to netboard"},
-    "handedness": {"Description": "dominant hand, as told in the session's form"},
+    "handedness": {"Description": "dominant hand, as entered in the session's form"},
     "simulated": {"Description": "true: no person; all movements are those of a simulated one"},
 }
 

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.base.tick import TICK_SECONDS
-from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import Mark, near
 from netboard.recording.replay.pairing import Sync, pair
 from netboard.recording.replay.position import Playback, clock
@@ -52,7 +52,7 @@ KEYS = (
 class Pane:
     """One recording in the window."""
 
-    def __init__(self, reel: Reel, station: Side, board: BoardView) -> None:
+    def __init__(self, reel: LoadedRecording, station: Side, board: BoardView) -> None:
         self.reel, self.board = reel, board
         self._station = station
         language = reel.config.display.language
@@ -73,7 +73,7 @@ class PlayerWindow(windows.BoardWindow):
 
     def __init__(
         self,
-        reels: Sequence[Reel],
+        reels: Sequence[LoadedRecording],
         station: Side,
         speed: float = 1.0,
         sync: Sync = "time",
@@ -100,7 +100,7 @@ class PlayerWindow(windows.BoardWindow):
         self._frames.timeout.connect(self.refresh)
         self.refresh()
 
-    def _all_marks(self, reels: Sequence[Reel]) -> list[Mark]:
+    def _all_marks(self, reels: Sequence[LoadedRecording]) -> list[Mark]:
         """Return the marks of all recordings, on the common time line."""
         found = [
             replace(mark, time=self.pairing.of(which, mark.time))
@@ -109,7 +109,7 @@ class PlayerWindow(windows.BoardWindow):
         ]
         return sorted(found, key=lambda mark: mark.time)
 
-    def _put_side_by_side(self, reels: Sequence[Reel]) -> None:
+    def _put_side_by_side(self, reels: Sequence[LoadedRecording]) -> None:
         """Give each recording a board and a caption."""
         colours = COLOURS[Mood.RUN]
         self.panes += [Pane(reel, self._station, BoardView(self)) for reel in reels[1:]]
@@ -217,7 +217,7 @@ class PlayerWindow(windows.BoardWindow):
 
 
 def run(
-    reels: Sequence[Reel],
+    reels: Sequence[LoadedRecording],
     station: Side,
     stopping: Callable[[], bool],
     speed: float = 1.0,
