@@ -8,7 +8,6 @@ by other hands.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -67,8 +66,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     for step, force in enumerate(CONDITIONS):
         tell(f"forces: {force}", step / len(CONDITIONS))
         found[force] = played(_config(force), samples)
-    if find_spec("matplotlib") is not None:
-        folder.save(draw(found), "forces")
+    folder.save("forces", lambda: draw(found))
     yield conditions_part(found)
 
 

@@ -5,8 +5,9 @@ A verdict is a claim and whether the numbers beside it bear it out; it is comput
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -84,10 +85,13 @@ class Folder:
         text = json.dumps(whole, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 
-    def save(self, figure: Any, name: str) -> None:
-        """Save a figure as PNG and SVG."""
+    def save(self, name: str, draw: Callable[[], Any]) -> None:
+        """Draw a figure and save it as PNG and SVG, if matplotlib is installed."""
+        if find_spec("matplotlib") is None:
+            return
         import matplotlib as mpl
 
+        figure = draw()
         with mpl.rc_context({"svg.hashsalt": "netboard", "svg.fonttype": "none"}):
             figure.savefig(self.path / f"{name}.png", dpi=150)
             figure.savefig(self.path / f"{name}.svg", metadata={"Date": None})

@@ -302,25 +302,3 @@ def prepare_collocation(
         return out
 
     return run
-
-
-def run_collocation(
-    x: State,
-    hands: Array,
-    h: float,
-    parts: Parts,
-    scene: NDArray[Any],
-    every: int = 1,
-    tolerance: float = TOLERANCE,
-) -> Array:
-    """Run a scene by collocation.
-
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n, nodes, 2)
-        Drives of the left and of the right hand at the nodes (`netboard.physics.methods.phi.gauss_nodes`) of every
-        step; there are 4, 8 or 16 of them [N].
-    tolerance : float
-        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
-    """
-    return prepare_collocation(x, hands, h, parts, scene, every, tolerance)()

@@ -232,16 +232,3 @@ def prepare_multistep(
         return out
 
     return run
-
-
-def run_multistep(
-    name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
-) -> Array:
-    """Run a scene by a multistep method.
-
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n + 1, 2)
-        Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
-    """
-    return prepare_multistep(name, x, hands, h, parts, scene, every)()

@@ -68,6 +68,7 @@ def runs_part(rows: Iterable[Row]) -> Part:
             *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
         [_all_of(row) for row in rows],
+        on_screen=False,
     )
 
 

@@ -1,7 +1,6 @@
 """``netboard bench velocity``: the ways to a stylus' velocity beside each other."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     found = figures(quick=quick, tell=tell)
     yield found
     late = delays(quick=quick, tell=tell)
-    if find_spec("matplotlib") is not None:
-        folder.save(draw(found, late), "velocity")
+    folder.save("velocity", lambda: draw(found, late))
     yield late
 
 
