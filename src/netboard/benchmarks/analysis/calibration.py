@@ -81,10 +81,7 @@ ALONE = 5
 class Setting:
     """A kind of study.
 
-    Attributes
-    ----------
-    slopes : float
-        Standard deviation of the haptic effect, of dyads and of performers [log of the time].
+    - `slopes`: standard deviation of the haptic effect, of dyads and of performers [log of the time].
     """
 
     dyads: int

@@ -100,10 +100,7 @@ TITLES = {
 def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
     """Write what share of the studies each test rejects.
 
-    Parameters
-    ----------
-    place, term : int
-        Without or with an effect, and number of the term [1].
+    - `place`, `term`: without or with an effect, and number of the term [1].
     """
     name, title = TITLES[place, term]
     rows: list[tuple[Value, ...]] = []

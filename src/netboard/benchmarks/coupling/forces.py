@@ -35,14 +35,9 @@ SETTLED = 100
 class Movement:
     """How two hands carry the ball over.
 
-    Attributes
-    ----------
-    sway : float
-        Both hands go up and down together by so much [m].
-    rate : float
-        So often [Hz].
-    duration : float
-        The ball takes so long [s].
+    - `sway`: both hands go up and down together by so much [m].
+    - `rate`: so often [Hz].
+    - `duration`: the ball takes so long [s].
     """
 
     share: float

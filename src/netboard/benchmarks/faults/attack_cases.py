@@ -160,10 +160,7 @@ def _join(site: Site) -> float:
 class Toll:
     """Deadline misses in some stretches of a run.
 
-    Attributes
-    ----------
-    latest : float
-        The latest one [ms].
+    - `latest`: the latest one [ms].
     """
 
     ticks: int

@@ -16,10 +16,7 @@ LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 class Machine:
     """A machine and the software that a study ran with.
 
-    Attributes
-    ----------
-    load : float
-        Processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
+    - `load`: processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
     """
 
     system: str

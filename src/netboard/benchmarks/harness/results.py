@@ -35,10 +35,7 @@ class Verdict:
 class Part:
     """One part of a study: a table, and what follows from it.
 
-    Attributes
-    ----------
-    on_screen : bool
-        It is for the screen too, and not too long for it.
+    - `on_screen`: it is for the screen too, and not too long for it.
     """
 
     name: str
@@ -57,10 +54,7 @@ class Part:
 class Folder:
     """A folder of results.
 
-    Parameters
-    ----------
-    force : bool
-        It may be there already, and files in it be replaced.
+    - `force`: it may be there already, and files in it be replaced.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
@@ -73,10 +67,7 @@ class Folder:
     def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
         """Write a table for each part, and everything in one JSON file.
 
-        Parameters
-        ----------
-        about : mapping of str
-            What was asked for, for the head of the JSON file.
+        - `about`: what was asked for, for the head of the JSON file.
         """
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:

@@ -53,14 +53,10 @@ def run(
 ) -> list[Verdict]:
     """Run a study: describe the machine, show and write each part, copy the JSON file, and count the verdicts.
 
-    Parameters
-    ----------
-    settings : mapping of str
-        Head of the results: ``study``, its name, and how it was run; it is read anew for each part.
-    lines : iterable of str
-        Further lines below the description of the machine.
-    bar : bool
-        Show progress as a bar; else as lines, for studies that measure in this process, which redrawing would disturb.
+    - `settings`: head of the results: ``study``, its name, and how it was run; it is read anew for each part.
+    - `lines`: further lines below the description of the machine.
+    - `bar`: show progress as a bar; else as lines, for studies that measure in this process, which redrawing would
+      disturb.
 
     Returns
     -------

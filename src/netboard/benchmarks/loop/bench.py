@@ -92,12 +92,8 @@ def loop(
 ) -> int:
     """Run ``netboard bench loop``.
 
-    Parameters
-    ----------
-    seconds : float or None
-        For how long each thing is measured; None for the usual time [s].
-    dyads : sequence of int
-        Of how many dyads a server is measured; none to leave that out [1].
+    - `seconds`: for how long each thing is measured; None for the usual time [s].
+    - `dyads`: of how many dyads a server is measured; none to leave that out [1].
 
     Returns
     -------

@@ -57,14 +57,10 @@ PATIENCE_NS = 60_000_000_000
 class Shown:
     """What came to a screen.
 
-    Attributes
-    ----------
-    sent_to_received, received_to_painted, between : ndarray of int64
-        For each frame with a view of its own: the two parts of its way; and times from frame to frame [ns].
-    painted : ndarray of int64
-        When each frame was painted [ns].
-    heights : ndarray of float64
-        Where each showed the right end of the board [m].
+    - `sent_to_received`, `received_to_painted`, `between`: for each frame with a view of its own: the two parts of its
+      way; and times from frame to frame [ns].
+    - `painted`: when each frame was painted [ns].
+    - `heights`: where each showed the right end of the board [m].
     """
 
     sent_to_received: Times
@@ -187,12 +183,8 @@ def main(
 ) -> int:
     """Run the study.
 
-    Parameters
-    ----------
-    config : Config
-        How the window looks; it is shown on this machine's screen, or drawn without one where there is none.
-    seconds : float or None
-        For how long each is measured; None for the usual time [s].
+    - `config`: how the window looks; it is shown on this machine's screen, or drawn without one where there is none.
+    - `seconds`: for how long each is measured; None for the usual time [s].
     """
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-display"), force=force)

@@ -35,12 +35,8 @@ GREETINGS = 100
 class Measured:
     """Everything that was found.
 
-    Attributes
-    ----------
-    echo_ns : dict of str to ndarray of int64
-        Of each peer of the echo: from waking to the answer [ns].
-    costs, echo_costs : dict of str to Cost
-        Of netboard's processes, and of those of the echo, by name.
+    - `echo_ns`: of each peer of the echo: from waking to the answer [ns].
+    - `costs`, `echo_costs`: of netboard's processes, and of those of the echo, by name.
     """
 
     played: Played

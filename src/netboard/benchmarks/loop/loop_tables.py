@@ -41,10 +41,7 @@ def loop_series(found: Measured) -> list[dict[str, Times]]:
 def latency_part(found: Measured, *, real_time: bool) -> Part:
     """Return the loop beside the echo, and its parts.
 
-    Parameters
-    ----------
-    real_time : bool
-        Real-time scheduling was asked for: then the loop should take less than a tick.
+    - `real_time`: real-time scheduling was asked for: then the loop should take less than a tick.
     """
     took, echo = _together(found.played.took_ns), _together(found.echo_ns)
     rows = spread_rows(
@@ -77,10 +74,7 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) -> Part:
     """Return how the server's ticks kept their time, beside a timer alone.
 
-    Parameters
-    ----------
-    real_time : bool
-        Real-time scheduling was asked for: then no more should be missed.
+    - `real_time`: real-time scheduling was asked for: then no more should be missed.
     """
     named = {"server's ticks": ticks, "timer alone": timer}
     rows: list[tuple[Value, ...]] = [

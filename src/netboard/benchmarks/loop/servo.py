@@ -48,10 +48,7 @@ def main(
 ) -> int:
     """Run the study.
 
-    Parameters
-    ----------
-    seconds : float or None
-        For how long each is measured; None for the usual time [s].
+    - `seconds`: for how long each is measured; None for the usual time [s].
 
     Returns
     -------
@@ -82,10 +79,7 @@ def study(library: str, seconds: float, tell: Tell) -> Iterator[Part]:
 def lateness_part(found: Mapping[str, Times]) -> Part:
     """Return how steady the ticks are, each beside the bare tick in the same company.
 
-    Parameters
-    ----------
-    found : mapping of str to ndarray of int64, shape (n, 2)
-        When each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
     """
     off = {name: unsteadiness(times) for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(off))
@@ -100,10 +94,7 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
 def duration_part(found: Mapping[str, Times]) -> Part:
     """Return how long the servo thread is held up by a callback.
 
-    Parameters
-    ----------
-    found : mapping of str to ndarray of int64, shape (n, 2)
-        When each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
     """
     took = {name: times[:, 1] - times[:, 0] for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(took))

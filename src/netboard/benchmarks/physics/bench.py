@@ -35,10 +35,7 @@ from netboard.benchmarks.physics.work_precision import Row, compare, measure
 class Peer:
     """A library that takes part if it is installed.
 
-    Attributes
-    ----------
-    contenders : callable
-        Makes its contenders, of a problem and of whether a few are enough.
+    - `contenders`: makes its contenders, of a problem and of whether a few are enough.
     """
 
     package: str
@@ -69,12 +66,8 @@ BUDGET, QUICK_BUDGET = 1.0, 0.1
 class Wanted:
     """What is asked for.
 
-    Attributes
-    ----------
-    peers : tuple of str
-        Names of the peers that take part, all of them installed.
-    budget : float
-        Who has taken this long has no further turn [s].
+    - `peers`: names of the peers that take part, all of them installed.
+    - `budget`: who has taken this long has no further turn [s].
     """
 
     problems: tuple[Problem, ...]
@@ -95,10 +88,7 @@ def main(
 ) -> int:
     """Run the study, print it and write it into a folder.
 
-    Parameters
-    ----------
-    peers : sequence of str or None
-        Who else takes part; None for all that are installed and quick enough.
+    - `peers`: who else takes part; None for all that are installed and quick enough.
 
     Raises
     ------

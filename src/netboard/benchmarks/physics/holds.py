@@ -20,14 +20,9 @@ OFFLINE = (("rk4", 1), ("etdrk4", 1), ("dop853", 2))
 class HoldRow:
     """Errors of one way of running a problem from samples.
 
-    Attributes
-    ----------
-    problem, hold, run : str
-        Which problem, how the hands move between samples, and what ran it.
-    errors : tuple of float
-        Largest error of each of `SIGNALS` [m, rad, m, N].
-    force_rms : float
-        Root mean square of the error of both forces [N].
+    - `problem`, `hold`, `run`: which problem, how the hands move between samples, and what ran it.
+    - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
+    - `force_rms`: root mean square of the error of both forces [N].
     """
 
     problem: str

@@ -35,12 +35,8 @@ NUDGE = 1e-6
 class Expectation:
     """Errors of one way of running the scene.
 
-    Attributes
-    ----------
-    horizon : float
-        How long the run was [s].
-    errors : tuple of float
-        Largest error of each of `SIGNALS` so far [m, rad, m, N].
+    - `horizon`: how long the run was [s].
+    - `errors`: largest error of each of `SIGNALS` so far [m, rad, m, N].
     """
 
     name: str
@@ -73,10 +69,7 @@ def sampled_run(
 ) -> tuple[Array, Array]:
     """Run a problem from samples of its hands.
 
-    Parameters
-    ----------
-    nudge : float
-        The ball starts so far from where the problem has it [m].
+    - `nudge`: the ball starts so far from where the problem has it [m].
 
     Returns
     -------
@@ -162,10 +155,7 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
 def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
     """Return the tables of what to expect.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem; what is left out is told of the paper's alone.
+    - `problem`: the problem; what is left out is told of the paper's alone.
 
     Returns
     -------

@@ -41,12 +41,8 @@ RUN_UP = 100
 class Movement:
     """A movement in closed form.
 
-    Attributes
-    ----------
-    height : callable
-        Its height at times [m].
-    rate : callable
-        Its velocity at times [m/s].
+    - `height`: its height at times [m].
+    - `rate`: its velocity at times [m/s].
     """
 
     name: str
