@@ -47,7 +47,7 @@ def stability(
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Estimators of stylus velocity: lag, noise, computing time, and the largest stable delay with each."""
     from netboard.benchmarks.harness.running import run_named
-    from netboard.benchmarks.stability.velocity_bench import study
+    from netboard.benchmarks.stability.velocity import study
 
     run_named("velocity", study, output, json, quick=quick, force=force)
 
@@ -276,7 +276,7 @@ def analysis(
     if truth and not alone:
         raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
     if calibration:
-        from netboard.benchmarks.analysis.calibration_bench import study as simulations
+        from netboard.benchmarks.analysis.calibration import study as simulations
         from netboard.benchmarks.harness.running import run_named
 
         run_named("calibration", simulations, output, json, quick=quick, force=force)

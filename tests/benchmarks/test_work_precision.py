@@ -14,7 +14,7 @@ from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
-from netboard.benchmarks.physics.holds import hold_rows
+from netboard.benchmarks.physics.horizons import hold_rows
 from netboard.benchmarks.physics.own_methods import collocation_contenders, meeting, one_step_contenders
 from netboard.benchmarks.physics.parts import SAME, holds_part, ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight

@@ -14,12 +14,12 @@ from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.benchmarks.harness.results import Folder, Part, new_folder
 from netboard.benchmarks.harness.running import Tell, run
-from netboard.benchmarks.loop.loop import measure_loop
-from netboard.benchmarks.loop.loop_tables import (
+from netboard.benchmarks.loop.loop import (
     costs_part,
     latency_part,
     lateness_part,
     loop_series,
+    measure_loop,
     server_verdict,
 )
 from netboard.benchmarks.loop.scale import measure_scale, measure_waiting, scale_part, waiting_part

@@ -15,8 +15,7 @@ from netboard.benchmarks.harness.results import Folder, Part, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers
 from netboard.benchmarks.physics import parts as physics_parts
-from netboard.benchmarks.physics.holds import hold_rows
-from netboard.benchmarks.physics.horizons import expect_parts
+from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
 from netboard.benchmarks.physics.own_methods import (
     collocation_contenders,
     multistep_contenders,
