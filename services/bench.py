@@ -4,13 +4,16 @@ A study and its libraries are imported only when it runs.
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services import options
 from netboard.services.options import examples
+
+if TYPE_CHECKING:
+    from netboard.benchmarks.harness.running import Study
 
 app = typer.Typer(
     help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
@@ -31,6 +34,13 @@ RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="Real-t
 Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dyad, rendered without a screen.")]
 
 
+def _run(name: str, study: "Study", output: Path | None, json: Path | None, *, quick: bool, force: bool) -> bool:
+    """Run a study; return whether all of its verdicts hold."""
+    from netboard.benchmarks.harness.running import run_named
+
+    return all(verdict.holds for verdict in run_named(name, study, output, json, quick=quick, force=force))
+
+
 @app.command(epilog=examples("netboard bench stability --quick", "netboard bench stability --soak -o results"))
 def stability(
     output: Output = None,
@@ -47,10 +57,9 @@ def stability(
 @app.command(epilog=examples("netboard bench velocity --quick", "netboard bench velocity -o results"))
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Estimators of stylus velocity: lag, noise, computing time, and the largest stable delay with each."""
-    from netboard.benchmarks.harness.running import run_named
-    from netboard.benchmarks.stability.velocity_bench import study
+    from netboard.benchmarks.stability.velocity import study
 
-    run_named("velocity", study, output, json, quick=quick, force=force)
+    _run("velocity", study, output, json, quick=quick, force=force)
 
 
 @app.command(
@@ -160,18 +169,16 @@ def soak(
 def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Maximum stable delay of the virtual coupling: theory, the simulated service, and what extends it."""
     from netboard.benchmarks.coupling.bench import study
-    from netboard.benchmarks.harness.running import run_named
 
-    run_named("coupling", study, output, json, quick=quick, force=force)
+    _run("coupling", study, output, json, quick=quick, force=force)
 
 
 @app.command(epilog=examples("netboard bench forces --quick", "netboard bench forces -o results"))
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Forces on both hands for one movement under each of the five force conditions, as a figure and a table."""
     from netboard.benchmarks.coupling.forces import study
-    from netboard.benchmarks.harness.running import run_named
 
-    run_named("forces", study, output, json, quick=quick, force=force)
+    _run("forces", study, output, json, quick=quick, force=force)
 
 
 @app.command(epilog=examples("netboard bench fuzz --quick", "netboard bench fuzz --frames 1000000 -o results"))
@@ -231,20 +238,17 @@ def display(
 @app.command(epilog=examples("netboard bench recovery --quick", "netboard bench recovery -o results"))
 def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Recovery of recordings that were cut, altered or killed while being written, checked to the bit."""
-    from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.recording.recovery_bench import study
 
-    verdicts = run_named("recovery", study, output, json, quick=quick, force=force)
-    raise typer.Exit(0 if all(verdict.holds for verdict in verdicts) else 1)
+    raise typer.Exit(0 if _run("recovery", study, output, json, quick=quick, force=force) else 1)
 
 
 @app.command(epilog=examples("netboard bench recording --quick", "netboard bench recording -o results"))
 def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Cost of recording: headroom and stalls of the logger, bytes per hour, time to read an hour and a trial."""
-    from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.recording.bench import study
 
-    run_named("recording", study, output, json, quick=quick, force=force)
+    _run("recording", study, output, json, quick=quick, force=force)
 
 
 @app.command(
@@ -289,16 +293,14 @@ def analysis(
     if truth and not alone:
         raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
     if calibration:
-        from netboard.benchmarks.analysis.calibration_bench import study as simulations
-        from netboard.benchmarks.harness.running import run_named
+        from netboard.benchmarks.analysis.calibration import study as simulations
 
-        run_named("calibration", simulations, output, json, quick=quick, force=force)
+        _run("calibration", simulations, output, json, quick=quick, force=force)
         return
     if truth:
         from netboard.benchmarks.analysis.truth_table import study as known_trials
-        from netboard.benchmarks.harness.running import run_named
 
-        run_named("truth", known_trials, output, json, quick=quick, force=force)
+        _run("truth", known_trials, output, json, quick=quick, force=force)
         return
     if sensitivity:
         from netboard.services import sensitivity as service

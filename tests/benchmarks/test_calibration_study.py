@@ -14,15 +14,19 @@ from netboard.benchmarks.analysis.calibration import (
     EFFECT,
     ERRORS,
     METHODS,
+    QUICK,
+    STUDIES,
     TERMS,
     TRIALS,
     Setting,
     differences_alone,
+    differences_part,
     flipped,
     settings,
+    share,
     simulated,
+    table_part,
 )
-from netboard.benchmarks.analysis.calibration_bench import QUICK, STUDIES, differences_part, share, table_part
 from netboard.services.cli import app
 
 

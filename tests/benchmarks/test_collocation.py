@@ -12,7 +12,7 @@ import pytest
 from independent import Hands, solution, waving
 from trajectories import Scene, drive, falling, scene_of
 
-from netboard.benchmarks.physics.collocation import run_collocation
+from netboard.benchmarks.physics.collocation import prepare_collocation
 from netboard.physics.methods.phi import gauss_nodes
 
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
@@ -48,7 +48,7 @@ def states_of(
     """A run of `DURATION`."""
     n, places = round(DURATION / h), [float(c) for c in gauss_nodes(nodes)]
     table = np.array([[drive(hands((i + c) * h), scene.record) for c in places] for i in range(n)])
-    return run_collocation(start or start_of(scene), table, h, scene.parts, scene.packed, every)
+    return prepare_collocation(start or start_of(scene), table, h, scene.parts, scene.packed, every)()
 
 
 def error(found: Any, expected: Any) -> float:

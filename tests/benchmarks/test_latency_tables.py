@@ -10,8 +10,8 @@ from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.harness.results import Part
 from netboard.benchmarks.loop.bench import MOST_DYADS, Setting, read_dyads
-from netboard.benchmarks.loop.loop import Measured
-from netboard.benchmarks.loop.loop_tables import (
+from netboard.benchmarks.loop.loop import (
+    Measured,
     costs_part,
     latency_part,
     lateness_part,

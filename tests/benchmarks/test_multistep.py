@@ -7,7 +7,7 @@ import pytest
 from independent import solution, waving
 from trajectories import Scene, drive, falling, scene_of
 
-from netboard.benchmarks.physics.multistep import MULTISTEP, run_multistep
+from netboard.benchmarks.physics.multistep import MULTISTEP, prepare_multistep
 
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
 DURATION = 0.32
@@ -33,7 +33,7 @@ def states_of(scene: Scene, name: str, n: int, every: int = 1, since: float = 0.
     """A run of so many steps, with the hands as they are since a time."""
     h = DURATION / n
     hands = np.array([drive(waving(since + i * h), scene.record) for i in range(n + 1)])
-    return run_multistep(name, start or start_of(scene), hands, h, scene.parts, scene.packed, every)
+    return prepare_multistep(name, start or start_of(scene), hands, h, scene.parts, scene.packed, every)()
 
 
 @pytest.mark.slow

@@ -241,7 +241,7 @@ def test_a_map_is_summed_up_and_drawn(tmp_path: Path) -> None:
     whole, summary = map_parts(plane, cells)
     assert (len(whole.rows), whole.on_screen) == (12, False)
     assert [verdict.holds for verdict in summary.verdicts] == [True, False, True]
-    Folder(tmp_path / "map").save(draw_map(plane, cells), "map")
+    Folder(tmp_path / "map").save("map", lambda: draw_map(plane, cells))
     assert (tmp_path / "map" / "map.png").stat().st_size > 10_000
     assert "theory" in (tmp_path / "map" / "map.svg").read_text()
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.benchmarks.harness.running import run_named
-from netboard.benchmarks.stability.velocity import RAMP, REACH, SLOW, errors_of, follow, time_of
-from netboard.benchmarks.stability.velocity_bench import study
+from netboard.benchmarks.stability.velocity import RAMP, REACH, SLOW, errors_of, follow, study, time_of
 from netboard.benchmarks.stability.velocity_loop import (
     IDEAL,
     TOUCH,

@@ -14,7 +14,7 @@ from netboard.base.errors import ConfigError
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
-from netboard.benchmarks.physics.holds import hold_rows
+from netboard.benchmarks.physics.horizons import hold_rows
 from netboard.benchmarks.physics.own_methods import collocation_contenders, meeting, one_step_contenders
 from netboard.benchmarks.physics.parts import SAME, holds_part, ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
@@ -217,15 +217,15 @@ def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
 @pytest.mark.slow
 @pytest.mark.daily(3, of="quick benchmarks")
 def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
-    rows, parts = study(Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0))
+    folder = Folder(tmp_path / "results")
+    wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)
+    parts = list(study(wanted, folder, lambda text, share: None))
     names = [part.name for part in parts]
     assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
     assert {"holds", "tick", "skips"} < set(names)
     assert all(part.rows for part in parts)
     assert all(len(line) == len(part.columns) for part in parts for line in part.rows)
-    folder = Folder(tmp_path / "results")
     folder.write(parts, {})
-    draw(rows, folder)
     assert {path.suffix for path in folder.path.iterdir()} == {".csv", ".json", ".png", ".svg"}
 
 

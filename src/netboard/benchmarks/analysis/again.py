@@ -52,10 +52,7 @@ class Wish:
 class Fulfilled:
     """A recording, measured.
 
-    Attributes
-    ----------
-    calm, disturbed : tuple of dict of ndarray
-        Measures of each attempt without and with each disturbance [SI].
+    - `calm`, `disturbed`: measures of each attempt without and with each disturbance [SI].
     """
 
     base: Measured

@@ -19,12 +19,8 @@ T = TypeVar("T")
 class Took:
     """Time and memory of a call.
 
-    Attributes
-    ----------
-    seconds : float
-        By the clock [s].
-    cores : float
-        Of cores, in this process and those that it started and saw end [s].
+    - `seconds`: by the clock [s].
+    - `cores`: of cores, in this process and those that it started and saw end [s].
     """
 
     seconds: float

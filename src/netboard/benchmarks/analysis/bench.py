@@ -50,10 +50,7 @@ HOLES_LEFT = "filters.bridge=0"
 class Asked:
     """The recordings and readings of a run.
 
-    Attributes
-    ----------
-    settings : tuple of str
-        Settings of all readings: how many trials the first and the last are.
+    - `settings`: settings of all readings: how many trials the first and the last are.
     """
 
     runs: tuple[Run, ...]
@@ -104,10 +101,7 @@ def asked(recordings: Sequence[Path], *, quick: bool) -> Asked:
 def sizes(trials: int) -> tuple[str, ...]:
     """Say how many trials the first and the last ones are, and those of a group: the paper's 30, or fewer.
 
-    Parameters
-    ----------
-    trials : int
-        How many there are in a condition at the least [1].
+    - `trials`: how many there are in a condition at the least [1].
     """
     ends, group = window_sizes(trials)
     return f"summaries.ends={ends}", f"summaries.group={group}"

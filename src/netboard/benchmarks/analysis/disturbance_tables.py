@@ -32,10 +32,7 @@ NOTHING = 5e-4
 class Shift:
     """How far a disturbance moves a measure.
 
-    Attributes
-    ----------
-    bias, deviation : float
-        Mean and standard deviation of the differences of attempts [as the measure].
+    - `bias`, `deviation`: mean and standard deviation of the differences of attempts [as the measure].
     """
 
     bias: float

@@ -39,10 +39,7 @@ LONGEST_BRIDGE = 0.02
 class Disturbance:
     """Something that recordings suffer from.
 
-    Attributes
-    ----------
-    settings : tuple of str
-        Readings under which it is measured, and the undisturbed recording beside it.
+    - `settings`: readings under which it is measured, and the undisturbed recording beside it.
     """
 
     kind: str
@@ -70,10 +67,7 @@ def lost(
 ) -> dict[str, NDArray[np.float64]]:
     """Lose ticks, in all columns at once.
 
-    Parameters
-    ----------
-    bridged : bool
-        Whether holes up to `LONGEST_BRIDGE` are filled with straight lines afterwards.
+    - `bridged`: whether holes up to `LONGEST_BRIDGE` are filled with straight lines afterwards.
     """
     together = max(round(length * RATE), 1)
     count = next(iter(columns.values())).size

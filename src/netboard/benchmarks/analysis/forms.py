@@ -20,16 +20,10 @@ CUTOFFS = (5.0, 20.0)
 class Form:
     """A filter as a fraction of two polynomials.
 
-    Attributes
-    ----------
-    cutoff : float
-        Its cutoff [Hz].
-    radius : float
-        Magnitude of its largest pole, as the polynomial has it: unstable above 1 [1].
-    gain : float
-        What it makes of a constant: 1 if it is right [1].
-    error : float
-        Largest difference from the sections, on what was given [as given].
+    - `cutoff`: its cutoff [Hz].
+    - `radius`: magnitude of its largest pole, as the polynomial has it: unstable above 1 [1].
+    - `gain`: what it makes of a constant: 1 if it is right [1].
+    - `error`: largest difference from the sections, on what was given [as given].
     """
 
     order: int

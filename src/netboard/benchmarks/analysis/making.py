@@ -19,14 +19,9 @@ from netboard.benchmarks.analysis.apart import Took, Watch
 class Measurement:
     """What it cost to make the tables of a study.
 
-    Attributes
-    ----------
-    data : float
-        How long the recordings are [s].
-    peak : float
-        The most memory of the process that has the tables, in bytes [1].
-    worker_peak : float
-        The most memory of a process that measured, in bytes; 0 without one [1].
+    - `data`: how long the recordings are [s].
+    - `peak`: the most memory of the process that has the tables, in bytes [1].
+    - `worker_peak`: the most memory of a process that measured, in bytes; 0 without one [1].
     """
 
     trials: int

@@ -61,10 +61,8 @@ def _questions() -> dict[str, list[list[tuple[str, ...]]]]:
 def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, seed: int = SEED) -> Paths:
     """Draw paths.
 
-    Parameters
-    ----------
-    filters, measures, summaries : int
-        How many sets of filters; of other measures for each of these; of summaries for each of those [1].
+    - `filters`, `measures`, `summaries`: how many sets of filters; of other measures for each of these; of summaries
+      for each of those [1].
     """
     generator, questions = np.random.default_rng(seed), _questions()
 

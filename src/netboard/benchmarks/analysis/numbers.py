@@ -28,12 +28,8 @@ SHORT = {"completion": "completion time", "peaks": "peaks"}
 class Number:
     """A number that is reported.
 
-    Attributes
-    ----------
-    value : float
-        The number; NaN where there is none [its unit].
-    kind : {"mean", "spread", "count"}
-        A mean or a size; a standard deviation or an interval; or how many dyads.
+    - `value`: the number; NaN where there is none [its unit].
+    - `kind`: a mean or a size; a standard deviation or an interval; or how many dyads.
     """
 
     family: Family
@@ -49,10 +45,8 @@ Numbers = dict[str, Number]
 def numbers(study: Study, like: Numbers | None = None) -> Numbers:
     """Compute all of them.
 
-    Parameters
-    ----------
-    like : dict of Number, optional
-        Those of the same study by other readings: where these leave a condition without a trial, its numbers are NaN.
+    - `like`: those of the same study by other readings: where these leave a condition without a trial, its numbers are
+      NaN.
 
     Returns
     -------
@@ -145,10 +139,7 @@ Gap = Callable[[Mapping[str, float]], float]
 class Statement:
     """Something that the paper says.
 
-    Attributes
-    ----------
-    gap : callable
-        Takes the values by name; gives a difference that is positive if it is so [of the numbers in it].
+    - `gap`: takes the values by name; gives a difference that is positive if it is so [of the numbers in it].
     """
 
     words: str

@@ -155,10 +155,7 @@ def moved_part(default: Numbers, singles: Singles) -> Part:
 def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambiguity, Ambiguity, Numbers]]) -> Part:
     """Say what two answers do together, and how much of it neither does alone.
 
-    Parameters
-    ----------
-    pairs : sequence of tuple
-        Two questions, and the numbers by the first alternative of both.
+    - `pairs`: two questions, and the numbers by the first alternative of both.
     """
     rows: list[tuple[Value, ...]] = []
     for one, other, both in pairs:

@@ -17,10 +17,7 @@ Family = Literal["time", "peaks", "shares", "delay", "strategy"]
 class Alternative:
     """Another reading.
 
-    Attributes
-    ----------
-    likely : bool
-        Whether somebody might have read the paper so. What is another quantity, or an error, is not.
+    - `likely`: whether somebody might have read the paper so. What is another quantity, or an error, is not.
     """
 
     name: str
@@ -32,10 +29,8 @@ class Alternative:
 class Ambiguity:
     """A question that the paper leaves open.
 
-    Attributes
-    ----------
-    name : str
-        Its short name: A1 to A32 for the analysis, B5, E4 and E5 for what the trial and the equations leave to it.
+    - `name`: its short name: A1 to A32 for the analysis, B5, E4 and E5 for what the trial and the equations leave to
+      it.
     """
 
     name: str

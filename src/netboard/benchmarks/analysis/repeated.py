@@ -13,10 +13,7 @@ COMMAND = (sys.executable, "-m", "netboard.services.cli", "analyse")
 def twice(recordings: Sequence[Path], workers: int, folder: Path) -> tuple[Took, Took]:
     """Analyse recordings twice, each time in a process of its own.
 
-    Parameters
-    ----------
-    folder : Path
-        A new folder, for both analyses and for what is kept.
+    - `folder`: a new folder, for both analyses and for what is kept.
     """
     folder.mkdir()
     options = ("--workers", str(workers), "--cache", str(folder / "kept"))

@@ -26,10 +26,8 @@ def make_study(
 ) -> tuple[Path, ...]:
     """Rehearse a study.
 
-    Parameters
-    ----------
-    dyads, blocks, trials : int
-        How many dyads, blocks of the eighteen of each, evenly spread, and trials in a block [1].
+    - `dyads`, `blocks`, `trials`: how many dyads, blocks of the eighteen of each, evenly spread, and trials in a block
+      [1].
     """
     jobs = [job for dyad in range(1, dyads + 1) for job in _jobs(folder, dyad, blocks, trials)]
     ended = count(1)

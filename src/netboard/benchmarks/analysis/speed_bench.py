@@ -44,10 +44,7 @@ AGAIN = 0.1
 class Size:
     """How large a study is made.
 
-    Attributes
-    ----------
-    dyads, blocks, trials : int
-        How many dyads, blocks of each, and trials in a block [1].
+    - `dyads`, `blocks`, `trials`: how many dyads, blocks of each, and trials in a block [1].
     """
 
     dyads: int
@@ -63,10 +60,7 @@ WHOLE, QUICK = Size(4, 18, 60), Size(2, 6, 12)
 class Row:
     """What one share of a study costs.
 
-    Attributes
-    ----------
-    cold, kept : Measurement
-        What the tables cost when nothing was kept, and when all was.
+    - `cold`, `kept`: what the tables cost when nothing was kept, and when all was.
     """
 
     recordings: int
@@ -80,10 +74,8 @@ def main(
 ) -> list[Verdict]:
     """Measure, show and write.
 
-    Parameters
-    ----------
-    workers : int or None
-        How many processes measure; None for one a core; one alone is enough for a small study that is made [1].
+    - `workers`: how many processes measure; None for one a core; one alone is enough for a small study that is made
+      [1].
     """
     recordings = None if given is None else find_recordings([given])
     size, alone = (QUICK, recordings is None) if quick else (WHOLE, False)

@@ -46,18 +46,11 @@ Wave = NDArray[np.float64]
 class Known:
     """A trial, and what is known of it.
 
-    Attributes
-    ----------
-    columns : dict of ndarray
-        Its samples, as an imported table has them [SI].
-    values : dict of float
-        What its measures should be, by their columns in the table of trials.
-    turns : ndarray, shape (k,)
-        When each movement of the board begins, from the release [s].
-    delay : float
-        Of the left hand behind the right one in all of them [s].
-    clear : bool
-        No peak of the ball's speed is within 0.1 s of the completion.
+    - `columns`: its samples, as an imported table has them [SI].
+    - `values`: what its measures should be, by their columns in the table of trials.
+    - `turns` (shape (k,)): when each movement of the board begins, from the release [s].
+    - `delay`: of the left hand behind the right one in all of them [s].
+    - `clear`: no peak of the ball's speed is within 0.1 s of the completion.
     """
 
     columns: dict[str, Wave]

@@ -6,7 +6,6 @@ for how long it takes.
 
 import math
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -31,8 +30,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     yield boundary.delays_part(hands, tell)
     ways = boundary.QUICK_WAYS if quick else boundary.WAYS
     found = boundary.limits(hands, ways, tell, 2 * boundary.AGREED if quick else 5e-3)
-    if find_spec("matplotlib") is not None:
-        folder.save(draw_limits(found), "coupling")
+    folder.save("coupling", lambda: draw_limits(found))
     yield boundary.limits_part(found)
     yield releases.releases_part(releases.QUICK_WAYS if quick else releases.WAYS, tell)
     yield remedies.remedies_part(QUICK_REMEDY_WAYS if quick else REMEDY_WAYS, tell)

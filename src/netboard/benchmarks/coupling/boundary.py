@@ -71,12 +71,8 @@ SLOWEST = 2.0
 class Case:
     """The conditions of one stability limit.
 
-    Attributes
-    ----------
-    end : str
-        ``fixed``, or ``board`` for the paper's with both hands on it.
-    way : int
-        Delay one way [ms].
+    - `end`: ``fixed``, or ``board`` for the paper's with both hands on it.
+    - `way`: delay one way [ms].
     """
 
     hand: str
@@ -113,10 +109,7 @@ def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple
 def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     """Return whether a small motion dies away in the simulated service.
 
-    Parameters
-    ----------
-    mode : str
-        ``tilt`` for hands that begin against each other, else they begin alike.
+    - `mode`: ``tilt`` for hands that begin against each other, else they begin alike.
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
@@ -174,14 +167,9 @@ MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("
 class Found:
     """One stability limit.
 
-    Attributes
-    ----------
-    exact : float
-        Largest stable stiffness of a real device [N/m].
-    virtual : float
-        Of the virtual one [N/m].
-    simulated : float
-        In the simulated service; NaN where there is nothing to look for [N/m].
+    - `exact`: largest stable stiffness of a real device [N/m].
+    - `virtual`: of the virtual one [N/m].
+    - `simulated`: in the simulated service; NaN where there is nothing to look for [N/m].
     """
 
     case: Case

@@ -45,10 +45,7 @@ _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Forc
 class Distance:
     """Delays between a dyad and its server.
 
-    Attributes
-    ----------
-    up, down : int
-        Delay of a sample, and of its answer [ms].
+    - `up`, `down`: delay of a sample, and of its answer [ms].
     """
 
     up: int
@@ -145,12 +142,8 @@ class Station:
 class Far:
     """Both sides, and the server.
 
-    Attributes
-    ----------
-    heights, forces : list of (float, float)
-        Of both styluses, for each millisecond since both were ready [m, N].
-    cut : bool
-        Since then a safety chain has taken a force away: the stylus was too fast.
+    - `heights`, `forces`: of both styluses, for each millisecond since both were ready [m, N].
+    - `cut`: since then a safety chain has taken a force away: the stylus was too fast.
     """
 
     def __init__(self, config: Config, distance: Distance) -> None:

@@ -8,7 +8,6 @@ by other hands.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -37,14 +36,9 @@ SETTLED = 100
 class Movement:
     """How two hands carry the ball over.
 
-    Attributes
-    ----------
-    sway : float
-        Both hands go up and down together by so much [m].
-    rate : float
-        So often [Hz].
-    duration : float
-        The ball takes so long [s].
+    - `sway`: both hands go up and down together by so much [m].
+    - `rate`: so often [Hz].
+    - `duration`: the ball takes so long [s].
     """
 
     share: float
@@ -68,8 +62,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     for step, force in enumerate(CONDITIONS):
         tell(f"forces: {force}", step / len(CONDITIONS))
         found[force] = played(_config(force), samples)
-    if find_spec("matplotlib") is not None:
-        folder.save(draw(found), "forces")
+    folder.save("forces", lambda: draw(found))
     yield conditions_part(found)
 
 

@@ -42,14 +42,9 @@ QUICK_WAYS = (2, 10)
 class Release:
     """What became of it.
 
-    Attributes
-    ----------
-    swing : float
-        How far it moved in the last second, from end to end [m].
-    rest : float
-        Time until it stayed within `QUIET` of where it came to rest; infinite if it did not [s].
-    cut : bool
-        The safety chain took the force away on the way: the stylus was too fast.
+    - `swing`: how far it moved in the last second, from end to end [m].
+    - `rest`: time until it stayed within `QUIET` of where it came to rest; infinite if it did not [s].
+    - `cut`: the safety chain took the force away on the way: the stylus was too fast.
     """
 
     swing: float

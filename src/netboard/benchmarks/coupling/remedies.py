@@ -46,10 +46,7 @@ NAMES = ("server alone", "with passivity control", "wave variables", "both")
 class Waves:
     """The left hand at a fixed end, by wave variables.
 
-    Parameters
-    ----------
-    way : int
-        Delay one way [ms].
+    - `way`: delay one way [ms].
     """
 
     def __init__(self, config: Config, way: int) -> None:

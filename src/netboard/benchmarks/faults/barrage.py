@@ -53,10 +53,7 @@ Tell = Callable[[float], object]
 class Assault:
     """One sender of malformed messages.
 
-    Attributes
-    ----------
-    sent, malformed : int
-        How many it has sent, and how many of them cannot but be refused [1].
+    - `sent`, `malformed`: how many it has sent, and how many of them cannot but be refused [1].
     """
 
     def __init__(self, channel: int, network: Network, hello: Hello | None, count: int, seed: int) -> None:

@@ -56,14 +56,9 @@ Tell = Callable[[str], object]
 class Outcome:
     """Outcome of a case.
 
-    Attributes
-    ----------
-    verdicts : tuple of Verdict
-        What must hold, and whether it does; empty if the case could not be played.
-    disturbed : str
-        Why the machine itself had paused the trial just before the fault was made, or nothing.
-    again : int
-        How often the case was prepared again because of that [1].
+    - `verdicts`: what must hold, and whether it does; empty if the case could not be played.
+    - `disturbed`: why the machine itself had paused the trial just before the fault was made, or nothing.
+    - `again`: how often the case was prepared again because of that [1].
     """
 
     case: Case
@@ -151,10 +146,7 @@ def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> It
 def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
     """Leave out the cases that are prepared again, because the machine had paused the trial before the fault was made.
 
-    Parameters
-    ----------
-    again : Counter of str
-        How often each case was prepared again so far; counted on.
+    - `again`: how often each case was prepared again so far; counted on.
     """
     kept = []
     for outcome in outcomes:

@@ -48,12 +48,8 @@ SINGLE = Setup("one dyad")
 class Case:
     """One fault.
 
-    Attributes
-    ----------
-    expected : str
-        What must happen, for people, on top of what must hold after every fault.
-    checks : tuple of callable
-        What must hold, on top of what must hold after every fault.
+    - `expected`: what must happen, for people, on top of what must hold after every fault.
+    - `checks`: what must hold, on top of what must hold after every fault.
     """
 
     name: str

@@ -33,20 +33,12 @@ SOON_NS = 1_000_000_000
 class Fade:
     """Course of the vertical force while it was not renewed.
 
-    Attributes
-    ----------
-    last_ns : int
-        When the last fresh force was at the device [ns].
-    force : float
-        That force [N].
-    held : float
-        How much later it was handed over for the last time [s].
-    begun : float
-        How much later there was another one; not a number without any [s].
-    zero : float
-        How much later it was zero; not a number if it was not soon [s].
-    held_up : float
-        For how much of this time the machine had held the agent up [s].
+    - `last_ns`: when the last fresh force was at the device [ns].
+    - `force`: that force [N].
+    - `held`: how much later it was handed over for the last time [s].
+    - `begun`: how much later there was another one; not a number without any [s].
+    - `zero`: how much later it was zero; not a number if it was not soon [s].
+    - `held_up`: for how much of this time the machine had held the agent up [s].
     """
 
     last_ns: int
@@ -65,10 +57,7 @@ class Fade:
 def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
     """Find every time the vertical force was not renewed.
 
-    Parameters
-    ----------
-    longer_ns : int
-        Only where it took longer than this until there was another force [ns].
+    - `longer_ns`: only where it took longer than this until there was another force [ns].
     """
     forces, times = trace["fz"], trace["time_ns"]
     found = []
@@ -98,12 +87,8 @@ def _runs(values: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
 class Step:
     """A change of force from one row to the next.
 
-    Attributes
-    ----------
-    at_ns : int
-        When [ns].
-    size : float
-        How large, all three axes together [N].
+    - `at_ns`: when [ns].
+    - `size`: how large, all three axes together [N].
     """
 
     at_ns: int
@@ -152,10 +137,7 @@ def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> 
 class Pause:
     """A pause of a trial, caused by a fault.
 
-    Attributes
-    ----------
-    at_ns : int
-        When [ns].
+    - `at_ns`: when [ns].
     """
 
     at_ns: int

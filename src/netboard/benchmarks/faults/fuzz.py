@@ -35,10 +35,7 @@ TOLD_FRAMES = 10_000
 def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -> int:
     """Send malformed frames, and see that nothing comes of it.
 
-    Parameters
-    ----------
-    frames : int or None
-        How many for the codec, and for each socket; None for the usual number [1].
+    - `frames`: how many for the codec, and for each socket; None for the usual number [1].
     """
     folder = Folder(output or new_folder("fuzz"), force=force)
     count = frames or (QUICK_FRAMES if quick else FRAMES)
@@ -60,10 +57,7 @@ def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
 class Sieve:
     """Feeds frames to the codec and counts the results.
 
-    Attributes
-    ----------
-    slowest : float
-        Longest time that one took [s].
+    - `slowest`: longest time that one took [s].
     """
 
     accepted: int = 0

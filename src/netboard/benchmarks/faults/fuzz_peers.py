@@ -47,10 +47,7 @@ STUCK_SECONDS = 60.0
 class Front:
     """A server that talks nonsense, and the processes that are connected to it.
 
-    Parameters
-    ----------
-    side : str
-        Whose agent is among them: with the left one there are a display and a logger.
+    - `side`: whose agent is among them: with the left one there are a display and a logger.
     """
 
     def __init__(self, folder: Path, side: Side) -> None:

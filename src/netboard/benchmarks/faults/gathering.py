@@ -33,12 +33,8 @@ BEFORE_NS = 5_000_000
 class Window:
     """Time window of a fault.
 
-    Attributes
-    ----------
-    start_ns, stop_ns : int
-        Just before it was made, and when everything was well again [ns].
-    trouble : str
-        Why it was not made as meant, or nothing became well again; empty if neither.
+    - `start_ns`, `stop_ns`: just before it was made, and when everything was well again [ns].
+    - `trouble`: why it was not made as meant, or nothing became well again; empty if neither.
     """
 
     start_ns: int
@@ -51,10 +47,7 @@ class Window:
 class Taken:
     """All recordings of one dyad.
 
-    Attributes
-    ----------
-    painted_ns : dict of ndarray of int64
-        When each station's display has painted a frame [ns].
+    - `painted_ns`: when each station's display has painted a frame [ns].
     """
 
     ticks: NDArray[Any]
@@ -69,12 +62,8 @@ class Taken:
 class Evidence:
     """Everything by which a fault is judged.
 
-    Attributes
-    ----------
-    traces : dict of list of ndarray of TRACE
-        What each device of each side was handed in that time.
-    stalls : ndarray of int64, shape (k, 2)
-        From when to when an agent did nothing, in the whole run of the site [ns].
+    - `traces`: what each device of each side was handed in that time.
+    - `stalls` (shape (k, 2)): from when to when an agent did nothing, in the whole run of the site [ns].
     """
 
     window: Window

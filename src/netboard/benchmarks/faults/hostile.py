@@ -56,12 +56,8 @@ MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Bea
 class HostileServer:
     """Everything a server binds, and the nerve of a bimanual participant.
 
-    Attributes
-    ----------
-    grown : set of bytes
-        Those of them whose force has grown to what is wanted.
-    durable : int
-        Number of the first record that the logger does not have on disk [1].
+    - `grown`: those of them whose force has grown to what is wanted.
+    - `durable`: number of the first record that the logger does not have on disk [1].
     """
 
     def __init__(self, config: Config, context: sockets.Context, mutants: Iterator[bytes]) -> None:

@@ -48,14 +48,9 @@ _RESET = struct.pack("ii", 1, 0)
 class Weather:
     """What happens to bytes on their way, in one direction.
 
-    Attributes
-    ----------
-    delay : float
-        Time every byte takes [s].
-    jitter : float
-        Largest time on top of it, even chances [s].
-    stalls : float
-        How often everything stands still for 200 ms, as after a lost packet, on average [Hz].
+    - `delay`: time every byte takes [s].
+    - `jitter`: largest time on top of it, even chances [s].
+    - `stalls`: how often everything stands still for 200 ms, as after a lost packet, on average [Hz].
     """
 
     delay: float = 0.0
@@ -146,10 +141,7 @@ class Connection:
 class Relay:
     """The line of one peer.
 
-    Parameters
-    ----------
-    host : str
-        Where the relay listens, at as many ports from `port` on.
+    - `host`: where the relay listens, at as many ports from `port` on.
     """
 
     def __init__(self, targets: Sequence[Place], host: str = "127.0.0.1") -> None:

@@ -55,15 +55,9 @@ class Way:
 class Rig:
     """The processes of one dyad.
 
-    Parameters
-    ----------
-    ways : dict of str to Way
-        Who does not get to the server as the configuration has it, by name of the process.
+    - `ways`: who does not get to the server as the configuration has it, by name of the process.
 
-    Attributes
-    ----------
-    running : dict of str to Popen
-        The processes that have been started and not ended, by name.
+    - `running`: the processes that have been started and not ended, by name.
     """
 
     def __init__(

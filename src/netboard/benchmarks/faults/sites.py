@@ -43,12 +43,8 @@ DISK_BYTES = 300_000_000
 class Setup:
     """What a site is made of.
 
-    Attributes
-    ----------
-    neighbour : bool
-        A second dyad is on the same server, unless it is to be quick.
-    follow : bool
-        The logger goes on with the next session of the server.
+    - `neighbour`: a second dyad is on the same server, unless it is to be quick.
+    - `follow`: the logger goes on with the next session of the server.
     """
 
     name: str

@@ -16,10 +16,7 @@ LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 class Machine:
     """A machine and the software that a study ran with.
 
-    Attributes
-    ----------
-    load : float
-        Processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
+    - `load`: processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
     """
 
     system: str
@@ -52,11 +49,11 @@ def describe() -> Machine:
         vectors=_vectors(),
         load=os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
         python=platform.python_version(),
-        libraries={name: _version(name) for name in LIBRARIES},
+        libraries={name: version_of(name) for name in LIBRARIES},
     )
 
 
-def _version(library: str) -> str:
+def version_of(library: str) -> str:
     """Return the version of a library that may not be installed as a package."""
     try:
         return version(library)

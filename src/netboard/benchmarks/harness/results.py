@@ -5,8 +5,9 @@ A verdict is a claim and whether the numbers beside it bear it out; it is comput
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -34,10 +35,7 @@ class Verdict:
 class Part:
     """One part of a study: a table, and what follows from it.
 
-    Attributes
-    ----------
-    on_screen : bool
-        It is for the screen too, and not too long for it.
+    - `on_screen`: it is for the screen too, and not too long for it.
     """
 
     name: str
@@ -56,10 +54,7 @@ class Part:
 class Folder:
     """A folder of results.
 
-    Parameters
-    ----------
-    force : bool
-        It may be there already, and files in it be replaced.
+    - `force`: it may be there already, and files in it be replaced.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
@@ -72,10 +67,7 @@ class Folder:
     def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
         """Write a table for each part, and everything in one JSON file.
 
-        Parameters
-        ----------
-        about : mapping of str
-            What was asked for, for the head of the JSON file.
+        - `about`: what was asked for, for the head of the JSON file.
         """
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
@@ -84,10 +76,13 @@ class Folder:
         text = json.dumps(whole, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 
-    def save(self, figure: Any, name: str) -> None:
-        """Save a figure as PNG and SVG."""
+    def save(self, name: str, draw: Callable[[], Any]) -> None:
+        """Draw a figure and save it as PNG and SVG, if matplotlib is installed."""
+        if find_spec("matplotlib") is None:
+            return
         import matplotlib as mpl
 
+        figure = draw()
         with mpl.rc_context({"svg.hashsalt": "netboard", "svg.fonttype": "none"}):
             figure.savefig(self.path / f"{name}.png", dpi=150)
             figure.savefig(self.path / f"{name}.svg", metadata={"Date": None})

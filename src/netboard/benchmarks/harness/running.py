@@ -47,13 +47,16 @@ def run(
     settings: Mapping[str, Any],
     study: Callable[[Tell], Iterable[Part]],
     json: Path | None = None,
+    *,
+    lines: Iterable[str] = (),
+    bar: bool = True,
 ) -> list[Verdict]:
-    """Run a study, and say how it ended.
+    """Run a study: describe the machine, show and write each part, copy the JSON file, and count the verdicts.
 
-    Parameters
-    ----------
-    settings : mapping of str
-        What goes into them beside the parts: ``study``, its name, and how it was run.
+    - `settings`: head of the results: ``study``, its name, and how it was run; it is read anew for each part.
+    - `lines`: further lines below the description of the machine.
+    - `bar`: show progress as a bar; else as lines, for studies that measure in this process, which redrawing would
+      disturb.
 
     Returns
     -------
@@ -62,15 +65,18 @@ def run(
     """
     console = Console(highlight=False, markup=False)
     console.width = max(console.width, WIDTH)
-    for line in describe().lines():
+    for line in (*describe().lines(), *lines):
         console.print(line)
     parts: list[Part] = []
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not bar) as progress:
         task = progress.add_task("getting ready", total=1.0)
 
         def tell(text: str, share: float) -> None:
-            progress.update(task, description=text, completed=share)
+            if bar:
+                progress.update(task, description=text, completed=share)
+            else:
+                console.print(text)
 
         for part in study(tell):
             parts.append(part)

@@ -35,10 +35,7 @@ ANSWER = bytes(FORCE.size)
 def echo(router: endpoints.Router, authenticator: Authenticator | None, order: Order) -> Order:
     """Answer so many frames.
 
-    Parameters
-    ----------
-    order : dict
-        ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
+    - `order`: ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
     """
     if order["greeting"]:
         _greet(router, authenticator, order["count"])
@@ -64,10 +61,7 @@ def _greet(router: endpoints.Router, authenticator: Authenticator | None, count:
 def peer(socket: sockets.Socket, order: Order) -> Order:
     """Wake every millisecond, send a frame, wait for the answer.
 
-    Parameters
-    ----------
-    order : dict
-        ``count``: how often [1]; ``start_ns``: when to begin, by the monotonic clock [ns].
+    - `order`: ``count``: how often [1]; ``start_ns``: when to begin, by the monotonic clock [ns].
     """
     frame, took = bytes(STYLUS.size), []
     pacer = Pacer(order["start_ns"])
@@ -97,10 +91,7 @@ def timer(order: Order) -> Order:
 def main(role: str, name: str, file: Path) -> None:
     """Be one of them.
 
-    Parameters
-    ----------
-    file : Path
-        Configuration: where the sockets are, and what is asked of the machine.
+    - `file`: configuration: where the sockets are, and what is asked of the machine.
     """
     config = parse(file.read_text(encoding="utf-8"), str(file))
     speak(f"{role} {name}")

@@ -5,27 +5,21 @@ true cadence. What else the machine was doing shows in the figures; its load is 
 """
 
 import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, new_folder, show
-from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.loop import measure_loop
-from netboard.benchmarks.loop.loop_tables import (
+from netboard.benchmarks.harness.results import Folder, Part, new_folder
+from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.loop.loop import (
     costs_part,
     latency_part,
     lateness_part,
     loop_series,
+    measure_loop,
     server_verdict,
 )
 from netboard.benchmarks.loop.scale import measure_scale, measure_waiting, scale_part, waiting_part
@@ -46,9 +40,6 @@ MINUTES, QUICK_MINUTES = 30.0, 0.5
 """Default duration of a soak test [min]."""
 
 MOST_DYADS = 256
-
-WIDTH = 140
-"""Minimum width of tables [characters]."""
 
 Transport = Literal["tcp", "ipc"]
 
@@ -89,40 +80,6 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
     return numbers
 
 
-class Study:
-    """A study under way: its results, and where they go.
-
-    Attributes
-    ----------
-    scratch : Path
-        For what the processes record and say; it is removed when all has gone well.
-    """
-
-    def __init__(self, name: str, setting: Setting, folder: Folder, console: Console, tell: Tell) -> None:
-        self.folder = folder
-        self.tell = tell
-        self.scratch = folder.path / "processes"
-        shutil.rmtree(self.scratch, ignore_errors=True)
-        self.scratch.mkdir()
-        self._about = {"study": name, **asdict(setting)}
-        self._console = console
-        self._parts: list[Part] = []
-
-    def add(self, part: Part) -> None:
-        """Add one part of the results and print it."""
-        self._parts.append(part)
-        if part.on_screen:
-            show(self._console, part)
-
-    def write(self, about: dict[str, Any], json: Path | None) -> None:
-        """Write all results."""
-        self.folder.write(self._parts, self._about | about)
-        if json is not None:
-            shutil.copyfile(self.folder.path / "results.json", json)
-        shutil.rmtree(self.scratch)
-        self._console.print(f"written to {self.folder.path}")
-
-
 def loop(
     setting: Setting,
     seconds: float | None,
@@ -135,12 +92,8 @@ def loop(
 ) -> int:
     """Run ``netboard bench loop``.
 
-    Parameters
-    ----------
-    seconds : float or None
-        For how long each thing is measured; None for the usual time [s].
-    dyads : sequence of int
-        Of how many dyads a server is measured; none to leave that out [1].
+    - `seconds`: for how long each thing is measured; None for the usual time [s].
+    - `dyads`: of how many dyads a server is measured; none to leave that out [1].
 
     Returns
     -------
@@ -149,35 +102,38 @@ def loop(
     """
     seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
-    with _study("loop", setting, output, force=force) as study:
-        found = measure_loop(setting.config, study.scratch, setting.displays, seconds, rounds, study.tell)
+    about = {"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
+
+    def study(place: Folder, tell: Tell) -> Iterator[Part]:
+        scratch = place.path / "processes"
+        found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
         series = loop_series(found)
-        study.add(latency_part(found, real_time=setting.real_time))
-        study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
+        yield latency_part(found, real_time=setting.real_time)
+        yield lateness_part(found.played.ticks, found.timer, real_time=setting.real_time)
         verdict = server_verdict(found.costs["server"], found.echo_costs["echo"], setting.displays)
-        study.add(costs_part(found.costs | found.echo_costs, verdict))
-        study.add(histogram_part(series[0] | series[1]))
+        yield costs_part(found.costs | found.echo_costs, verdict)
+        yield histogram_part(series[0] | series[1])
         if dyads or skips:
-            with Crowd(study.scratch) as crowd:
-                _add_crowded(study, crowd, setting.config, dyads, seconds / rounds, skips=skips)
-        if find_spec("matplotlib") is not None:
-            study.folder.save(draw_histograms(series, f"Stylus to force: {setting}"), "loop")
-        study.write({"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}, json)
+            with Crowd(scratch) as crowd:
+                yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
+        place.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
+
+    _run("loop", setting, about, study, output, json, force=force)
     return 0
 
 
-def _add_crowded(
-    study: Study, crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, *, skips: bool
-) -> None:
+def _crowded(
+    crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
+) -> Iterator[Part]:
     """Measure with many simulated peers, or with peers that a lab does not have."""
     if dyads:
-        found = measure_scale(config, crowd, dyads, seconds, study.tell)
-        study.add(scale_part(found))
+        found = measure_scale(config, crowd, dyads, seconds, tell)
+        yield scale_part(found)
         most = max(found)
-        study.add(waiting_part(most, measure_waiting(config, crowd, most, seconds, study.tell)))
+        yield waiting_part(most, measure_waiting(config, crowd, most, seconds, tell))
     if skips:
-        study.add(skips_part(measure_skips(config, crowd, seconds, study.tell)))
-        study.add(tick_part(config))
+        yield skips_part(measure_skips(config, crowd, seconds, tell))
+        yield tick_part(config)
 
 
 def soak(
@@ -185,33 +141,47 @@ def soak(
 ) -> int:
     """Run ``netboard bench soak``."""
     minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
-    with _study("soak", setting, output, force=force) as study:
-        found = measure_soak(setting.config, study.scratch, dyads, setting.displays, 60 * minutes, study.tell)
-        kept = records_part(found.kept)
-        study.add(kept)
-        study.add(memory_part(found.samples))
-        study.add(minutes_part(found.kept))
+
+    def study(place: Folder, tell: Tell) -> Iterator[Part]:
+        scratch = place.path / "processes"
+        found = measure_soak(setting.config, scratch, dyads, setting.displays, 60 * minutes, tell)
+        yield records_part(found.kept)
+        yield memory_part(found.samples)
+        yield minutes_part(found.kept)
         costs: Costs = {}
         add_costs(costs, found.samples[0], found.samples[-1])
-        study.add(costs_part(costs))
-        study.write({"minutes": minutes, "dyads": dyads}, json)
+        yield costs_part(costs)
+
+    kept = _run("soak", setting, {"minutes": minutes, "dyads": dyads}, study, output, json, force=force)["records"]
     return 0 if kept.holds else 1
 
 
-@contextmanager
-def _study(name: str, setting: Setting, output: Path | None, *, force: bool) -> Iterator[Study]:
-    """Begin a study: report the machine, and show progress."""
+def _run(
+    name: str,
+    setting: Setting,
+    about: Mapping[str, Any],
+    study: Callable[[Folder, Tell], Iterator[Part]],
+    output: Path | None,
+    json: Path | None,
+    *,
+    force: bool,
+) -> dict[str, Part]:
+    """Run a study of real processes; what they record and print is removed when all has gone well."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("what processes use is read from /proc, which this system does not have")
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)
-    console = Console(highlight=False, markup=False)
-    console.width = max(console.width, WIDTH)
-    for line in (*describe().lines(), str(setting)):
-        console.print(line)
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Console(stderr=True))
-    with bar:
-        task = bar.add_task("getting the kernels ready", total=1.0)
+    scratch = folder.path / "processes"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir()
+    parts: dict[str, Part] = {}
+
+    def collected(tell: Tell) -> Iterator[Part]:
+        tell("getting the kernels ready", 0.0)
         make_stage(setting.config).warm()
-        yield Study(
-            name, setting, folder, console, lambda text, share: bar.update(task, description=text, completed=share)
-        )
+        for part in study(folder, tell):
+            parts[part.name] = part
+            yield part
+
+    run(folder, {"study": name, **asdict(setting), **about}, collected, json, lines=[str(setting)])
+    shutil.rmtree(scratch)
+    return parts

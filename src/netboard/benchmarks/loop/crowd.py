@@ -155,10 +155,7 @@ class LightDyad:
 def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
     """Be all agents for a while.
 
-    Parameters
-    ----------
-    order : dict
-        ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``moving``: their hands move.
+    - `order`: ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``moving``: their hands move.
     """
     configs = list(configs)
     frames = sample_frames(len(SIDES) * len(configs)).reshape(len(configs), len(SIDES))
@@ -234,11 +231,8 @@ class LightLogger:
 def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
     """Be all loggers and displays for a while.
 
-    Parameters
-    ----------
-    order : dict
-        ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``loggers``, ``displays``: whether there
-        are any.
+    - `order`: ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``loggers``, ``displays``: whether
+      there are any.
 
     Returns
     -------

@@ -10,7 +10,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, cos, pi, sin
@@ -18,12 +18,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, parse, resolve
-from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder, show
+from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
+from netboard.benchmarks.harness.running import Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
 from netboard.network.protocol.codec import encode
 from netboard.network.transport import channels, sockets
@@ -53,21 +52,15 @@ LOOK_SECONDS = 0.01
 PATIENCE_NS = 60_000_000_000
 """Timeout of the view sender for the first subscriber [ns]."""
 
-WIDTH = 130
-
 
 @dataclass(frozen=True)
 class Shown:
     """What came to a screen.
 
-    Attributes
-    ----------
-    sent_to_received, received_to_painted, between : ndarray of int64
-        For each frame with a view of its own: the two parts of its way; and times from frame to frame [ns].
-    painted : ndarray of int64
-        When each frame was painted [ns].
-    heights : ndarray of float64
-        Where each showed the right end of the board [m].
+    - `sent_to_received`, `received_to_painted`, `between`: for each frame with a view of its own: the two parts of its
+      way; and times from frame to frame [ns].
+    - `painted`: when each frame was painted [ns].
+    - `heights`: where each showed the right end of the board [m].
     """
 
     sent_to_received: Times
@@ -190,33 +183,27 @@ def main(
 ) -> int:
     """Run the study.
 
-    Parameters
-    ----------
-    config : Config
-        How the window looks; it is shown on this machine's screen, or drawn without one where there is none.
-    seconds : float or None
-        For how long each is measured; None for the usual time [s].
+    - `config`: how the window looks; it is shown on this machine's screen, or drawn without one where there is none.
+    - `seconds`: for how long each is measured; None for the usual time [s].
     """
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-display"), force=force)
-    console = Console(highlight=False, markup=False)
-    console.width = max(console.width, WIDTH)
-    for line in describe().lines():
-        console.print(line)
+    platform = application().platformName()
+    settings = {"study": "display", "seconds": seconds, "quick": quick, "platform": platform}
+    lines = [f"drawn by: {platform}"]
+    run(folder, settings, lambda tell: study(config, seconds, tell), json_file, lines=lines, bar=False)
+    return 0
+
+
+def study(config: Config, seconds: float, tell: Tell) -> Iterator[Part]:
+    """Measure a display that smooths views of a moving board, one that does not, and one at rest."""
     found: dict[str, Shown] = {}
     for name, smooth, moving in (("smooth", True, True), ("views as they are", False, True), ("at rest", True, False)):
-        console.print(f"{name}: {seconds:g} s")
+        tell(f"{name}: {seconds:g} s", len(found) / 3)
         shown = replace(config, display=replace(config.display, smooth=smooth))
         found[name] = measure(shown, seconds, moving=moving)
-    parts = [_way(found), _sight(found, seconds)]
-    for part in parts:
-        show(console, part)
-    platform = application().platformName()
-    folder.write(parts, {"study": "display", "seconds": seconds, "quick": quick, "platform": platform})
-    if json_file is not None:
-        json_file.write_bytes((folder.path / "results.json").read_bytes())
-    console.print(f"drawn by: {platform}; written to {folder.path}")
-    return 0
+    yield _way(found)
+    yield _sight(found, seconds)
 
 
 def _way(found: dict[str, Shown]) -> Part:

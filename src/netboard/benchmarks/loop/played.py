@@ -25,12 +25,8 @@ UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the t
 class Punctuality:
     """Timing of ticks.
 
-    Attributes
-    ----------
-    late_ns : ndarray of int64
-        How late each began; negative: early [ns].
-    missed : int
-        Ticks that began more than a whole tick late, and those that were passed over [1].
+    - `late_ns`: how late each began; negative: early [ns].
+    - `missed`: ticks that began more than a whole tick late, and those that were passed over [1].
     """
 
     late_ns: Times
@@ -62,12 +58,8 @@ def passed_over(time_ns: Times) -> int:
 class Played:
     """What a dyad's recording says of the times in which it was measured.
 
-    Attributes
-    ----------
-    took_ns : dict of str to ndarray of int64
-        Of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
-    parts_ns : dict of str to ndarray of int64
-        Of both sides: ways and waits that a loop is made of [ns].
+    - `took_ns`: of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
+    - `parts_ns`: of both sides: ways and waits that a loop is made of [ns].
     """
 
     took_ns: dict[str, Times]
@@ -110,10 +102,7 @@ def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
 def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dict[str, Times]:
     """Take loops apart, where a sample told of the loop of the one before it, which is the rule.
 
-    Parameters
-    ----------
-    closed : ndarray of bool, shape (n,)
-        Ticks at which a loop is told for the first time.
+    - `closed` (shape (n,)): ticks at which a loop is told for the first time.
     """
     seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
     fresh = np.diff(seq, prepend=-1) == 1

@@ -47,10 +47,7 @@ ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phas
 class Stretch:
     """A measurement.
 
-    Attributes
-    ----------
-    start_ns, end_ns : int
-        When, by the monotonic clock [ns].
+    - `start_ns`, `end_ns`: when, by the monotonic clock [ns].
     """
 
     start_ns: int

@@ -49,12 +49,8 @@ class Company:
 class Served:
     """Resource use and timing of a server.
 
-    Attributes
-    ----------
-    counts : dict of str to float
-        What its peers got, in a second [Hz].
-    peers_late_ns : ndarray of int64
-        How late the peers themselves sent their samples [ns].
+    - `counts`: what its peers got, in a second [Hz].
+    - `peers_late_ns`: how late the peers themselves sent their samples [ns].
     """
 
     cost: Cost

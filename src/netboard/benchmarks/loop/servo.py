@@ -10,20 +10,19 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.errors import DeviceTimeout, NetboardError
 from netboard.base.process import steady_loop
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
+from netboard.benchmarks.harness.running import Tell, run
 from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
 from netboard.devices.touch.api import load
 from netboard.devices.touch.find import find
@@ -43,18 +42,13 @@ TIMEOUT_NS = 20_000_000
 WARM_UP_TICKS = 200
 BUSY = {False: "", True: ", busy thread"}
 
-WIDTH = 120
-
 
 def main(
     library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
 ) -> int:
     """Run the study.
 
-    Parameters
-    ----------
-    seconds : float or None
-        For how long each is measured; None for the usual time [s].
+    - `seconds`: for how long each is measured; None for the usual time [s].
 
     Returns
     -------
@@ -65,33 +59,27 @@ def main(
     shim()
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-servo"), force=force)
-    console = Console(highlight=False, markup=False)
-    console.width = max(console.width, WIDTH)
-    for line in describe().lines():
-        console.print(line)
+    settings = {"study": "servo", "library": library, "seconds": seconds, "quick": quick}
+    run(folder, settings, lambda tell: study(library, seconds, tell), json_file, bar=False)
+    return 0
+
+
+def study(library: str, seconds: float, tell: Tell) -> Iterator[Part]:
+    """Measure each callback, alone and beside a busy thread."""
     found: dict[str, Times] = {}
     for busy, company in BUSY.items():
         for kind in KINDS:
             name = kind + company
-            console.print(f"{name}: {seconds:g} s")
+            tell(f"{name}: {seconds:g} s", len(found) / (len(BUSY) * len(KINDS)))
             found[name] = measure(library, kind, seconds, busy=busy)
-    parts = [lateness_part(found), duration_part(found)]
-    for part in parts:
-        show(console, part)
-    folder.write(parts, {"study": "servo", "library": library, "seconds": seconds, "quick": quick})
-    if json_file is not None:
-        json_file.write_bytes((folder.path / "results.json").read_bytes())
-    console.print(f"written to {folder.path}")
-    return 0
+    yield lateness_part(found)
+    yield duration_part(found)
 
 
 def lateness_part(found: Mapping[str, Times]) -> Part:
     """Return how steady the ticks are, each beside the bare tick in the same company.
 
-    Parameters
-    ----------
-    found : mapping of str to ndarray of int64, shape (n, 2)
-        When each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
     """
     off = {name: unsteadiness(times) for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(off))
@@ -106,10 +94,7 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
 def duration_part(found: Mapping[str, Times]) -> Part:
     """Return how long the servo thread is held up by a callback.
 
-    Parameters
-    ----------
-    found : mapping of str to ndarray of int64, shape (n, 2)
-        When each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
     """
     took = {name: times[:, 1] - times[:, 0] for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(took))

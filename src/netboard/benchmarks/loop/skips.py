@@ -144,10 +144,8 @@ def _with_force(config: Config, force: Literal["environment_only", "none"]) -> C
 def stage_cost(config: Config, phase: Phase) -> float:
     """Time the stage's part of a tick [s].
 
-    Parameters
-    ----------
-    phase : Phase
-        In which the trial is, and stays: the board is not level, and the ball at rest is far from target and edge.
+    - `phase`: in which the trial is, and stays: the board is not level, and the ball at rest is far from target and
+      edge.
     """
     stage = make_stage(config)
     rows = np.zeros(TICKS, TICK)

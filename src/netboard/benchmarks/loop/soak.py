@@ -50,14 +50,10 @@ MOST_SLOWER = 1.5
 class Kept:
     """What one dyad's recording amounts to.
 
-    Attributes
-    ----------
-    verified : bool
-        Whether the stage makes the same of its inputs, to the bit.
-    time_ns, late_ns : ndarray of int64
-        When each tick was due, and how late it began [ns].
-    loop_at_ns, loop_ns : ndarray of int64
-        Of each loop from stylus to force, of both sides: the tick at which it was told, and how long it took [ns].
+    - `verified`: whether the stage makes the same of its inputs, to the bit.
+    - `time_ns`, `late_ns`: when each tick was due, and how late it began [ns].
+    - `loop_at_ns`, `loop_ns`: of each loop from stylus to force, of both sides: the tick at which it was told, and how
+      long it took [ns].
     """
 
     ticks: int

@@ -60,10 +60,7 @@ def histogram_part(named: Mapping[str, Times]) -> Part:
 def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
     """Draw histograms over a logarithmic axis, with marks at the percentiles 50, 99 and 99.9.
 
-    Parameters
-    ----------
-    groups : sequence of mapping of str to ndarray of int64
-        Durations by name, those of a group over each other [ns].
+    - `groups`: durations by name, those of a group over each other [ns].
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -23,12 +23,8 @@ _TRANSPORT_NAME = "ZMQbg/IO"
 class Spent:
     """What threads have used.
 
-    Attributes
-    ----------
-    seconds : float
-        Time on a core [s].
-    waited : float
-        Time in which they could have run and had no core; 0 where the system does not tell [s].
+    - `seconds`: time on a core [s].
+    - `waited`: time in which they could have run and had no core; 0 where the system does not tell [s].
     """
 
     seconds: float = 0.0
@@ -50,10 +46,7 @@ class Spent:
 class Usage:
     """A process at one moment.
 
-    Attributes
-    ----------
-    at_ns : int
-        The moment, by the monotonic clock [ns].
+    - `at_ns`: the moment, by the monotonic clock [ns].
     """
 
     at_ns: int
@@ -81,10 +74,7 @@ def total(parts: Iterable[Spent]) -> Spent:
 class Cost:
     """What a process used while it was measured.
 
-    Attributes
-    ----------
-    seconds : float
-        For how long it was measured [s].
+    - `seconds`: for how long it was measured [s].
     """
 
     spent: dict[str, Spent] = field(default_factory=dict)
@@ -116,10 +106,7 @@ def kind_of(process: int, thread: int, name: str) -> str:
 def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple[str, Spent]:
     """Read what /proc says of a thread.
 
-    Parameters
-    ----------
-    stat, schedstat, status : str
-        The three files; an empty `schedstat` where the system has none.
+    - `stat`, `schedstat`, `status`: the three files; an empty `schedstat` where the system has none.
     """
     head, _, tail = stat.rpartition(")")
     fields = tail.split()

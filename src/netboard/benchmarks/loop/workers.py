@@ -94,10 +94,7 @@ class Workers:
 def serve(carry_out: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
     """Be a worker: carry out orders until there are no more.
 
-    Parameters
-    ----------
-    carry_out : callable
-        Takes an order and returns what was found, both plain data.
+    - `carry_out`: takes an order and returns what was found, both plain data.
     """
     for line in sys.stdin:
         sys.stdout.write(json.dumps(carry_out(json.loads(line))) + "\n")

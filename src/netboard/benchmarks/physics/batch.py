@@ -86,10 +86,7 @@ def _number(scene: Any, name: Any) -> Any:
 def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
     """Return what an array holds for a simulation, as a tuple.
 
-    Parameters
-    ----------
-    length : int
-        The first so many of the k; a constant at the call [1].
+    - `length`: the first so many of the k; a constant at the call [1].
     """
     return tuple(a[b, :length, j].tolist())
 
@@ -117,10 +114,7 @@ def _compiled_put(done: Any, j: Any, x: Any) -> Any:
 def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, Array, float], None]:
     """Compile a step of the classical Runge-Kutta method for many simulations of one kind of scene.
 
-    Parameters
-    ----------
-    OWN : bool
-        Every simulation has numbers of its own; otherwise all share those of one scene.
+    - `OWN`: every simulation has numbers of its own; otherwise all share those of one scene.
 
     Returns
     -------
@@ -172,10 +166,7 @@ def out_of_blocks(blocks: Array) -> Array:
 def scene_blocks(scenes: NDArray[Any]) -> Array:
     """Return the numbers of scenes as the kernels here take them.
 
-    Parameters
-    ----------
-    scenes : ndarray of SCENE, shape (n,)
-        One for each simulation, or a single one that all share.
+    - `scenes` (shape (n,)): one for each simulation, or a single one that all share.
     """
     values = np.ascontiguousarray(scenes).view(np.float64).reshape(len(scenes), -1)
     return in_blocks(values) if len(scenes) > 1 else values.reshape(1, -1, 1)

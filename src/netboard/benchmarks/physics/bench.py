@@ -4,21 +4,18 @@ Its parts: runs of all methods and peers on the test problems, the frontier, rat
 what a live tick costs beside the least it could; what is saved where a scene needs less.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.harness.machine import describe
-from netboard.benchmarks.harness.results import Folder, Part, new_folder, show
+from netboard.benchmarks.harness.machine import version_of
+from netboard.benchmarks.harness.results import Folder, Part, new_folder
+from netboard.benchmarks.harness.running import Tell, run
 from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers
 from netboard.benchmarks.physics import parts as physics_parts
-from netboard.benchmarks.physics.holds import hold_rows
-from netboard.benchmarks.physics.horizons import expect_parts
+from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
 from netboard.benchmarks.physics.own_methods import (
     collocation_contenders,
     multistep_contenders,
@@ -37,10 +34,7 @@ from netboard.benchmarks.physics.work_precision import Row, compare, measure
 class Peer:
     """A library that takes part if it is installed.
 
-    Attributes
-    ----------
-    contenders : callable
-        Makes its contenders, of a problem and of whether a few are enough.
+    - `contenders`: makes its contenders, of a problem and of whether a few are enough.
     """
 
     package: str
@@ -66,22 +60,13 @@ QUICK_PROBLEMS = 3
 BUDGET, QUICK_BUDGET = 1.0, 0.1
 """Time after which a solver gets no further repetition [s]."""
 
-WIDTH = 132
-"""Minimum width of tables [characters]."""
-
-Say = Callable[[str], object]
-
 
 @dataclass(frozen=True)
 class Wanted:
     """What is asked for.
 
-    Attributes
-    ----------
-    peers : tuple of str
-        Names of the peers that take part, all of them installed.
-    budget : float
-        Who has taken this long has no further turn [s].
+    - `peers`: names of the peers that take part, all of them installed.
+    - `budget`: who has taken this long has no further turn [s].
     """
 
     problems: tuple[Problem, ...]
@@ -102,10 +87,7 @@ def main(
 ) -> int:
     """Run the study, print it and write it into a folder.
 
-    Parameters
-    ----------
-    peers : sequence of str or None
-        Who else takes part; None for all that are installed and quick enough.
+    - `peers`: who else takes part; None for all that are installed and quick enough.
 
     Raises
     ------
@@ -121,24 +103,10 @@ def main(
         QUICK_BUDGET if quick else BUDGET,
     )
     folder = Folder(output or new_folder("bench-physics"), force=force)
-    console = Console(highlight=False, markup=False)
-    console.width = max(console.width, WIDTH)
-    for line in (*describe().lines(), *_who(wanted)):
-        console.print(line)
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Console(stderr=True))
-    with bar:
-        task = bar.add_task("starting", total=None)
-        rows, parts = study(wanted, lambda stage: bar.update(task, description=stage))
-        bar.update(task, description="done", total=1, completed=1)
-    for part in parts:
-        if part.name != "runs":
-            show(console, part)
-    folder.write(parts, about(wanted))
-    if installed("matplotlib"):
-        figures.draw(rows, folder, signals=not quick)
-    else:
-        console.print("no figures: matplotlib is not installed")
-    console.print(f"written to {folder.path}")
+    lines = _who(wanted)
+    if not installed("matplotlib"):
+        lines.append("no figures: matplotlib is not installed")
+    run(folder, about(wanted), lambda tell: study(wanted, folder, tell), lines=lines)
     return 0
 
 
@@ -154,40 +122,43 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     return tuple(name for name, peer in PEERS.items() if peer.available() and (peer.quick or not quick))
 
 
-def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], list[Part]]:
-    """Run all parts of the study."""
-    references, rows = {}, []
+def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
+    """Run all parts of the study, and draw the runs."""
+    references: dict[Problem, Checked] = {}
+    rows: list[Row] = []
     for problem in wanted.problems:
+        share = 0.8 * len(references) / len(wanted.problems)
+        say = partial(_say, tell, share)
         say(f"{problem.name}: reference")
         references[problem] = find_reference(problem)
         contenders = _contenders(problem, wanted)
         rows += measure(problem, references[problem].reference, contenders, wanted.repeats, wanted.budget, say)
     comparisons = compare(rows)
-    parts = [
-        physics_parts.reference_part(list(references.values())),
-        physics_parts.runs_part(rows),
-        physics_parts.steps_part(rows),
-        *physics_parts.costs_parts(rows),
-        physics_parts.frontier_part(rows),
-        *physics_parts.ratios_parts(comparisons),
-    ]
+    yield physics_parts.reference_part(list(references.values()))
+    yield physics_parts.runs_part(rows)
+    yield physics_parts.steps_part(rows)
+    yield from physics_parts.costs_parts(rows)
+    yield physics_parts.frontier_part(rows)
+    yield from physics_parts.ratios_parts(comparisons)
     if any(row.family == peer_mujoco.FAMILY for row in rows):
-        parts.append(physics_parts.mujoco_part(rows, comparisons))
+        yield physics_parts.mujoco_part(rows, comparisons)
     chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if wanted.quick else None]
-    say("from samples")
-    holds = [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
-    expected = [part for problem in chosen[:1] for part in expect_parts(problem, references[problem].reference)]
-    say("the live tick")
-    ticks = [measure_tick(problem, wanted.repeats) for problem in chosen]
-    say("lesser scenes")
-    skips = [row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)]
-    parts += [
-        physics_parts.holds_part(holds),
-        *expected,
-        physics_parts.tick_part(ticks),
-        physics_parts.skips_part(skips),
-    ]
-    return rows, parts
+    tell("from samples", 0.8)
+    yield physics_parts.holds_part(
+        [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
+    )
+    for problem in chosen[:1]:
+        yield from expect_parts(problem, references[problem].reference)
+    tell("the live tick", 0.9)
+    yield physics_parts.tick_part([measure_tick(problem, wanted.repeats) for problem in chosen])
+    tell("lesser scenes", 0.95)
+    yield physics_parts.skips_part([row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)])
+    figures.draw(rows, folder, signals=not wanted.quick)
+
+
+def _say(tell: Tell, share: float, step: str) -> None:
+    """Report a step of a measurement that does not know its share of the whole."""
+    tell(step, share)
 
 
 def find_reference(problem: Problem) -> Checked:
@@ -211,17 +182,9 @@ def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:
     return found
 
 
-def _version(package: str) -> str:
-    """Return the version of a package."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
-
-
 def _who(wanted: Wanted) -> list[str]:
     """List the solvers that take part, and those that cannot."""
-    here = ", ".join(f"{PEERS[name].package} {_version(PEERS[name].package)}" for name in wanted.peers)
+    here = ", ".join(f"{PEERS[name].package} {version_of(PEERS[name].package)}" for name in wanted.peers)
     missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available())
     lines = [f"peers: {here or 'none'}"]
     if missing:
@@ -236,7 +199,7 @@ def about(wanted: Wanted) -> dict[str, object]:
         "quick": wanted.quick,
         "repeats": wanted.repeats,
         "budget_s": wanted.budget,
-        "peers": {peer.package: _version(peer.package) for peer in PEERS.values()},
+        "peers": {peer.package: version_of(peer.package) for peer in PEERS.values()},
         "problems": [
             {"name": problem.name, "duration_s": problem.duration, "first": problem.first, **asdict(problem.physics)}
             for problem in wanted.problems

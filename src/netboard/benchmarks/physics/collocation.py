@@ -215,18 +215,13 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
 class Tables:
     """What collocation multiplies with, for one scene and one length of step.
 
-    Attributes
-    ----------
-    a : ndarray of float64, shape (1, 1, n, n)
-        A by its columns [SI].
-    flow : ndarray of float64, shape (rows, n, nodes)
-        e^(c h A), of the rows on which N depends, for every node c [SI].
-    push : ndarray of float64, shape (rows, kicks, nodes, nodes)
-        What N at each node makes of them at every node [SI].
-    ahead : ndarray of float64, shape (nodes + 1, nodes)
-        What the nodes of the last step, and its end, make one expect at every node [1].
-    end_flow, end_push : ndarray of float64, shapes (n, width) and (kicks, nodes, width)
-        The same as `flow` and `push` for the end of the step, of all rows [SI].
+    - `a` (shape (1, 1, n, n)): A by its columns [SI].
+    - `flow` (shape (rows, n, nodes)): e^(c h A), of the rows on which N depends, for every node c [SI].
+    - `push` (shape (rows, kicks, nodes, nodes)): what N at each node makes of them at every node [SI].
+    - `ahead` (shape (nodes + 1, nodes)): what the nodes of the last step, and its end, make one expect at every node
+      [1].
+    - `end_flow`, `end_push` (shapes (n, width) and (kicks, nodes, width)): the same as `flow` and `push` for the end of
+      the step, of all rows [SI].
     """
 
     a: Array
@@ -278,13 +273,10 @@ def prepare_collocation(
 ) -> Callable[[], Array]:
     """Prepare a run of a scene by collocation: its tables are made, and room for its states.
 
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n, nodes, 2)
-        Drives of the left and of the right hand at the nodes (`netboard.physics.methods.phi.gauss_nodes`) of every
-        step; there are 4, 8 or 16 of them [N].
-    tolerance : float
-        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
+    - `hands` (shape (n, nodes, 2)): drives of the left and of the right hand at the nodes
+      (`netboard.physics.methods.phi.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
+    - `tolerance`: sweeps end when what still changes of the accelerations would move nothing by more in a step [m,
+      rad].
 
     Returns
     -------
@@ -302,25 +294,3 @@ def prepare_collocation(
         return out
 
     return run
-
-
-def run_collocation(
-    x: State,
-    hands: Array,
-    h: float,
-    parts: Parts,
-    scene: NDArray[Any],
-    every: int = 1,
-    tolerance: float = TOLERANCE,
-) -> Array:
-    """Run a scene by collocation.
-
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n, nodes, 2)
-        Drives of the left and of the right hand at the nodes (`netboard.physics.methods.phi.gauss_nodes`) of every
-        step; there are 4, 8 or 16 of them [N].
-    tolerance : float
-        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
-    """
-    return prepare_collocation(x, hands, h, parts, scene, every, tolerance)()

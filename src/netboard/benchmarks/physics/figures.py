@@ -4,6 +4,7 @@ Better is down and to the left. Needs matplotlib, which is imported when a figur
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import groupby
 from math import isfinite
 from typing import Any
@@ -35,9 +36,9 @@ def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
         here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
         here.sort(key=lambda row: (row.family != OURS, row.family, row.method))
         name = problem.replace(", ", "-")
-        folder.save(_overview(here, problem), f"work-precision-{name}")
+        folder.save(f"work-precision-{name}", partial(_overview, here, problem))
         if signals:
-            folder.save(_signals(here, problem), f"work-precision-{name}-signals")
+            folder.save(f"work-precision-{name}-signals", partial(_signals, here, problem))
 
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:

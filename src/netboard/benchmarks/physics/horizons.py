@@ -1,8 +1,9 @@
-"""What error to expect of a run, signal by signal, after 1, 3 and 10 s: live, offline, and of the model.
+"""Errors of runs from samples: with each extrapolation, and what to expect, signal by signal, after 1, 3 and 10 s.
 
-The hands of the test problem are sampled at 1 kHz, as devices do; what is between the samples each hold makes up in
-its own way. The truth is the same scene with hands that never stop moving smoothly. Errors of the ball grow with time,
-since the ball is a saddle: whatever is wrong with it grows by e in 2.28 s.
+The hands of the test problem are sampled at 1 kHz, as devices do; between samples each extrapolation assumes its own
+path. Live, it knows the newest sample only; offline, the next one too. The truth is the same scene with hands that move
+smoothly throughout, so errors contain sampling, extrapolation and method. Errors of the ball grow by e in 2.28 s, since
+the ball is a saddle.
 """
 
 from dataclasses import dataclass
@@ -10,18 +11,17 @@ from math import exp
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value
-from netboard.benchmarks.physics.problem import Problem, Reference, styluses_at
+from netboard.benchmarks.physics.problem import Array, Problem, Reference, largest, styluses_at
+from netboard.benchmarks.physics.tick_cost import live_run
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.march import forces_along, make_grid, run
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.statics import ball_poles
 
-Array = NDArray[np.float64]
 Hold = Literal["zoh", "cv", "ca", "hermite"]
 
 HORIZONS = (1.0, 3.0, 10.0)
@@ -35,12 +35,8 @@ NUDGE = 1e-6
 class Expectation:
     """Errors of one way of running the scene.
 
-    Attributes
-    ----------
-    horizon : float
-        How long the run was [s].
-    errors : tuple of float
-        Largest error of each of `SIGNALS` so far [m, rad, m, N].
+    - `horizon`: how long the run was [s].
+    - `errors`: largest error of each of `SIGNALS` so far [m, rad, m, N].
     """
 
     name: str
@@ -73,10 +69,7 @@ def sampled_run(
 ) -> tuple[Array, Array]:
     """Run a problem from samples of its hands.
 
-    Parameters
-    ----------
-    nudge : float
-        The ball starts so far from where the problem has it [m].
+    - `nudge`: the ball starts so far from where the problem has it [m].
 
     Returns
     -------
@@ -162,10 +155,7 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
 def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
     """Return the tables of what to expect.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem; what is left out is told of the paper's alone.
+    - `problem`: the problem; what is left out is told of the paper's alone.
 
     Returns
     -------
@@ -185,3 +175,42 @@ def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
             Part("growth", f"A ball put {NUDGE:g} m elsewhere", ("horizon [s]", away, saddle), list(growth(problem))),
         ]
     return parts
+
+
+OFFLINE = (("rk4", 1), ("etdrk4", 1), ("dop853", 2))
+"""Methods of runs offline, and their steps between two samples."""
+
+
+@dataclass(frozen=True)
+class HoldRow:
+    """Errors of one way of running a problem from samples.
+
+    - `problem`, `hold`, `run`: which problem, how the hands move between samples, and what ran it.
+    - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
+    - `force_rms`: root mean square of the error of both forces [N].
+    """
+
+    problem: str
+    hold: str
+    run: str
+    errors: tuple[float, ...]
+    force_rms: float
+
+
+def hold_rows(problem: Problem, reference: Reference) -> list[HoldRow]:
+    """Run a problem from samples: through the server's own ticks with each hold, and offline."""
+    rows = [
+        _row(problem, reference, hold, "the server's tick", *live_run(problem, hold)) for hold in ("zoh", "cv", "ca")
+    ]
+    for method, substeps in OFFLINE:
+        found = sampled_run(problem, "hermite", method, substeps)
+        rows.append(_row(problem, reference, "hermite", f"offline, {method}, {1.0 / substeps:g} ms", *found))
+    return rows
+
+
+def _row(problem: Problem, reference: Reference, hold: str, name: str, states: Array, forces: Array) -> HoldRow:
+    """Compare a run, tick by tick, with the points of the reference that it meets."""
+    states, forces = states[::2], forces[::2]
+    wrong = states - reference.states[: len(states)], forces - reference.forces[: len(forces)]
+    rms = float(np.sqrt(np.mean(wrong[1] ** 2)))
+    return HoldRow(problem.name, hold, name, tuple(largest(*wrong).tolist()), rms)

@@ -40,12 +40,8 @@ _SWEEPS = 100
 class Multistep:
     """A multistep method.
 
-    Attributes
-    ----------
-    past : int
-        Values of N that it predicts from, the newest included [1].
-    corrector : int
-        Values of N that it corrects with, that of the prediction included; 0 if it does not [1].
+    - `past`: values of N that it predicts from, the newest included [1].
+    - `corrector`: values of N that it corrects with, that of the prediction included; 0 if it does not [1].
     """
 
     name: str
@@ -205,10 +201,8 @@ def prepare_multistep(
 ) -> Callable[[], Array]:
     """Prepare a run of a scene by a multistep method: its tables are made, and room for its states.
 
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n + 1, 2)
-        Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
+    - `hands` (shape (n + 1, 2)): drives of the left and of the right hand at the ends of the steps, the first at the
+      start [N].
 
     Returns
     -------
@@ -232,16 +226,3 @@ def prepare_multistep(
         return out
 
     return run
-
-
-def run_multistep(
-    name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
-) -> Array:
-    """Run a scene by a multistep method.
-
-    Parameters
-    ----------
-    hands : ndarray of float64, shape (n + 1, 2)
-        Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
-    """
-    return prepare_multistep(name, x, hands, h, parts, scene, every)()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 
 from netboard.benchmarks.harness.results import Part, Value, Verdict
-from netboard.benchmarks.physics.holds import HoldRow
+from netboard.benchmarks.physics.horizons import HoldRow
 from netboard.benchmarks.physics.peer_mujoco import FAMILY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
 from netboard.benchmarks.physics.problem import SIGNALS, Problem, Reference
@@ -68,6 +68,7 @@ def runs_part(rows: Iterable[Row]) -> Part:
             *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
         [_all_of(row) for row in rows],
+        on_screen=False,
     )
 
 

@@ -42,10 +42,7 @@ def contenders(problem: Problem, coarse: bool) -> list[Contender]:
 class Run:
     """A simulator of the problem.
 
-    Parameters
-    ----------
-    accuracy : float
-        What it aims at in each step, in Drake's own measure [1].
+    - `accuracy`: what it aims at in each step, in Drake's own measure [1].
     """
 
     def __init__(self, problem: Problem, scheme: str, accuracy: float, hands: bool = True) -> None:

@@ -72,10 +72,7 @@ def scene_xml(physics: Physics, integrator: str, step: float) -> str:
 class Scene:
     """MuJoCo's model of a problem, for one method and length of step.
 
-    Parameters
-    ----------
-    step : float
-        Length of the step [s].
+    - `step`: length of the step [s].
     """
 
     def __init__(self, problem: Problem, integrator: str, step: float) -> None:
@@ -139,10 +136,7 @@ class Scene:
     def held(self, ahead: float) -> Solution:
         """Step through the run with controls that change between steps only.
 
-        Parameters
-        ----------
-        ahead : float
-            Where in the step the controls are taken, in lengths of the step [1].
+        - `ahead`: where in the step the controls are taken, in lengths of the step [1].
         """
         times = multiples(self.steps, self.step) + ahead * self.step
         states = self._rollout(drives_at(self.problem.waves, times))

@@ -63,12 +63,9 @@ BALL: dict[tuple[Model, Start], tuple[float, float]] = {
 class Problem:
     """One form of the test problem.
 
-    Attributes
-    ----------
-    start : str
-        ``settled``: the board has followed the hands for a while; ``cold``: it is at rest while they move already.
-    duration : float
-        Length of the run [s].
+    - `start`: ``settled``: the board has followed the hands for a while; ``cold``: it is at rest while they move
+      already.
+    - `duration`: length of the run [s].
     """
 
     model: Model
@@ -195,10 +192,7 @@ def derivatives(
 ) -> list[Any]:
     """Return the rate of change of a state, in any arithmetic: the paper's equations (1-5), or Lagrange's.
 
-    Parameters
-    ----------
-    physics : Physics
-        The scene: both hands coupled, a free board, one ball that slides.
+    - `physics`: the scene: both hands coupled, a free board, one ball that slides.
     """
     z, vz, theta, omega, p, vp = x
     mass, m, g, arm, inertia = physics.M, physics.m, physics.g, physics.l, physics.I
@@ -233,14 +227,9 @@ def make_right_side(PARTS: Parts) -> Callable[..., None]:
 class Reference:
     """What is taken for the truth.
 
-    Attributes
-    ----------
-    states : ndarray of float64, shape (n, 6)
-        At `Problem.times` [SI].
-    forces : ndarray of float64, shape (n, 2)
-        Of the left and the right hand on the board [N].
-    scales : ndarray of float64, shape (4,)
-        Largest magnitude of each of `SIGNALS` [SI].
+    - `states` (shape (n, 6)): at `Problem.times` [SI].
+    - `forces` (shape (n, 2)): of the left and the right hand on the board [N].
+    - `scales` (shape (4,)): largest magnitude of each of `SIGNALS` [SI].
     """
 
     source: str
@@ -271,10 +260,7 @@ def largest(states: Array, forces: Array) -> Array:
 def errors_of(problem: Problem, reference: Reference, states: Array, stride: int) -> Array:
     """Return the largest error of each of `SIGNALS`.
 
-    Parameters
-    ----------
-    states : ndarray of float64, shape (n, 6)
-        What a method made of it, at every `stride`-th of `Problem.times` [SI].
+    - `states` (shape (n, 6)): what a method made of it, at every `stride`-th of `Problem.times` [SI].
     """
     drives = drives_at(problem.waves, problem.times[::stride])
     forces = forces_along(np.ascontiguousarray(states), drives, problem.parts, problem.scene)

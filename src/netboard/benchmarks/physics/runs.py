@@ -37,15 +37,10 @@ class Prepare(Protocol):
 class Offline:
     """A method, for runs of equal steps.
 
-    Attributes
-    ----------
-    nodes : tuple of float
-        Where in a step it asks for the hands, in lengths of the step [1].
-    prepare : callable
-        ``prepare(x, hands, h, parts, scene, every)`` returns a function without arguments that does the run and returns
-        an array of shape (n // every + 1, length): the first state and that after every so many steps.
-    chained : bool
-        Its only node is the end of a step, which is the start of the next: the hands have shape (n + 1, 2).
+    - `nodes`: where in a step it asks for the hands, in lengths of the step [1].
+    - `prepare`: ``prepare(x, hands, h, parts, scene, every)`` returns a function without arguments that does the run
+      and returns an array of shape (n // every + 1, length): the first state and that after every so many steps.
+    - `chained`: its only node is the end of a step, which is the start of the next: the hands have shape (n + 1, 2).
     """
 
     name: str

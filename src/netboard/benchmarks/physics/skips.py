@@ -35,16 +35,10 @@ HUGE = 1e30
 class Skip:
     """A scene that lacks something.
 
-    Attributes
-    ----------
-    scene : mapping
-        How it is configured, where that differs from the full scene.
-    inert : mapping
-        Numbers of the full scene that make the part do nothing [SI].
-    limp : tuple of bool
-        The left hand, the right one follow the board in the full scene, so that they do not pull.
-    carried : bool
-        In the full scene the hands also carry what a hinge would.
+    - `scene`: how it is configured, where that differs from the full scene.
+    - `inert`: numbers of the full scene that make the part do nothing [SI].
+    - `limp`: the left hand, the right one follow the board in the full scene, so that they do not pull.
+    - `carried`: in the full scene the hands also carry what a hinge would.
     """
 
     name: str
@@ -86,16 +80,11 @@ SKIPS = (
 class SkipRow:
     """What leaving something out saves.
 
-    Attributes
-    ----------
-    model, name, method, proof : str
-        Whose equations, what is left out, how it is stepped, what it is compared with.
-    tick_ns : float
-        A tick, the quickest of many runs [ns].
-    times : float
-        How many times cheaper that is than in the full scene [1].
-    difference : float
-        Largest difference of any height, tilt, place of the ball or force [SI].
+    - `model`, `name`, `method`, `proof`: whose equations, what is left out, how it is stepped, what it is compared
+      with.
+    - `tick_ns`: a tick, the quickest of many runs [ns].
+    - `times`: how many times cheaper that is than in the full scene [1].
+    - `difference`: largest difference of any height, tilt, place of the ball or force [SI].
     """
 
     model: str

@@ -19,12 +19,8 @@ OURS = "netboard"
 class Solution:
     """What a solver made of a problem.
 
-    Attributes
-    ----------
-    states : ndarray of float64, shape (n, 6)
-        At every `stride`-th of `Problem.times` [SI].
-    calls : int
-        How often the hands were evaluated, or read from a table [1].
+    - `states` (shape (n, 6)): at every `stride`-th of `Problem.times` [SI].
+    - `calls`: how often the hands were evaluated, or read from a table [1].
     """
 
     states: Array
@@ -37,18 +33,11 @@ class Solution:
 class Contender:
     """A solver with one setting.
 
-    Attributes
-    ----------
-    solve : callable
-        Solves the problem, once, and keeps the states: for the error.
-    inputs : bool
-        `bare` evaluates the hands; otherwise it reads them from a table, or they do not change.
-    alone : callable or None
-        As many steps without any hands, where the cost of the hands cannot be told apart otherwise.
-    dense : callable or None
-        Solves it and keeps the states at all of `Problem.times`, where the method can.
-    input_ns : float
-        Cost of evaluating the hands once, where it is not that of compiled code [ns].
+    - `solve`: solves the problem, once, and keeps the states: for the error.
+    - `inputs`: `bare` evaluates the hands; otherwise it reads them from a table, or they do not change.
+    - `alone`: as many steps without any hands, where the cost of the hands cannot be told apart otherwise.
+    - `dense`: solves it and keeps the states at all of `Problem.times`, where the method can.
+    - `input_ns`: cost of evaluating the hands once, where it is not that of compiled code [ns].
     """
 
     family: str

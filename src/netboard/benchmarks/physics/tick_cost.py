@@ -50,24 +50,15 @@ STAGES = 4
 class TickCost:
     """Costs of a tick and of what it is made of, for one model; all are minima unless they say otherwise.
 
-    Attributes
-    ----------
-    sincos_latency_ns, sincos_ns : float
-        Sine and cosine of one angle: each waiting for the last, and side by side [ns].
-    right_side_latency_ns, right_side_ns : float
-        The same of the right-hand side [ns].
-    floor_ns : float
-        Four right-hand sides that wait for each other [ns].
-    step_ns : float
-        A step of RK4 and nothing else [ns].
-    tick_ns : float
-        A tick in a compiled loop [ns].
-    call_ns, call_p99_ns, call_worst_ns : float
-        A tick called from Python: median, 99th percentile, and worst of many [ns].
-    first_call_ns : float
-        The first tick after warming up [ns].
-    many_ns : float
-        A tick of all of them, in one call [ns].
+    - `sincos_latency_ns`, `sincos_ns`: sine and cosine of one angle: each waiting for the last, and side by side [ns].
+    - `right_side_latency_ns`, `right_side_ns`: the same of the right-hand side [ns].
+    - `floor_ns`: four right-hand sides that wait for each other [ns].
+    - `step_ns`: a step of RK4 and nothing else [ns].
+    - `tick_ns`: a tick in a compiled loop [ns].
+    - `call_ns`, `call_p99_ns`, `call_worst_ns`: a tick called from Python: median, 99th percentile, and worst of many
+      [ns].
+    - `first_call_ns`: the first tick after warming up [ns].
+    - `many_ns`: a tick of all of them, in one call [ns].
     """
 
     model: str

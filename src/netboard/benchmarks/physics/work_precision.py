@@ -33,26 +33,16 @@ _EVALUATIONS = 10_000
 class Row:
     """What a contender made of a problem, and at what cost.
 
-    Attributes
-    ----------
-    calls : int
-        How often the hands were evaluated or read; 0 where it cannot be counted [1].
-    errors : tuple of float
-        Largest error of each of `SIGNALS` [m, rad, m, N].
-    scaled : float
-        E: the worst of them over the signal's largest value [1].
-    warm_up : float
-        The first run, with whatever it compiled [s].
-    physics, physics_median : float
-        Cost without evaluating the hands, of the quickest and of the median run, for a second of simulated time [us].
-    whole, whole_median : float
-        The same with evaluating the hands [us].
-    dense : float
-        As `physics`, of a run that also keeps the states 2 ms apart; infinite where the method has none [us].
-    spacing : float
-        The errors are of points so far apart [s].
-    step_ns : float
-        `physics` for each step; 0 where the steps are not known [ns].
+    - `calls`: how often the hands were evaluated or read; 0 where it cannot be counted [1].
+    - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
+    - `scaled`: E: the worst of them over the signal's largest value [1].
+    - `warm_up`: the first run, with whatever it compiled [s].
+    - `physics`, `physics_median`: cost without evaluating the hands, of the quickest and of the median run, for a
+      second of simulated time [us].
+    - `whole`, `whole_median`: the same with evaluating the hands [us].
+    - `dense`: as `physics`, of a run that also keeps the states 2 ms apart; infinite where the method has none [us].
+    - `spacing`: the errors are of points so far apart [s].
+    - `step_ns`: `physics` for each step; 0 where the steps are not known [ns].
     """
 
     problem: str
@@ -262,10 +252,7 @@ def least_cost(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> 
 class Comparison:
     """What errors cost with us and with a peer.
 
-    Attributes
-    ----------
-    ours, theirs : tuple of float
-        Least costs; infinite where that error is not reached [us].
+    - `ours`, `theirs`: least costs; infinite where that error is not reached [us].
     """
 
     problem: str

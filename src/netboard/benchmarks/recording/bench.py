@@ -49,12 +49,8 @@ GROWTH_MB = 64.0
 class Effort:
     """The amount of measuring.
 
-    Attributes
-    ----------
-    stall_seconds : float
-        How long the logger is treated in each way [s].
-    load_seconds : float
-        How long it is fed at each rate [s].
+    - `stall_seconds`: how long the logger is treated in each way [s].
+    - `load_seconds`: how long it is fed at each rate [s].
     """
 
     ticks: int = HOUR
@@ -69,10 +65,7 @@ QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure everything.
 
-    Parameters
-    ----------
-    folder : Folder
-        Where everything is written: on the disk that is asked about.
+    - `folder`: where everything is written: on the disk that is asked about.
     """
     place, effort = folder.path, QUICK if quick else Effort()
     (place / "session").mkdir(exist_ok=True)

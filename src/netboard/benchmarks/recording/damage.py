@@ -23,10 +23,7 @@ LONGEST_STRETCH = 4096
 class Harm:
     """A damaged copy of a recording.
 
-    Attributes
-    ----------
-    start, stop : int
-        The bytes that are not as they were; a cut reaches to the end [1].
+    - `start`, `stop`: the bytes that are not as they were; a cut reaches to the end [1].
     """
 
     data: bytes
@@ -38,12 +35,8 @@ class Harm:
 class Found:
     """Result for one damaged file.
 
-    Attributes
-    ----------
-    lost : int
-        Ticks that were in the file before, and are not in the recovered one [1].
-    seconds : float
-        How long recovery took [s].
+    - `lost`: ticks that were in the file before, and are not in the recovered one [1].
+    - `seconds`: how long recovery took [s].
     """
 
     faults: tuple[str, ...]

@@ -32,12 +32,8 @@ FEEDER_BEHIND_NS = 200_000_000
 class Load:
     """Result at one rate.
 
-    Attributes
-    ----------
-    halfway, backlog : float
-        Records that were not on disk in the middle and at the end, as time at this rate [s].
-    feeder_behind : float
-        How far the feeding side fell behind at most [s].
+    - `halfway`, `backlog`: records that were not on disk in the middle and at the end, as time at this rate [s].
+    - `feeder_behind`: how far the feeding side fell behind at most [s].
     """
 
     rate: int

@@ -74,14 +74,9 @@ class Session:
 class Written:
     """How a long recording was written.
 
-    Attributes
-    ----------
-    seconds : float
-        Time that the writer took, without that of making the records [s].
-    flushes : ndarray, shape (n,)
-        Time of each closing of a chunk with its sync [s].
-    grown : float
-        By how much memory grew from the first tenth to the end [B].
+    - `seconds`: time that the writer took, without that of making the records [s].
+    - `flushes` (shape (n,)): time of each closing of a chunk with its sync [s].
+    - `grown`: by how much memory grew from the first tenth to the end [B].
     """
 
     ticks: int

@@ -24,12 +24,8 @@ SHORTEST, LONGEST = 0.05, 1.5
 class Killed:
     """What a killed logger left.
 
-    Attributes
-    ----------
-    lost_seconds : float
-        Ticks that had been made and were not recovered, as time [s].
-    seconds : float
-        How long recovery took [s].
+    - `lost_seconds`: ticks that had been made and were not recovered, as time [s].
+    - `seconds`: how long recovery took [s].
     """
 
     faults: tuple[str, ...]
@@ -40,10 +36,7 @@ class Killed:
 def kill_one(folder: Path, log: list[list[bytes]], chance: np.random.Generator) -> Killed:
     """Feed a logger, kill it, recover what it left, and check it against what it was fed.
 
-    Parameters
-    ----------
-    log : list of list of bytes
-        The records of each millisecond; long enough not to come round again.
+    - `log`: the records of each millisecond; long enough not to come round again.
     """
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()

@@ -40,10 +40,7 @@ COLUMNS = (
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Damage, kill, recover.
 
-    Parameters
-    ----------
-    folder : Folder
-        Loggers that are killed write there: on the disk that is asked about.
+    - `folder`: loggers that are killed write there: on the disk that is asked about.
     """
     # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
     with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:

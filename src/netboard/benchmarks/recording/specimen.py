@@ -32,10 +32,7 @@ SESSION = "5afe5afe5afe5afe"
 class Piece:
     """A chunk of a file.
 
-    Attributes
-    ----------
-    ticks : tuple of int
-        First tick in it, and the one after its last; both 0 without any [1].
+    - `ticks`: first tick in it, and the one after its last; both 0 without any [1].
     """
 
     start: int

@@ -33,10 +33,7 @@ ALLOWED_MS = 0.5
 class Watched:
     """What a session recorded, and when its logger was treated how.
 
-    Attributes
-    ----------
-    stretches : dict of str to (int, int)
-        When each treatment began and ended, server time [ns].
+    - `stretches`: when each treatment began and ended, server time [ns].
     """
 
     path: Path

@@ -5,7 +5,6 @@ less of everything; a test runs parts of it.
 """
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +61,5 @@ def study(folder: Folder, quick: bool, soak_too: bool, tell: Tell) -> Iterator[P
 def _mapped(plane: Plane, folder: Folder, quick: bool, tell: Tell) -> Iterator[Part]:
     """Make a map, and draw it if matplotlib is there."""
     cells = make_map(plane, QUICK_SCALES if quick else SCALES, QUICK_METHODS if quick else STUDIED, tell)
-    if find_spec("matplotlib") is not None:
-        folder.save(draw_map(plane, cells), f"map-{plane.name}")
+    folder.save(f"map-{plane.name}", lambda: draw_map(plane, cells))
     yield from map_parts(plane, cells)

@@ -64,10 +64,7 @@ PLANES = (Plane("coupling", "k_h", "c_h"), Plane("inertia", "M", "I"))
 class Cell:
     """One scene with one method.
 
-    Attributes
-    ----------
-    theory, nonlinear : float
-        Largest stable step; infinite if there is none, up to the longest that is tried [s].
+    - `theory`, `nonlinear`: largest stable step; infinite if there is none, up to the longest that is tried [s].
     """
 
     method: str

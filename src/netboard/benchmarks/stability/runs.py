@@ -69,14 +69,9 @@ _FIXED: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
 class Run:
     """A run.
 
-    Attributes
-    ----------
-    times : ndarray of float64, shape (n,)
-        Ends of the intervals [s].
-    states : ndarray of float64, shape (n, length)
-        The states there [SI].
-    forces : ndarray of float64, shape (n, 2)
-        Of the left and the right hand on the board there [N].
+    - `times` (shape (n,)): ends of the intervals [s].
+    - `states` (shape (n, length)): the states there [SI].
+    - `forces` (shape (n, 2)): of the left and the right hand on the board there [N].
     """
 
     times: Array
@@ -92,10 +87,7 @@ def scaled(physics: Physics, **factors: float) -> Physics:
 def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
     """Return where the hands are.
 
-    Parameters
-    ----------
-    spread : float
-        How many times as far as in the test problem they move against each other [1].
+    - `spread`: how many times as far as in the test problem they move against each other [1].
 
     Returns
     -------
@@ -114,10 +106,7 @@ def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
 def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
     """Return the drives of hands that move on cubics between times (`netboard.physics.hands.extrapolation.between`).
 
-    Parameters
-    ----------
-    z, vz : ndarray of float64, shape (n + 1, 2)
-        Heights of the left and the right stylus there, and their rates [m, m/s].
+    - `z`, `vz` (shape (n + 1, 2)): heights of the left and the right stylus there, and their rates [m, m/s].
     """
     k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
     mean = np.diff(z, axis=0) / gap
@@ -143,10 +132,7 @@ def make_run(
 ) -> Run:
     """Run the test motion.
 
-    Parameters
-    ----------
-    duration : float
-        Length of the run; it is as many whole intervals as fit [s].
+    - `duration`: length of the run; it is as many whole intervals as fit [s].
 
     Returns
     -------
@@ -186,10 +172,7 @@ def is_bounded(physics: Physics, method: str, h: float, duration: float = DURATI
 def telling_duration(method: str, a: Array, h: float) -> float:
     """Return how long a run must be to tell whether a step is too long.
 
-    Parameters
-    ----------
-    h : float
-        The largest step, in theory; infinite if there is none [s].
+    - `h`: the largest step, in theory; infinite if there is none [s].
     """
     if math.isinf(h):
         return DURATION

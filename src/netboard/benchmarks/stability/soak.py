@@ -63,12 +63,8 @@ LEAST_FLOW = 1e-9
 class Tally:
     """What came of checks.
 
-    Attributes
-    ----------
-    excess : float
-        Most growth of energy beyond what hands can put in, as a share of the flows [1].
-    wrong : float
-        Most energy that came or went other than by the flows, as a share of them [1].
+    - `excess`: most growth of energy beyond what hands can put in, as a share of the flows [1].
+    - `wrong`: most energy that came or went other than by the flows, as a share of them [1].
     """
 
     checks: int = 0
@@ -90,13 +86,9 @@ class Tally:
 class Soaked:
     """What came of one kind of scene.
 
-    Attributes
-    ----------
-    within, beyond : Tally
-        While the board stayed within the tilts and balls within the places that the choice of a method looks at, and
-        while they did not.
-    seconds : float
-        How long it took [s].
+    - `within`, `beyond`: while the board stayed within the tilts and balls within the places that the choice of a
+      method looks at, and while they did not.
+    - `seconds`: how long it took [s].
     """
 
     steps: int = 0

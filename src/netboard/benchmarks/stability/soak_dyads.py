@@ -109,10 +109,7 @@ def draw_hands(rng: np.random.Generator, hand: Array, share: float) -> None:
 def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
     """Move one hand of every dyad on by a tick, and write the polynomials of its drive.
 
-    Parameters
-    ----------
-    side : int
-        0 for the left one, 1 for the right one [1].
+    - `side`: 0 for the left one, 1 for the right one [1].
     """
     h, done = TICK_SECONDS, np.empty((9, LANES))
     for b in range(len(hand)):

@@ -63,10 +63,7 @@ def _fine(physics: Physics) -> float:
 def force_error(physics: Physics, method: str, h: float, x: State, forces: Array) -> float:
     """Return the largest error of the hands' forces over the test motion.
 
-    Parameters
-    ----------
-    h : float
-        Length of its step, a whole share of a tick [s].
+    - `h`: length of its step, a whole share of a tick [s].
     """
     with np.errstate(invalid="ignore", over="ignore"):
         worst = float(np.abs(make_run(physics, method, h, DURATION, x).forces - forces).max())

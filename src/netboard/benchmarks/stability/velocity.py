@@ -1,21 +1,22 @@
-"""What each way to a stylus' velocity costs and gains: lag, noise, errors, time, and how late a force may be.
+"""``netboard bench velocity``: lag, noise, errors and time of the velocity estimators, and how late a force may be.
 
 Movements are known in closed form and are read each millisecond in the encoder steps of a Touch; the estimators are
 those that agents run. How late a force may be is asked of the paper's coupling on a bare stylus, the board's end fixed:
 by the eigenvalues of the whole sampled loop for the estimators that are linear, and by runs with all of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import pi
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tick import TICK_NS, TICK_SECONDS
-from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.stability.velocity_loop import IDEAL, TOUCH, Loop, largest_delay, largest_played
 from netboard.devices.contract.velocity import KINDS, Estimator
@@ -41,12 +42,8 @@ RUN_UP = 100
 class Movement:
     """A movement in closed form.
 
-    Attributes
-    ----------
-    height : callable
-        Its height at times [m].
-    rate : callable
-        Its velocity at times [m/s].
+    - `height`: its height at times [m].
+    - `rate`: its velocity at times [m/s].
     """
 
     name: str
@@ -188,3 +185,47 @@ def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:
     )
     told = ", ".join(f"{found} of {limit:.1f} ms" for found, limit in zip(ideal, limits, strict=True))
     return Verdict("the ideal one comes close to the linear rule, from below", holds, told)
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Run the parts of the study, and draw what they found if matplotlib is there."""
+    found = figures(quick=quick, tell=tell)
+    yield found
+    late = delays(quick=quick, tell=tell)
+    folder.save("velocity", lambda: draw(found, late))
+    yield late
+
+
+def draw(found: Part, late: Part) -> Any:
+    """Draw errors on a reach and on a sine, and for each estimator its noise beside the delay it leaves."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    reach, sine, trade = figure.subplots(1, 3)
+    for kind in KINDS:
+        strength = 0.3 if kind == "difference" else 1.0
+        t, error = errors_of(kind, REACH, 1)
+        reach.plot(t, 1e3 * error[0], label=kind, linewidth=1.0, alpha=strength)
+        t, error = errors_of(kind, SINE, 1)
+        shown = slice(0, round(0.2 / TICK_SECONDS))
+        sine.plot(t[shown], 1e3 * error[0][shown], linewidth=1.0, alpha=strength)
+    delay_of = {str(row[0]): row[2] for row in late.rows}
+    for row in found.rows:
+        kind, noise = str(row[0]), float(np.float64(row[3]))
+        trade.plot(noise, delay_of[kind], marker="o")
+        trade.annotate(kind, (noise, delay_of[kind]), textcoords="offset points", xytext=(6, 4))
+    for ax, title in ((reach, "minimum-jerk reach, 0.1 m in 0.4 s"), (sine, "2 mm at 10 Hz")):
+        ax.set_title(title)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("error of the velocity [mm/s]")
+        ax.grid(True, alpha=0.3)
+    reach.legend(fontsize=8)
+    trade.set_xscale("log")
+    trade.set_title("to the left: quieter; up: more delay is left")
+    trade.set_xlabel(str(found.columns[3]))
+    trade.set_ylabel(f"largest delay: {late.columns[2]}")
+    trade.margins(0.3)
+    trade.grid(True, alpha=0.3)
+    return figure

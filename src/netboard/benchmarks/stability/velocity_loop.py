@@ -35,16 +35,10 @@ LARGEST = 60
 class Loop:
     """A mass and what holds it.
 
-    Attributes
-    ----------
-    mass : float
-        The mass [kg].
-    b : float
-        Its own damping [N s/m].
-    stiffness : float
-        Of the coupling [N/m].
-    damping : float
-        Of the coupling [N s/m].
+    - `mass`: the mass [kg].
+    - `b`: its own damping [N s/m].
+    - `stiffness`: of the coupling [N/m].
+    - `damping`: of the coupling [N s/m].
     """
 
     mass: float
