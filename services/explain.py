@@ -31,8 +31,8 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
         If the recording cannot be read, there is no such trial in it, or the file is there already.
     """
     library("matplotlib", "analysis")
-    from netboard.analysis.figures.figure import as_bytes
-    from netboard.analysis.figures.trial import sheet
+    from netboard.analysis.topics.figure import as_bytes
+    from netboard.analysis.topics.trial import sheet
 
     output = output or Path(f"{path.stem}_trial{trial}.png")
     kind = output.suffix.removeprefix(".")

@@ -21,8 +21,8 @@ from netboard.stage.stage import make_stage
 PLACES = (
     "netboard.physics.scene.rendering",
     "netboard.benchmarks.coupling.forces",
-    "netboard.analysis.results.groups",
-    "netboard.analysis.figures.marks",
+    "netboard.analysis.topics.groups",
+    "netboard.analysis.topics.marks",
 )
 """Modules that know all force conditions."""
 
