@@ -1,6 +1,6 @@
-"""Draw every state of the participants' display into one picture, docs/images/display-states.png, and each by itself.
+"""Draw every state of the participants' display into one figure, docs/images/display-states.png, and each by itself.
 
-Run it after a change of the display: ``python docs/display_states.py``, or with a folder for the single pictures.
+Run it after a change of the display: ``python docs/display_states.py``, or with a folder for the single figures.
 """
 
 import os
@@ -37,7 +37,7 @@ VIEW = View(
 
 
 def of(words: object = EN, config: Config = CONFIG, result: str = "", **changes: object) -> Picture:
-    """Compose the picture of a view that differs from the usual one."""
+    """Compose the display of a view that differs from the usual one."""
     return compose(replace(VIEW, **changes), config, words, result)  # type: ignore[arg-type]
 
 

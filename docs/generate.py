@@ -4,10 +4,10 @@
     python docs/generate.py --check    exits with 1 and says which are stale
 
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
-hand. The state diagram comes from the trial machine's table, the configuration reference from the dataclasses, the
-command reference from the command itself, so none of them can say what the program does not do. Tables of measurements
-come from what `netboard bench` wrote, copied to docs/data/ as it was, and the evidence for the measures from the marks
-of their tests.
+hand. The state diagram comes from the table of the trial state machine, the configuration reference from the
+dataclasses, the command reference from the commands, so they cannot differ from the program. Tables of measurements
+come from the results of `netboard bench`, copied unchanged to docs/data/, and the evidence for the measures from the
+marks of their tests.
 """
 
 import json
@@ -24,10 +24,14 @@ import typer.main
 
 from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
+from netboard.base.tables.forces import CONDITIONS
+from netboard.base.tables.scene import FRICTION
 from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
+from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
 from netboard.recording.importing.columns import COLUMNS
+from netboard.recording.integrity.checking import CHECKS
 from netboard.services.cli import app
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
 
@@ -35,7 +39,7 @@ DOCS = Path(__file__).parent
 
 
 def state_diagram() -> str:
-    """Draw the trial machine: one arrow for each edge of a trial, marked cause / action."""
+    """Draw the trial state machine: one arrow for each edge of a trial, marked cause / action."""
     arrows = ["    [*] --> IDLE"]
     for phase, edges in TABLE.items():
         for cause, (then, action) in edges.items():
@@ -48,7 +52,7 @@ def state_diagram() -> str:
 
 
 def edge_table() -> str:
-    """Write the trial machine as a table: phases down, causes across, the next phase in each cell."""
+    """Write the trial state machine as a table: phases down, causes across, the next phase in each cell."""
     causes = [cause for cause in Cause if any(cause in edges for edges in TABLE.values())]
     lines = [
         "| phase | ball | " + " | ".join(cause.name.lower() for cause in causes) + " |",
@@ -76,7 +80,7 @@ def device_options(backend: str) -> Callable[[], str]:
     """Return what writes the table of a device backend's own options."""
 
     def write() -> str:
-        module = import_module(BACKENDS[backend].partition(":")[0])
+        module = import_module(BACKENDS[backend].target.partition(":")[0])
         (table,) = tables(module.Options)
         head = "| option | default | unit | values | what it is |\n|---|---|---|---|---|"
         return "\n".join([head, *map(_key_row, table.keys)])
@@ -130,6 +134,21 @@ def import_columns() -> str:
         name = f"**`{column.name}`**, needed" if column.needed else f"`{column.name}`"
         lines.append(f"| {name} | {_unit(column.unit)} | {_cell(column.text)} |")
     return "\n".join(lines)
+
+
+def export_formats() -> str:
+    """Write the table of the export formats."""
+    lines = ["| format | what it is | for |", "|---|---|---|"]
+    for one in FORMATS.values():
+        extra = f"; needs `pip install 'netboard[{one.extra}]'`" if one.extra else ""
+        lines.append(f"| `{one.name}` | {one.about}{extra} | {one.readers} |")
+    return "\n".join(lines)
+
+
+def integrity_checks() -> str:
+    """Write the table of the integrity checks."""
+    lines = ["| check | what it examines |", "|---|---|"]
+    return "\n".join([*lines, *(f"| **{one.part}** | {_cell(one.about)} |" for one in CHECKS)])
 
 
 def _unit(unit: str) -> str:
@@ -226,6 +245,22 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def force_conditions() -> str:
+    """Write the force conditions as a table."""
+    lines = ["| `force` | the hand feels | information about the partner |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| `{name}` | {it.feels} | {it.partner} |" for name, it in CONDITIONS.items())])
+
+
+def friction_laws() -> str:
+    """Write the laws of friction of a ball as a table."""
+    lines = ["| law | key | unit | force against the motion | source |", "|---|---|---|---|---|"]
+    physics = next(table for table in tables(Config) if table.name == "physics")
+    units = {key.name: key.unit for key in physics.keys}
+    for key, law in FRICTION.items():
+        lines.append(f"| {law.name} | `{key}` | {units[key]} | `{law.formula}` | {_cell(law.source)} |")
+    return "\n".join(lines)
+
+
 COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
 """Those of `netboard bench coupling`."""
 
@@ -253,9 +288,13 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "edge table": ("reference/trial-state-machine.md", edge_table),
     **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
+    "force conditions": ("explanation/forces.md", force_conditions),
+    "laws of friction": ("explanation/physics.md", friction_laws),
     "commands": ("reference/commands.md", commands),
     "columns of trials": ("how-to/export.md", trial_columns),
     "columns of imports": ("how-to/import.md", import_columns),
+    "export formats": ("how-to/export.md", export_formats),
+    "integrity checks": ("how-to/check.md", integrity_checks),
     "machine": ("explanation/accuracy.md", study_machine("physics")),
     **{name: ("explanation/accuracy.md", study_part("physics", name)) for name in PHYSICS},
     "stability machine": ("explanation/stability.md", study_machine("stability")),
@@ -282,6 +321,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "forces conditions": ("explanation/forces.md", study_part("forces", "conditions")),
     "faults machine": ("explanation/faults.md", study_machine("faults")),
     **{name: ("explanation/faults.md", study_part("faults", name)) for name in FAULTS},
+    "attacks machine": ("explanation/faults.md", study_machine("attacks")),
+    "attacks": ("explanation/faults.md", study_part("attacks", "attacks")),
     "recovery machine": ("explanation/recovery.md", study_machine("recovery")),
     **{f"recovery-{name}": ("explanation/recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("explanation/recording.md", study_machine("recording")),

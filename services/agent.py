@@ -1,21 +1,29 @@
-"""The haptic agent as a process: one device, for one hand."""
+"""``netboard agent``: one device, for one hand."""
 
-from netboard.base.config import Config, Side
-from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
-from netboard.devices.contract import registry
-from netboard.network.transport import sockets
-from netboard.nodes.agent.agent import Agent
-from netboard.nodes.agent.stylus_source import companion_of
+import typer
+
+from netboard.services.options import RUN, ConfigFile, HandSide, Overrides, examples, load
+
+app = typer.Typer()
 
 
-def main(config: Config, *, side: Side) -> int:
-    """Serve one device until stopped."""
+@app.command(
+    rich_help_panel=RUN, epilog=examples("netboard agent --side left", "netboard agent --side right -c rig.toml")
+)
+def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
+    settings = load(config, overrides)
+    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+    from netboard.devices.contract import registry
+    from netboard.network.transport import sockets
+    from netboard.nodes.agent.agent import Agent
+    from netboard.nodes.agent.stylus_source import companion_of
+
     speak(f"agent {side}")
-    came = prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
+    granted = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
     with (
         Stopping() as stopping,
-        sockets.open_context(io_priority(came, Priority.AGENT)) as context,
-        registry.make(side, config) as device,
+        sockets.open_context(io_priority(granted, Priority.AGENT)) as context,
+        registry.make(side, settings) as device,
     ):
-        Agent(config, side, device, context, companion_of(config, device, context)).run(stopping)
-    return 0
+        Agent(settings, side, device, context, companion_of(settings, device, context)).run(stopping)

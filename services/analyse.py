@@ -1,158 +1,90 @@
-"""Analyses a study: from recordings to a folder with tables, figures and a report.
+"""``netboard analyse``: a study as tables, results, figures and a report."""
 
-An analysis that was done before, with the same code and settings, is written from the cache. Modules that compute or
-draw are therefore imported only when something must be computed.
-"""
-
-import sys
-import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from rich.console import Console
+import typer
 
-from netboard.analysis.extraction.kept import keep, key_of_analysis, take
-from netboard.analysis.extraction.store import Store, default_folder
-from netboard.analysis.report.command import PLACEHOLDER, name_command
 from netboard.base.errors import ConfigError
-from netboard.base.process import peak_memory
-from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
-from netboard.recording.files.locate import find_recordings
-from netboard.services.configuration import load_readings
-from netboard.services.wording import telling
+from netboard.services.options import ANALYSE, NewFolder, Overrides, Recordings, examples, telling, text_of
 
 if TYPE_CHECKING:
-    from netboard.analysis.extraction.running import Harvest
-    from netboard.analysis.extraction.study import Study
-    from netboard.analysis.extraction.workers import Crew
+    from netboard.analysis.extraction.settings import Readings
 
-LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
-"""Packages that an analysis needs beyond those of a session."""
+app = typer.Typer()
 
-
-@dataclass(frozen=True, slots=True)
-class Wishes:
-    """How to run an analysis. Of these options, only `skip` (leave out unreadable recordings) changes its numbers."""
-
-    workers: int | None = None
-    dask: str | None = None
-    cache: Path | None = None
-    keep: bool = True
-    skip: bool = False
-    beside_the_paper: bool = False
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option("--settings", metavar="FILE", help="Settings of the analysis (TOML); default: those of the paper."),
+]
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """The settings of an analysis as given: a file, or None for the defaults, and the overrides."""
+def load_readings(file: Path | None, overrides: list[str] | None) -> "Readings":
+    """Read the settings of an analysis."""
+    from netboard.analysis.extraction import settings  # imports the whole analysis
 
-    file: Path | None = None
-    overrides: tuple[str, ...] = ()
-
-    @property
-    def text(self) -> bytes:
-        """The contents of the file; empty if it cannot be read."""
-        return self.file.read_bytes() if self.file is not None and self.file.is_file() else b""
+    if file is None:
+        return settings.parse("", "defaults", overrides or ())
+    return settings.parse(text_of(file, f"netboard analyse --template > {file}"), str(file), overrides or ())
 
 
-def main(named: Sequence[Path], output: Path | None, asked: Asked, wishes: Wishes) -> int:
-    """Analyse recordings, and print a summary of a few lines.
+def _print_template(wanted: bool) -> None:
+    """Print the default settings of an analysis and stop, if asked."""
+    if wanted:
+        from netboard.analysis.extraction.settings import template
 
-    Parameters
-    ----------
-    output : Path or None
-        The new folder; None names it after the first recording or folder.
+        typer.echo(template(), nl=False)
+        raise typer.Exit(0)
+
+
+@app.command(
+    rich_help_panel=ANALYSE,
+    epilog=examples(
+        "netboard analyse recordings/ -o study",
+        "netboard analyse recordings/ --set filters.fast=10 --set exclusions.warm_up=5",
+        "netboard analyse --template > analysis.toml",
+        "netboard analyse recordings/ --settings analysis.toml --dask tcp://10.0.0.5:8786",
+    ),
+)
+def analyse(
+    recordings: Recordings,
+    output: NewFolder = None,
+    settings: SettingsFile = None,
+    overrides: Overrides = None,
+    template: Annotated[
+        bool,
+        typer.Option(
+            "--template", callback=_print_template, is_eager=True, help="Print all settings with comments, and stop."
+        ),
+    ] = False,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
+    ] = None,
+    cache: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Cache folder; default: in ~/.cache (XDG_CACHE_HOME).")
+    ] = None,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor fill the cache.")] = False,
+    compare_paper: Annotated[
+        bool, typer.Option("--compare-paper", help="Compare the results with those reported in the paper.")
+    ] = False,
+    skip_unreadable: Annotated[
+        bool, typer.Option("--skip-unreadable", help="Leave out recordings that cannot be read, and list them.")
+    ] = False,
+) -> None:
+    r"""Analyse a study: tables of all trials, results, figures and a report, in a new folder.
+
+    Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
-    began = time.perf_counter()
-    need("analysis", *LIBRARIES)
-    if wishes.dask is not None and wishes.workers is not None:
-        raise ConfigError("--workers: found with --dask, whose workers measure; expected one of them")
-    folder = output or Path(f"{named[0].resolve().stem}_analysis")
-    refuse_existing(folder)
-    recordings = find_recordings(named)
-    store = Store(wishes.cache or default_folder()) if wishes.keep else None
-    with telling() as tell, new_folder(folder) as part:
-        tell("looking for what is kept", 0, 1)
-        options = (*asked.overrides, f"skip={wishes.skip}", f"paper={wishes.beside_the_paper}")
-        key = key_of_analysis(recordings, asked.text, options) if store else ""
-        words = take(store, key, part) if store else None
-        before, peak = "all of it was analysed before", 0.0
-        if words is None:
-            words, kept, peak = _analysed(recordings, part, asked, wishes, store, tell)
-            before = f"{kept} were measured before" if kept else ""
-            if store:
-                keep(store, key, part, words)
-        name_command(part, ["netboard", *sys.argv[1:]])
+    from rich.console import Console
+
+    from netboard.analysis.report import analysing
+
+    if cache is not None and no_cache:
+        raise ConfigError("--cache and --no-cache: expected one of them")
+    wishes = analysing.Wishes(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
+    asked = analysing.Asked(settings, tuple(overrides or ()))
+    read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = Console(highlight=False, soft_wrap=True)
-    first, *others = words
-    for line in (first + f"; {before}" * bool(before), *others, _in_total(folder, time.perf_counter() - began, peak)):
+    for line in analysing.analyse(recordings, output, asked, wishes, read, telling):
         console.print(line, markup=False)
-    return 0
-
-
-def _analysed(
-    recordings: Sequence[Path], part: Path, asked: Asked, wishes: Wishes, store: Store | None, tell: Progress
-) -> tuple[tuple[str, ...], int, float]:
-    """Analyse recordings into a folder.
-
-    Return a summary in words, how many recordings came from the cache, and the largest memory of a process [bytes].
-    """
-    from netboard.analysis.extraction.cache import Cache
-    from netboard.analysis.extraction.exclusions import require_recordings
-    from netboard.analysis.extraction.path_table import Shelf
-    from netboard.analysis.extraction.running import harvest
-    from netboard.analysis.extraction.study import study_of
-    from netboard.analysis.report.folder import write_analysis
-
-    readings = load_readings(asked.file, asked.overrides)
-    cache = None if store is None else Cache(store)
-    require_recordings(readings.exclusions, {path.stem for path in recordings})
-    with TemporaryDirectory(dir=part) as paths:
-        found = harvest(recordings, readings, _crew(wishes), cache, Shelf(Path(paths)), tell, skip=wishes.skip)
-        study = study_of(found.measured, readings, found.paths)
-        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
-    words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
-    return words, sum(source.kept for source in found.sources), found.peak
-
-
-def _crew(wishes: Wishes) -> "Crew":
-    """Choose the workers that extract the measures."""
-    from netboard.analysis.extraction.workers import cores, dask, processes
-
-    if wishes.dask is None:
-        return processes(wishes.workers or cores())
-    return dask(wishes.dask)
-
-
-def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
-    """Yield what was measured, and what was excluded."""
-    hours = study.blocks["duration"].sum() / 3600
-    recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
-    yield f"{recordings}, {hours:.2f} h"
-    for one in found.left_out:
-        yield f"  left out: {one.file}: {one.why}"
-    silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
-    if len(silent):
-        yield f"  without any attempt at a trial: {len(silent)} of these, {silent.iloc[0]} the first"
-    from netboard.analysis.extraction.completions import notes
-
-    left_out = study.exclusions
-    failed = int((study.trials["outcome"] != "success").sum())
-    excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))
-    yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
-    for why, count in left_out["why"].value_counts().sort_index().items():
-        yield f"  excluded: {count} x {why}"
-    yield from (f"  {note}" for note in notes(study))
-
-
-def _in_total(folder: Path, seconds: float, peak: float) -> str:
-    """Return a line with the folder, the duration and the memory."""
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    size = sum(path.stat().st_size for path in files) / 1e6
-    most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (
-        f", {peak / 1e6:.0f} MB where it was measured" * bool(peak)
-    )
-    return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services import configuration
+from netboard.services import options
+from netboard.services.options import examples
 
 app = typer.Typer(
     help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
@@ -19,23 +20,23 @@ app = typer.Typer(
 Model = Literal["paper", "lagrangian"]
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; else a new one here.")
+    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; default: a new one here.")
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="A short form, in less than a minute.")]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is already there.")]
-Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results there too, as JSON.")]
-Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="What carries the messages.")]
-Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="With keys and encryption.")]
-RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="With real-time scheduling.")]
-Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays of each dyad, drawn without a screen.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Short version, in less than a minute.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into an existing folder.")]
+Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the results there, as JSON.")]
+Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="Transport of the messages.")]
+Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="Encryption with keys.")]
+RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="Real-time scheduling.")]
+Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dyad, rendered without a screen.")]
 
 
-@app.command(epilog="Examples:\n\n  netboard bench stability --quick\n\n  netboard bench stability --soak -o results")
+@app.command(epilog=examples("netboard bench stability --quick", "netboard bench stability --soak -o results"))
 def stability(
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
-    soak: Annotated[bool, typer.Option("--soak", help="Step 1e9 times through random scenes too.")] = False,
+    soak: Annotated[bool, typer.Option("--soak", help="Also step 1e9 times through random scenes.")] = False,
 ) -> None:
     """Stability of the integration methods: theory, nonlinear runs, stiff scenes and unusual hands."""
     from netboard.benchmarks.stability import bench as study
@@ -43,7 +44,7 @@ def stability(
     raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
 
 
-@app.command(epilog="Examples:\n\n  netboard bench velocity --quick\n\n  netboard bench velocity -o results")
+@app.command(epilog=examples("netboard bench velocity --quick", "netboard bench velocity -o results"))
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Estimators of stylus velocity: lag, noise, computing time, and the largest stable delay with each."""
     from netboard.benchmarks.harness.running import run_named
@@ -53,20 +54,20 @@ def velocity(output: Output = None, quick: Quick = False, force: Force = False, 
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench physics --quick\n\n  netboard bench physics --peers heyoka -o results"
+    epilog=examples("netboard bench physics --quick", "netboard bench physics --peers heyoka -o results"),
 )
 def physics(
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
     peers: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Only these libraries beside us, as in heyoka,mujoco.")
+        str | None, typer.Option(metavar="NAMES", help="Compare only with these libraries, for example heyoka,mujoco.")
     ] = None,
-    no_peers: Annotated[bool, typer.Option("--no-peers", help="No libraries beside us.")] = False,
-    model: Annotated[Model | None, typer.Option(help="Only this model's equations.")] = None,
-    repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Compare with no other library.")] = False,
+    model: Annotated[Model | None, typer.Option(help="Only the equations of this model.")] = None,
+    repeats: Annotated[int | None, typer.Option(min=1, help="Repetitions of each timing.")] = None,
 ) -> None:
-    """Work and precision of the integration methods, beside other libraries.
+    """Work and precision of the integration methods, compared with other libraries.
 
     It also measures the cost of a tick and of sampling, and what simple scenes save.
     """
@@ -77,7 +78,10 @@ def physics(
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench loop --quick\n\n  netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips"
+    epilog=examples(
+        "netboard bench loop --quick",
+        "netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips",
+    )
 )
 def loop(
     output: Output = None,
@@ -85,7 +89,7 @@ def loop(
     force: Force = False,
     json: Json = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.5, metavar="S", help="Measure each thing for so long; else a minute.")
+        float | None, typer.Option(min=0.5, metavar="S", help="Seconds per measurement; default: 60.")
     ] = None,
     transport: Transport = "tcp",
     curve: Curve = False,
@@ -93,11 +97,14 @@ def loop(
     displays: Displays = 0,
     dyads: Annotated[
         str | None,
-        typer.Option(metavar="NUMBERS", help="Measure a server of so many dyads too, until it breaks, as in 1,2,4,8."),
+        typer.Option(
+            metavar="NUMBERS",
+            help="Also load a server with these numbers of dyads, as 1,2,4,8.",
+        ),
     ] = None,
-    skips: Annotated[bool, typer.Option("--skips", help="Measure what is saved where less is there, too.")] = False,
+    skips: Annotated[bool, typer.Option("--skips", help="Also measure the savings in simple scenes.")] = False,
 ) -> None:
-    """Sample-to-force latency in real time, beside a bare echo and a bare timer: latency, jitter, cost."""
+    """Sample-to-force latency in real time, compared with a bare echo and a bare timer: latency, jitter, cost."""
     from netboard.benchmarks.loop import bench as study
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
@@ -105,7 +112,7 @@ def loop(
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench servo --quick\n\n  netboard bench servo --library /opt/libHD.so -o results"
+    epilog=examples("netboard bench servo --quick", "netboard bench servo --library /opt/libHD.so -o results"),
 )
 def servo(
     output: Output = None,
@@ -114,28 +121,29 @@ def servo(
     json: Json = None,
     library: Annotated[
         str,
-        typer.Option(metavar="FILE", help="The vendor's library; else libHD.so or HD.dll, where the system finds it."),
+        typer.Option(metavar="FILE", help="The vendor's library; default: libHD.so or HD.dll of the system."),
     ] = "",
     seconds: Annotated[
-        float | None, typer.Option(min=0.2, metavar="S", help="Measure each of six for so long; else half a minute.")
+        float | None,
+        typer.Option(min=0.2, metavar="S", help="Seconds per measurement; default: 30."),
     ] = None,
 ) -> None:
-    """The servo callback of a Touch in Python and in C, beside an empty callback, without and with a busy thread."""
+    """Servo callback of a Touch in Python and in C, compared with an empty callback, with and without a busy thread."""
     from netboard.benchmarks.loop import servo as study
 
     raise typer.Exit(study.main(library, output, json, seconds, quick=quick, force=force))
 
 
-@app.command(epilog="Examples:\n\n  netboard bench soak --minutes 30\n\n  netboard bench soak --quick --dyads 2")
+@app.command(epilog=examples("netboard bench soak --minutes 30", "netboard bench soak --quick --dyads 2"))
 def soak(
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
     json: Json = None,
     minutes: Annotated[
-        float | None, typer.Option(min=0.05, metavar="N", help="For how long; else half an hour.")
+        float | None, typer.Option(min=0.05, metavar="N", help="Duration in minutes; default: 30.")
     ] = None,
-    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="How many dyads.")] = 1,
+    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="Number of dyads.")] = 1,
     transport: Transport = "tcp",
     curve: Curve = False,
     realtime: RealTime = True,
@@ -148,16 +156,16 @@ def soak(
     raise typer.Exit(study.soak(setting, minutes, dyads, output, json, force=force))
 
 
-@app.command(epilog="Examples:\n\n  netboard bench coupling --quick\n\n  netboard bench coupling -o results")
+@app.command(epilog=examples("netboard bench coupling --quick", "netboard bench coupling -o results"))
 def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """Maximum stable delay of the virtual coupling: theory beside the simulated service, and what extends it."""
+    """Maximum stable delay of the virtual coupling: theory, the simulated service, and what extends it."""
     from netboard.benchmarks.coupling.bench import study
     from netboard.benchmarks.harness.running import run_named
 
     run_named("coupling", study, output, json, quick=quick, force=force)
 
 
-@app.command(epilog="Examples:\n\n  netboard bench forces --quick\n\n  netboard bench forces -o results")
+@app.command(epilog=examples("netboard bench forces --quick", "netboard bench forces -o results"))
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Forces on both hands for one movement under each of the five force conditions, as a figure and a table."""
     from netboard.benchmarks.coupling.forces import study
@@ -166,14 +174,14 @@ def forces(output: Output = None, quick: Quick = False, force: Force = False, js
     run_named("forces", study, output, json, quick=quick, force=force)
 
 
-@app.command(epilog="Examples:\n\n  netboard bench fuzz --quick\n\n  netboard bench fuzz --frames 1000000 -o results")
+@app.command(epilog=examples("netboard bench fuzz --quick", "netboard bench fuzz --frames 1000000 -o results"))
 def fuzz(
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=100, metavar="N", help="Malformed ones for the codec, and for each socket; else a million."),
+        typer.Option(min=100, metavar="N", help="Malformed frames per codec and socket; default: a million."),
     ] = None,
 ) -> None:
     """Malformed frames for the codec and every socket: no crash, no hang, no growth, no changed force."""
@@ -183,14 +191,14 @@ def fuzz(
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench faults --quick\n\n  netboard bench faults --case server-killed -o results"
+    epilog=examples("netboard bench faults --quick", "netboard bench faults --case server-killed -o results"),
 )
 def faults(
     output: Output = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A short form: fewer, and less patience.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Short version: fewer faults and shorter waits.")] = False,
     force: Force = False,
-    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be given again.")] = None,
-    listing: Annotated[bool, typer.Option("--list", help="Say which faults there are, and stop.")] = False,
+    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this fault; repeat for several.")] = None,
+    listing: Annotated[bool, typer.Option("--list", help="List the faults, and stop.")] = False,
 ) -> None:
     """Faults in real processes (kill, stop, cut the network, fill the disk), and how the system reacts."""
     from netboard.benchmarks.faults import bench as study
@@ -199,27 +207,28 @@ def faults(
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench display --quick\n\n  netboard bench display --set display.width=1920"
+    epilog=examples("netboard bench display --quick", "netboard bench display --set display.width=1920"),
 )
 def display(
-    config: configuration.ConfigFile = None,
-    overrides: configuration.Overrides = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
     json: Json = None,
     seconds: Annotated[
-        float | None, typer.Option(min=1, metavar="S", help="Measure each of three for so long; else half a minute.")
+        float | None,
+        typer.Option(min=1, metavar="S", help="Seconds per measurement; default: 30."),
     ] = None,
 ) -> None:
-    """Latency of a display, from a view's sending to its painting: late views, dropped frames, cost."""
-    settings = configuration.load(config, overrides or ())
+    """Latency of a display, from sending a view to painting it: late views, dropped frames, cost."""
+    settings = options.load(config, overrides)
     from netboard.benchmarks.loop import display as study
 
     raise typer.Exit(study.main(settings, output, json, seconds, quick=quick, force=force))
 
 
-@app.command(epilog="Examples:\n\n  netboard bench recovery --quick\n\n  netboard bench recovery -o results")
+@app.command(epilog=examples("netboard bench recovery --quick", "netboard bench recovery -o results"))
 def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Recovery of recordings that were cut, altered or killed while being written, checked to the bit."""
     from netboard.benchmarks.harness.running import run_named
@@ -229,9 +238,9 @@ def recovery(output: Output = None, quick: Quick = False, force: Force = False, 
     raise typer.Exit(0 if all(verdict.holds for verdict in verdicts) else 1)
 
 
-@app.command(epilog="Examples:\n\n  netboard bench recording --quick\n\n  netboard bench recording -o results")
+@app.command(epilog=examples("netboard bench recording --quick", "netboard bench recording -o results"))
 def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """Cost of recording: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
+    """Cost of recording: headroom and stalls of the logger, bytes per hour, time to read an hour and a trial."""
     from netboard.benchmarks.harness.running import run_named
     from netboard.benchmarks.recording.bench import study
 
@@ -239,24 +248,28 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results\n\n"
-    "  netboard bench analysis recordings/ --sensitivity\n\n  netboard bench analysis --calibration --quick\n\n"
-    "  netboard bench analysis --truth"
+    epilog=examples(
+        "netboard bench analysis --quick",
+        "netboard bench analysis recordings/ -o results",
+        "netboard bench analysis recordings/ --sensitivity",
+        "netboard bench analysis --calibration --quick",
+        "netboard bench analysis --truth",
+    )
 )
 def analysis(
     recordings: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="A study's recordings; else one of the paper's plan is made.")
+        Path | None, typer.Argument(metavar="[DIR]", help="Recordings of a study; default: rehearse the paper's plan.")
     ] = None,
     sensitivity: Annotated[
         bool,
-        typer.Option("--sensitivity", help="Instead: how far open questions, noise and lost samples move each number."),
+        typer.Option("--sensitivity", help="Sensitivity of each measure to settings, noise and lost samples, instead."),
     ] = False,
     calibration: Annotated[
         bool,
-        typer.Option("--calibration", help="Instead: how often the tests of simulated studies reject, beside .05."),
+        typer.Option("--calibration", help="False positive rate of the tests in simulated studies, instead."),
     ] = False,
     truth: Annotated[
-        bool, typer.Option("--truth", help="Instead: the measures of trials whose numbers are known beforehand.")
+        bool, typer.Option("--truth", help="Measures of trials whose true values are known, instead.")
     ] = False,
     output: Output = None,
     quick: Quick = False,
@@ -264,14 +277,14 @@ def analysis(
     json: Json = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="How many processes measure; else one a core, or one for a small study."),
+        typer.Option(min=1, metavar="N", help="Processes; default: one per core, or one for a small study."),
     ] = None,
 ) -> None:
-    """Cost of analysing a study: time and memory against its size, anew and cached, beside reading the files."""
+    """Cost of analysing a study: time and memory against its size, with and without the cache."""
     alone = not (sensitivity or recordings is not None or workers is not None)
     if calibration and (truth or not alone):
         raise ConfigError(
-            "--calibration: found with recordings, --sensitivity, --truth or --workers; it simulates studies alone"
+            "--calibration: found with recordings, --sensitivity, --truth or --workers; it simulates its own studies"
         )
     if truth and not alone:
         raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
@@ -291,7 +304,7 @@ def analysis(
         from netboard.services import sensitivity as service
 
         if workers is not None:
-            raise ConfigError("--workers: found with --sensitivity, which takes all cores; leave it out")
+            raise ConfigError("--workers: found with --sensitivity, which uses all cores; leave it out")
         service.main(recordings, output, json, quick=quick, force=force)
         return
     from netboard.benchmarks.analysis import speed_bench as study

@@ -1,41 +1,56 @@
-"""Runs the integrity check on recordings, one after the other: a result for each, and the speed of recomputation."""
+"""``netboard check``: the integrity check of recordings."""
 
 import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+import typer
 
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK_SECONDS
-from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import EXIT_CODES, VERDICTS, Grade, Report
+from netboard.services.options import RECORDINGS, examples
 
-COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
-"""Colour of each severity on a terminal."""
+app = typer.Typer()
 
 ENDINGS = (".mcap", ".part", ".spill")
-"""Endings of the names of recordings, finished or not."""
+"""Suffixes of recordings, finished or not."""
 
 
-def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) -> int:
-    """Check recordings.
+@app.command(
+    rich_help_panel=RECORDINGS,
+    epilog=examples(
+        "netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json"
+    ),
+)
+def check(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(metavar="RECORDING...", help="Recordings, finished or not, or folders of recordings."),
+    ],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Also recompute every tick, which must give the same bits.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Check the integrity of recordings: checksums, numbering, times, clocks, trials, plan, journal.
 
-    Returns
-    -------
-    int
-        Exit code, by the worst result: 0 complete, 3 complete with listed losses, 1 damaged.
+    Each file has one result. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
     """
-    files = [*recordings_in(paths)]
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from netboard.recording.integrity.checking import check as check_file
+    from netboard.recording.integrity.report_text import as_data, in_total, in_words
+    from netboard.recording.integrity.severity import EXIT_CODES, Report
+
+    files = [*recordings_in(recordings)]
     console = Console(highlight=False)
     reports: list[Report] = []
     began = time.perf_counter()
-    with bars() as progress:
+    bar = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[ticks]}"))
+    screen = Console(stderr=True, highlight=False)
+    with Progress(*bar, TimeElapsedColumn(), console=screen, transient=True) as progress:
         task = progress.add_task("recordings", total=len(files), ticks="")
         read = 0
 
@@ -45,20 +60,20 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
             progress.update(task, ticks=f"{read} ticks")
 
         for file in files:
-            reports.append(check(file, replay, tell))
+            reports.append(check_file(file, verify, tell))
             progress.advance(task)
     took = time.perf_counter() - began
     if as_json:
-        console.file.write(json.dumps(as_data(reports, took)) + "\n")
+        typer.echo(json.dumps(as_data(reports, took)))
     else:
         for report in reports:
             console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
-    return EXIT_CODES[max(report.grade for report in reports)]
+    raise typer.Exit(EXIT_CODES[max(report.severity for report in reports)])
 
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files, and the recordings in folders, in order of their names."""
+    """Yield the files, and the recordings in folders, sorted by name."""
     for path in paths:
         if path.is_dir():
             found = sorted(file for file in path.rglob("*") if file.suffix in ENDINGS and file.is_file())
@@ -69,76 +84,3 @@ def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
             yield path
         else:
             raise RecordingError(f"{path}: no such file or folder")
-
-
-def bars() -> Progress:
-    """Make a progress bar for a terminal, separate from the output."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[ticks]}"))
-    return Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, highlight=False), transient=True)
-
-
-def in_words(report: Report, whole: bool) -> str:
-    """Return the result of a check and its evidence."""
-    lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
-    for finding in report.findings:
-        if whole or finding.grade != Grade.SOUND:
-            colour = COLOURS[finding.grade]
-            lines.append(f"  [{colour}]{finding.part:13}[/] {escape(finding.text)}")
-    return "\n".join(lines)
-
-
-def in_total(reports: Sequence[Report], took: float) -> str:
-    """Return a summary of two lines: results and speed."""
-    counts = ", ".join(
-        f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
-    )
-    ticks = sum(report.ticks for report in reports)
-    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
-    again, computing = _computed(reports)
-    if again:
-        words += f"\n{again} ticks computed again in {computing:.2f} s, {_times(again, computing)}"
-    return words
-
-
-def _times(ticks: int, took: float) -> str:
-    """Return how many times faster than real time something was."""
-    return f"{ticks * TICK_SECONDS / took:.0f} x real time"
-
-
-def _computed(reports: Sequence[Report]) -> tuple[int, float]:
-    """Return the number of recomputed ticks, and the time that took [s]."""
-    again = sum(report.replay.checked for report in reports if report.replay is not None)
-    return again, sum(report.computing for report in reports)
-
-
-def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
-    """Return the reports for JSON."""
-    again, computing = _computed(reports)
-    return {
-        "verdict": VERDICTS[max(report.grade for report in reports)],
-        "recordings": [
-            {
-                "path": str(report.path),
-                "verdict": report.verdict,
-                "ticks": report.ticks,
-                "findings": [
-                    {"part": one.part, "grade": one.grade.name.lower(), "text": one.text} for one in report.findings
-                ],
-                "replay": None if report.replay is None else _plain(asdict(report.replay)),
-            }
-            for report in reports
-        ],
-        "seconds": took,
-        "ticks_computed": again,
-        "computing_seconds": computing,
-    }
-
-
-def _plain(replay: dict[str, Any]) -> dict[str, Any]:
-    """Convert numpy's numbers and non-finite numbers to what JSON knows."""
-    return {
-        "identical": replay["tick"] is None,
-        **{
-            name: value if isinstance(value, int | str | None) else repr(float(value)) for name, value in replay.items()
-        },
-    }

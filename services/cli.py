@@ -1,12 +1,10 @@
 """The ``netboard`` command: its subcommands and the handling of their errors.
 
-A service is imported only when it runs, so that ``netboard --help`` is fast and a machine needs only the libraries of
-its own services. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. An expected error (`NetboardError`) is
-printed as one line on stderr; ``--debug`` shows its traceback.
+A command imports its libraries when it runs, so that ``netboard --help`` is fast and a machine needs only the libraries
+of its own services. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. An expected error (`NetboardError`)
+is printed as one line on stderr; ``--debug`` shows its traceback.
 """
 
-import platform
-from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
@@ -14,26 +12,42 @@ from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.services import (
-    analysing,
+    agent,
+    analyse,
     bench,
+    check,
     configuration,
-    demonstration,
+    console,
+    control,
+    demo,
     devices,
+    display,
+    doctor,
+    explain,
+    export,
+    importing,
+    info,
     keys,
-    operating,
+    logger,
+    lsl,
     plan,
-    processes,
-    recordings,
-    scenes,
+    recover,
+    replay,
+    server,
     session,
+    sessions,
+    simulate,
+    status,
+    up,
+    whatif,
 )
-from netboard.services.wording import examples, missing_extra
+from netboard.services.options import ANALYSE, RUN, SET_UP, examples, missing_extra
 
 OK, FAULT, WRONG = 0, 1, 2
 
 
 class Guarded(TyperGroup):
-    """A group of commands that turns netboard's own errors into one line and an exit code."""
+    """A group of commands that turns expected errors into one line and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
@@ -58,7 +72,7 @@ class Guarded(TyperGroup):
 app = typer.Typer(
     cls=Guarded,
     name="netboard",
-    help="Two people, a curtain between them, balance a virtual ball on a board: a networked dyadic haptic experiment.",
+    help="Networked dyadic haptic experiment: two people with haptic devices balance a virtual ball on a board.",
     epilog=examples(
         "netboard demo", "netboard config init", "netboard server -c rig.toml", "netboard agent --side left -c rig.toml"
     ),
@@ -67,37 +81,36 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["--help", "-h"]},
 )
-app.add_typer(configuration.app, name="config")
-app.add_typer(bench.app, name="bench")
-app.add_typer(devices.app, name="devices")
-app.add_typer(keys.app, name="keys")
-app.add_typer(plan.app, name="plan")
-app.add_typer(session.app, name="session")
+RUNNING = (demo, up, server, agent, display, logger, lsl, console, status, control)
+OTHERS = (replay, info, check, recover, sessions, whatif, export, importing, analyse, explain, simulate, doctor)
+for part in (*RUNNING, *OTHERS):
+    app.add_typer(part.app)
+app.add_typer(configuration.app, name="config", rich_help_panel=SET_UP)
+app.add_typer(keys.app, name="keys", rich_help_panel=SET_UP)
+app.add_typer(devices.app, name="devices", rich_help_panel=SET_UP)
+app.add_typer(plan.app, name="plan", rich_help_panel=RUN)
+app.add_typer(session.app, name="session", rich_help_panel=RUN)
+app.add_typer(bench.app, name="bench", rich_help_panel=ANALYSE)
 
 
 def _print_version(wanted: bool) -> None:
     """Print the version and stop, if asked."""
     if wanted:
+        import platform
+        from importlib.metadata import version
+
         typer.echo(f"netboard {version('netboard')} (Python {platform.python_version()}, {platform.platform()})")
         raise typer.Exit(OK)
 
 
 @app.callback()
 def root(
-    debug: Annotated[bool, typer.Option("--debug", help="Show the full traceback of an error.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the full traceback of errors.")] = False,
     show_version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and stop.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version, and stop.")
     ] = False,
 ) -> None:
     """Take the options that go before the command; `Guarded` reads ``debug``."""
-
-
-processes.add_to(app)
-demonstration.add_to(app)
-scenes.add_to(app)
-operating.add_to(app)
-recordings.add_to(app)
-analysing.add_to(app)
 
 
 def main() -> None:

@@ -1,26 +1,43 @@
-"""The operator's console as a process."""
+"""``netboard console``: the operator's console."""
 
 import os
-from pathlib import Path
 
-from netboard.base.config import Config
-from netboard.base.process import Stopping, make_way, speak
+import typer
+
+from netboard.services.options import (
+    OPERATE,
+    ConfigFile,
+    Offscreen,
+    Overrides,
+    Screenshot,
+    ScreenshotDelay,
+    examples,
+    load,
+)
+
+app = typer.Typer()
 
 
-def main(config: Config, *, screenshot: Path | None = None, after: float | None = None, offscreen: bool = False) -> int:
-    """Show the operator's console until it is closed or the process is stopped.
+@app.command(
+    rich_help_panel=OPERATE,
+    epilog=examples("netboard console", "netboard console -c rig.toml", "netboard console --screenshot c.png"),
+)
+def console(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    screenshot: Screenshot = None,
+    after: ScreenshotDelay = None,
+    offscreen: Offscreen = False,
+) -> None:
+    """Open the operator's console: open, run, watch and stop a session."""
+    settings = load(config, overrides)
+    from netboard.base.process import Stopping, make_way, speak
 
-    Parameters
-    ----------
-    after : float or None
-        Time of the screenshot after the server's first message [s]; None takes it at once and stops.
-    """
     speak("console")
-    make_way(config.realtime)
+    make_way(settings.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.windows.operator import client
 
     with Stopping() as stopping:
-        client.run(config, stopping, screenshot, after)
-    return 0
+        client.run(settings, stopping, screenshot, after)

@@ -1,118 +1,137 @@
-"""An operator's command from a shell, and the emergency stop."""
+"""``netboard control`` and ``netboard stop``: an operator's commands from a shell, and the emergency stop."""
 
-import json
-import time
+import json as jsonlib
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.console import Console
+import typer
 
-from netboard.base.config import Config
-from netboard.base.errors import NetboardError
-from netboard.base.process import Stopping
-from netboard.network.protocol.control import Reply, Status
-from netboard.network.transport import sockets
-from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
-from netboard.nodes.ports import emergency
-from netboard.services.keyboard import Keyboard
-from netboard.services.status import asked, plain
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.network.protocol.control import CommandName
+from netboard.services.options import OPERATE, ConfigFile, Json, Overrides, examples, load
+
+if TYPE_CHECKING:
+    from netboard.base.tables.rig import Network
+    from netboard.nodes.operator.operator import Operator
+
+app = typer.Typer()
 
 LOOK_SECONDS = 0.05
-"""Interval at which the keyboard and the server are checked [s]."""
+"""Interval at which the keyboard is checked [s]."""
 
 
-def command(
-    config: Config, name: str, argument: str, *, take: bool, until: str | None, seconds: float | None, as_json: bool
-) -> int:
-    """Send a command to the server, and print its reply.
+@app.command(
+    rich_help_panel=OPERATE,
+    epilog=examples(
+        "netboard control start",
+        "netboard control pause_after_trial -c rig.toml --json",
+        """netboard control open '{"participant_a": "P07", "participant_b": "P08", "consent": true}'""",
+        "netboard control note 'the left participant sneezed'",
+        "netboard control start --until finished --seconds 900",
+        "netboard control seek trial 5",
+        "netboard control step back 10",
+    ),
+)
+def control(
+    command: Annotated[
+        CommandName,
+        typer.Argument(
+            help="start: start the block. pause, pause_after_trial, resume. abort: stop this attempt and repeat it. "
+            "skip: count this trial as done. repeat: add a trial at the end of the block; veto: cancel that. "
+            "stop: end the block now. stop_after_block: end the session after this block. next: skip the rest of the "
+            "block. end: end the session and the server. arm, disarm: allow or prevent forces. emergency_stop: set "
+            "all forces to zero; emergency_release: allow forces again. open: open the session with a form as JSON. "
+            "note: add a note. take: become the commander. A replay accepts play, pause, seek (12.5, trial 5 or tick "
+            "900), speed 0.5, loop (on, off, trial 5, or start and end), step (ticks), next and previous (trial or "
+            "another mark), and end."
+        ),
+    ],
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ARGUMENT...]", help="Argument of the command: a form, a note, a trial."),
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    take: Annotated[bool, typer.Option("--take", help="Take command from the console or another operator.")] = False,
+    until: Annotated[
+        Literal["idle", "levelling", "running", "holding", "paused", "finished"] | None,
+        typer.Option(metavar="PHASE", help="Then wait for this phase of the trial; exit code 1 if it is not reached."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Timeout of --until in seconds.")] = None,
+    json: Json = False,
+) -> None:
+    """Send a command to a running server, as the console does; for scripts."""
+    settings = load(config, overrides)
+    from netboard.base.process import Stopping
+    from netboard.nodes.operator import shell
 
-    Returns
-    -------
-    int
-        Exit code: 1 if the server refuses, or the phase is not reached.
-    """
-    with sockets.open_context() as context:
-        operator = Operator(config.network, context)
-        try:
-            status = asked(operator, config)
-            reply = operator.do("take") if take else None
-            if reply is None or reply.accepted:
-                reply = end(operator) if name == "end" else operator.do(name, argument)
-            if name != "end":
-                status = asked(operator, config)
-            if reply.accepted and until is not None:
-                status = wait(operator, config, until, seconds)
-        finally:
-            operator.leave()
-    if as_json:
-        print(json.dumps({"accepted": reply.accepted, "reason": reply.reason, "status": plain(status)}))  # noqa: T201
+    network, argument = settings.network, " ".join(arguments or ())
+    with shell.connected(network) as operator:
+        status = shell.status_of(operator, network)
+        reply = operator.do("take") if take else None
+        if reply is None or reply.accepted:
+            reply = shell.end(operator) if command == "end" else operator.do(command, argument)
+        if command != "end":
+            status = shell.status_of(operator, network)
+        if reply.accepted and until is not None:
+            with Stopping() as stopping:
+                status = shell.wait(operator, network, until, seconds, stopping)
+    if json:
+        typer.echo(jsonlib.dumps({"accepted": reply.accepted, "reason": reply.reason, "status": shell.plain(status)}))
     elif not reply.accepted:
         raise NetboardError(reply.reason)
     else:
-        words = reply.reason or ("the server ends" if name == "end" else f"the trial is {status.phase}")
-        print(f"{name}: {words}")  # noqa: T201
-    return 0 if reply.accepted and until in (None, status.phase) else 1
+        words = reply.reason or ("the server is stopping" if command == "end" else f"the trial is {status.phase}")
+        typer.echo(f"{command}: {words}")
+    raise typer.Exit(0 if reply.accepted and until in (None, status.phase) else 1)
 
 
-def end(operator: Operator) -> Reply:
-    """End the session; if the reply is lost and the server no longer answers, the command has succeeded."""
-    try:
-        return operator.do("end")
-    except NetboardError:
-        if operator.ask(ANSWER_SECONDS) is not None:
-            raise
-        return Reply(0, True, "no server answers any more")
+@app.command(
+    rich_help_panel=OPERATE,
+    epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"),
+)
+def stop(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    release: Annotated[
+        bool, typer.Option("--release", help="Release the emergency stop: devices may be armed again.")
+    ] = False,
+    guard: Annotated[bool, typer.Option("--guard", help="Connect now, and stop when any key is pressed.")] = False,
+) -> None:
+    """Emergency stop: set all commanded forces to zero until it is released.
 
+    With --guard the program is already connected and acts within a millisecond; without, it has to start first.
+    """
+    if release and guard:
+        raise ConfigError("--release and --guard: expected one of them")
+    settings = load(config, overrides)
+    from rich.console import Console
 
-def wait(operator: Operator, config: Config, until: str, seconds: float | None) -> Status:
-    """Wait for a phase of the trial, or for the timeout [s]."""
-    began = time.monotonic()
-    with Stopping() as stopping:
-        while True:
-            status = asked(operator, config)
-            over = seconds is not None and time.monotonic() - began > seconds
-            if status.phase == until or over or stopping():
-                return status
-            operator.attend(LOOK_SECONDS)
+    from netboard.nodes.operator import shell
+    from netboard.nodes.ports import emergency
 
-
-def emergency_stop(config: Config, *, release: bool, guard: bool) -> int:
-    """Set all forces to zero, at once or at a key press; or release the emergency stop."""
     console = Console(highlight=False)
-    with sockets.open_context() as context:
-        operator = Operator(config.network, context)
-        try:
-            if guard and not key_pressed(operator, config, console):
-                return 0
-            told(operator, config, emergency.RELEASE if release else emergency.STOP)
-        finally:
-            operator.leave()
+    with shell.connected(settings.network) as operator:
+        if guard and not key_pressed(operator, settings.network):
+            return
+        shell.carry_out(operator, settings.network, emergency.RELEASE if release else emergency.STOP)
     if release:
-        console.print("The emergency stop is released. When everybody is ready: netboard control resume")
+        console.print("The emergency stop is released. To continue: netboard control resume")
     else:
-        console.print("[bold red]EMERGENCY STOP[/]: no device has a force. To end it: netboard stop --release")
-    return 0
+        console.print("[bold red]EMERGENCY STOP[/]: all forces are zero. To release it: netboard stop --release")
 
 
-def told(operator: Operator, config: Config, name: str) -> None:
-    """Give a command that must be carried out, and raise an error if it is not."""
-    asked(operator, config)
-    try:
-        reply = operator.do(name)
-    except NetboardError as error:
-        if name == emergency.STOP:
-            raise NetboardError(f"{error}: TAKE THE STYLUSES OUT OF THE HANDS") from None
-        raise
-    if not reply.accepted:
-        raise NetboardError(reply.reason)
+def key_pressed(operator: "Operator", network: "Network") -> bool:
+    """Wait until a key is pressed; return False if the process is asked to end."""
+    from netboard.base.process import Stopping
+    from netboard.nodes.operator.shell import status_of
+    from netboard.services.keyboard import Keyboard
 
-
-def key_pressed(operator: Operator, config: Config, console: Console) -> bool:
-    """Wait until a key is pressed; return False if asked to end."""
     with Keyboard() as keyboard, Stopping() as stopping:
         if not keyboard.there:
-            raise NetboardError("--guard needs a terminal: it waits for a key")
-        console.print("Standing by: [bold]any key[/] takes all forces away at once. Ctrl-C ends standing by.")
+            raise NetboardError("--guard: needs a terminal, because it waits for a key")
+        typer.echo("Ready: press ANY KEY for the emergency stop. Ctrl-C leaves without stopping.")
         while not stopping():
             if keyboard.pressed(LOOK_SECONDS) is not None:
                 return True
-            asked(operator, config)
+            status_of(operator, network)
     return False

@@ -1,201 +1,87 @@
-"""A whole session on this machine: every process is real.
+"""``netboard demo``: a whole session on one machine, with or without players."""
 
-Simulated participants or players at this machine take part.
-"""
-
-import os
-import subprocess
-import sys
-import tempfile
-import time
-from dataclasses import replace
-from datetime import UTC, datetime
-from enum import Enum
 from pathlib import Path
+from typing import Annotated, Literal
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+import typer
 
-from netboard.base.config import SIDES, Config, played_sides, resolve
-from netboard.base.errors import NetboardError
-from netboard.base.process import Stopping
-from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import Launcher, free_port
-from netboard.nodes.operator.operator import Operator
-from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.verification import verify_recording
-from netboard.recording.replay.text import summary_of, summary_tables, verdict_line
-from netboard.services.planned import Wanted
-from netboard.stage.stage import make_stage
+from netboard.base.errors import ConfigError
+from netboard.services.options import (
+    RUN,
+    Blocks,
+    ConfigFile,
+    Dyad,
+    Overrides,
+    SessionOf,
+    examples,
+    load,
+)
 
-PICTURE_AFTER = 8.0
-"""Time after the first view at which a display's screenshot is taken [s]."""
-
-ANSWER_SECONDS = 0.2
-START_SECONDS = 60.0
-END_SECONDS = 20.0
-HEAR_SECONDS = 10.0
-"""Time that a player who leaves waits for the server's first answer [s]."""
-
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-"""Environment variables that tell of a screen, or of what Qt should use instead."""
-
-FAREWELL_SECONDS = 3.0
-"""Time for which players see that the block is over [s]."""
-
-console = Console(highlight=False)
+app = typer.Typer()
 
 
-class End(Enum):
-    """How the supervision of a block ends."""
-
-    FINISHED = "all trials are done"
-    LEFT = "whoever played has left"
-    FAILED = "it was interrupted, or a process died"
-
-
-def main(config: Config, *, displays: bool = True, study: Wanted | None = None) -> int:
-    """Run a block, or a session of a study, with simulated participants or players, and print its results.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified. A player may
-        leave before the end; that is no failure.
-    """
-    if played_sides(config) and (trouble := why_no_windows(screen=True)):
-        raise NetboardError(f"nobody can play here: {trouble}; without a player: netboard demo")
-    began = time.monotonic()
-    directory = Path(config.recording.directory).resolve()
-    with Stopping() as stopping:
-        with console.status("getting the kernels ready (compiled once, then kept)"):
-            make_stage(config).warm()
-        if displays and (trouble := why_no_windows()):
-            console.print(f"[yellow]running without displays: Qt cannot be loaded ({trouble})[/yellow]")
-            displays = False
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-            session = play(on_this_machine(config, directory), words, displays, stopping, study)
-        except OSError as error:
-            raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
-    if session:
-        return show(directory, session, words, began)
-    for part in sorted(directory.glob("*.mcap.part")):
-        console.print(f"unfinished recording {part}; make it whole with: netboard recover {part}")
-    console.print(f"logs {words}")
-    return 1
-
-
-def on_this_machine(config: Config, directory: Path) -> Config:
-    """Restrict a configuration to this machine alone, with free ports."""
-    return replace(
-        config,
-        network=replace(config.network, host="127.0.0.1", bind="127.0.0.1", port=free_port()),
-        recording=replace(config.recording, directory=str(directory)),
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "netboard demo",
+        "netboard demo --play left",
+        "netboard demo --trials 2 --haptics off --bimanual",
+        "netboard demo --study paper --dyad 3 --blocks 4 --trials 5",
+    ),
+)
+def demo(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Successful trials; default: 6, or those of the study's blocks.")
+    ] = None,
+    haptics: Annotated[Literal["on", "off"], typer.Option(help="Haptic feedback.")] = "on",
+    bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated participant with both hands.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 1,
+    directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the recording.")] = Path("recordings"),
+    displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Show the participants' displays.")] = True,
+    play: Annotated[
+        Literal["left", "right", "both"] | None,
+        typer.Option(
+            help="Play one side with the mouse; the other is simulated. both: the mouse moves the left end, the up "
+            "and down keys the right end."
+        ),
+    ] = None,
+    study: SessionOf = None,
+    dyad: Dyad = 1,
+    blocks: Blocks = None,
+) -> None:
+    """Run a whole session on this machine, with simulated participants or with you as a player."""
+    if play and not displays:
+        raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
+    if play in ("left", "right") and bimanual:
+        raise ConfigError(f"--bimanual: found with --play {play}, expected --play both: one person moves both hands")
+    own = demo_settings(
+        trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
     )
+    if study is not None:
+        own.append("session.pilot=true")
+    settings = load(config, [*own, *(overrides or ())])
+    from netboard.nodes.operator.demo import run
+    from netboard.nodes.server.planned import Wanted
+
+    options = [] if study is None else Wanted(study, dyad, 1, seed, blocks, trials).options
+    raise typer.Exit(run(settings, displays=displays, study=options))
 
 
-def why_no_windows(*, screen: bool = False) -> str:
-    """Return why Qt cannot be loaded on this machine, or cannot open a window if `screen` is set; empty if it can."""
-    if screen and sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
-        return f"there is no screen (none of {', '.join(SCREENS)} is set)"
-    script = "import PySide6.QtWidgets as qt" + ("; qt.QApplication([])" if screen else "")
-    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    said = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
-    aborted = tried.returncode < 0  # Qt's reason comes first, Python's last
-    return (said[0] if aborted else said[-1]) if tried.returncode else ""
+def demo_settings(
+    *, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path, play: str | None = None
+) -> list[str]:
+    """Return the demo's own options as settings."""
+    from netboard.base.tables.rig import MOUSE
 
-
-def play(config: Config, words: Path, displays: bool, stopping: Stopping, study: Wanted | None = None) -> str:
-    """Start everything, supervise it and end it in order; return the session's id, or empty after a failure."""
-    file = words / "demo.toml"
-    file.write_text(resolve(config), encoding="utf-8")
-    played = played_sides(config)
-    shown = (played or SIDES) if displays else ()  # a player must not look behind the curtain
-    with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
-        launcher.start("logger", "logger", "--once", "-c", str(file))
-        launcher.start("server", "server", "-c", str(file), *([] if study is None else study.options))
-        for side in SIDES:
-            launcher.start(f"{side} agent", "agent", "--side", side, "-c", str(file))
-            if side in shown:
-                shot = ("--screenshot", str(words / f"display-{side}.png"), "--after", str(PICTURE_AFTER))
-                launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *shot)
-        operator = Operator(config.network, context)
-        end = watch(operator, launcher, stopping, bool(played))
-        if end is End.LEFT:
-            hear(operator)
-        if end is End.FAILED or operator.status is None:
-            return ""
-        if end is End.FINISHED and played:
-            operator.attend(FAREWELL_SECONDS)
-        session = operator.status.session
-        operator.command("end")
-        with console.status("bringing the last records to disk"):
-            trouble = launcher.wait("server", END_SECONDS) or launcher.wait("logger", END_SECONDS)
-        if trouble:
-            console.print(f"[red]{trouble}[/red]")
-            return ""
-    return session
-
-
-def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
-    """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
-    heard = time.monotonic()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task("starting", total=None)
-        while not stopping():
-            ended = launcher.ended()
-            if ended is not None and played and ended.code == 0 and ended.name.endswith("display"):
-                console.print("the window was closed")
-                return End.LEFT
-            if ended is not None:
-                console.print(f"[red]{ended}[/red]")
-                return End.FAILED
-            status = operator.ask(ANSWER_SECONDS)
-            if status is None:
-                if time.monotonic() - heard > START_SECONDS:
-                    console.print(f"[red]the server has been silent for {START_SECONDS:.0f} s[/red]")
-                    return End.FAILED
-                continue
-            heard = time.monotonic()
-            block = f"block {status.block} of {status.blocks}, " if status.blocks > 1 else ""
-            line = status.notice or f"{block}trial {status.trial}: {status.phase}, {status.failures} failed so far"
-            progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
-            if status.phase == "finished" and status.block == status.blocks:
-                return End.FINISHED
-            time.sleep(ANSWER_SECONDS)
-    if played:
-        return End.LEFT
-    console.print("interrupted; everything has been stopped")
-    return End.FAILED
-
-
-def hear(operator: Operator) -> None:
-    """Wait for the server's first answer, so that a player who leaves at once still finds a whole recording."""
-    until = time.monotonic() + HEAR_SECONDS
-    while operator.status is None and time.monotonic() < until:
-        operator.ask(ANSWER_SECONDS)
-
-
-def show(directory: Path, session: str, words: Path, began: float) -> int:
-    """Print the contents of the recording, and whether it verifies."""
-    paths = sorted(directory.glob(f"*_{session[:8]}*.mcap"))
-    if not paths:
-        raise NetboardError(f"no recording of session {session[:8]} in {directory}")
-    good = True
-    for path in paths:
-        with Recording(path) as recording:
-            summary = summary_of(recording)
-            verdict = verify_recording(recording)
-        if len(paths) == 1:
-            console.print(summary_tables(summary))
-        console.print(verdict_line(verdict))
-        good &= verdict.identical and not summary.missing_ticks
-        console.print(f"recording   {path}")
-    for picture in sorted(words.glob("*.png")):
-        console.print(f"screenshot  {picture}")
-    console.print(f"logs        {words}")
-    console.print(f"took        {time.monotonic() - began:.1f} s")
-    return 0 if good else 1
+    played = [side for side in ("left", "right") if play in (side, "both")]
+    return [
+        f"block.trials={trials}",
+        f"block.force={'full' if haptics == 'on' else 'none'}",
+        f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
+        f"block.seed={seed}",
+        f"recording.directory={directory}",
+        *(f"agents.{side}.device={MOUSE}" for side in played),
+        *(["agents.right.options.input=keys"] if play == "both" else []),
+    ]

@@ -1,4 +1,4 @@
-"""The devices of a rig, one at a time and without a server: ``netboard devices``.
+"""``netboard devices``: the devices of a rig, one at a time and without a server.
 
 A command that moves a device says so first, and waits for a typed sentence or ``--yes``.
 """
@@ -8,25 +8,21 @@ from typing import Annotated
 
 import typer
 
-from netboard.base.config import Side
-from netboard.services import configuration
-from netboard.services.configuration import ConfigFile, Overrides
+from netboard.services.options import ConfigFile, HandSide, Json, Overrides, examples, load
 
 app = typer.Typer(
     help="List, test, identify, watch and calibrate haptic devices, without a server.",
     no_args_is_help=True,
 )
 
-Whose = Annotated[Side, typer.Option(help="The hand this device is for.")]
-Json = Annotated[bool, typer.Option("--json", help="One line of JSON.")]
-Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: who is at the device has agreed.")]
-Replace = Annotated[bool, typer.Option("--replace", help="Keep no copy (.bak) of the profile before.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 
 
-@app.command("list", epilog="Examples:\n\n  netboard devices list\n\n  netboard devices list --json")
+@app.command("list", epilog=examples("netboard devices list", "netboard devices list --json"))
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """List the connected devices by serial number, whether they may be opened, and the available backends."""
-    settings = configuration.load(config, overrides or ())
+    """List the connected devices by serial number, whether they can be opened, and the available backends."""
+    settings = load(config, overrides)
     from netboard.services import rig as service
 
     raise typer.Exit(service.show_list(settings, as_json=json))
@@ -34,97 +30,104 @@ def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 
 @app.command(
     "test",
-    epilog="Examples:\n\n  netboard devices test --side left -c rig.toml\n\n"
-    "  netboard devices test --side left -c rig.toml --force 0.3",
+    epilog=examples(
+        "netboard devices test --side left -c rig.toml", "netboard devices test --side left -c rig.toml --force 0.3"
+    ),
 )
 def examine(
-    side: Whose,
+    side: HandSide,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="For how long it is read (s).")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Duration in seconds.")] = 10.0,
     force: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="N", help="Push so hard, to see how late it moves; 0: no force.")
+        float, typer.Option(min=0.0, max=1.0, metavar="N", help="Force of the test pushes in N; 0: none.")
     ] = 0.0,
     yes: Yes = False,
     json: Json = False,
 ) -> None:
-    """Measure a device's rate, jitter, resolution, noise, range and buttons; with --force, also its response time.
+    """Measure rate, jitter, resolution, noise, range and buttons of a device; with --force, also its response time.
 
-    Move the stylus while the device is read, press each button, and lay the stylus down for a second.
+    Meanwhile move the stylus, press each button, and put the stylus down for a second.
     """
-    settings = configuration.load(config, overrides or ())
+    settings = load(config, overrides)
     from netboard.services import rig as service
 
     raise typer.Exit(service.examine(settings, side, seconds=seconds, force=force, yes=yes, as_json=json))
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard devices identify --side left -c rig.toml\n\n"
-    "  netboard devices identify --side left -c rig.toml --held"
+    epilog=examples(
+        "netboard devices identify --side left -c rig.toml", "netboard devices identify --side left -c rig.toml --held"
+    )
 )
 def identify(
-    side: Whose,
+    side: HandSide,
     config: ConfigFile = None,
     overrides: Overrides = None,
     held: Annotated[
-        bool, typer.Option("--held", help="A hand holds the stylus: show what both are like, and write no profile.")
+        bool,
+        typer.Option("--held", help="A hand holds the stylus: identify both together; write no profile."),
     ] = False,
     yes: Yes = False,
     replace: Replace = False,
     json: Json = False,
 ) -> None:
     """Identify a device's mass, damping and friction by moving it gently, and write them to its profile."""
-    settings = configuration.load(config, overrides or ())
+    settings = load(config, overrides)
     from netboard.services import rig as service
 
     raise typer.Exit(service.identify(settings, side, held=held, yes=yes, replace_it=replace, as_json=json))
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard devices monitor --side left -c rig.toml\n\n"
-    "  netboard devices monitor --side left --text"
+    epilog=examples(
+        "netboard devices monitor --side left -c rig.toml",
+        "netboard devices monitor --side left --text",
+    )
 )
 def monitor(
-    side: Whose,
+    side: HandSide,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    text: Annotated[bool, typer.Option("--text", help="In the terminal, without a window.")] = False,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after so long (s).")] = None,
+    text: Annotated[bool, typer.Option("--text", help="Print to the terminal instead of opening a window.")] = False,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after this many seconds.")] = None,
     screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file when it ends.")
+        Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file at the end.")
     ] = None,
 ) -> None:
-    """Show position, velocity and buttons of a device live, in the scene's frame, without force."""
-    settings = configuration.load(config, overrides or ())
+    """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
+    settings = load(config, overrides)
     from netboard.services import rig as service
 
     raise typer.Exit(service.monitor(settings, side, text=text, screenshot=screenshot, seconds=seconds))
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard devices calibrate --side left -c rig.toml\n\n"
-    "  netboard devices calibrate --side left --zero-only\n\n"
-    "  netboard devices calibrate --side left --set placement.zero_z=0.02"
+    epilog=examples(
+        "netboard devices calibrate --side left -c rig.toml",
+        "netboard devices calibrate --side left --zero-only",
+        "netboard devices calibrate --side left --set placement.zero_z=0.02",
+    )
 )
 def calibrate(
-    side: Whose,
+    side: HandSide,
     config: ConfigFile = None,
     overrides: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="TABLE.KEY=VALUE",
-            help="Set a value of the profile (placement.zero_z=0.02) in place of measuring it, or override one setting "
-            "of the configuration; may be given again.",
+            help="Set a value of the profile (placement.zero_z=0.02) instead of measuring it, or override one setting "
+            "of the configuration; repeat for several.",
         ),
     ] = None,
-    zero_only: Annotated[bool, typer.Option("--zero-only", help="Only the neutral height.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Wait five seconds before each place; ask nothing.")] = False,
+    zero_only: Annotated[bool, typer.Option("--zero-only", help="Measure only the neutral height.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask; wait five seconds before each position.")] = False,
     replace: Replace = False,
 ) -> None:
     """Find the neutral height, the workspace and the scale of a device, and write them to its profile."""
     from netboard.services import rig as service
 
     given, others = service.placement_values(overrides or ())
-    settings = configuration.load(config, others)
+    settings = load(config, others)
     raise typer.Exit(service.calibrate(settings, side, zero_only=zero_only, yes=yes, given=given, replace_it=replace))

@@ -1,61 +1,95 @@
-"""A participant's display as a process, and information on the screens."""
+"""``netboard display``: a participant's display, and information on the screens."""
 
 import os
-from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from netboard.base.config import Config, Side, played_sides
-from netboard.base.process import Stopping, make_way, speak
+import typer
+
+from netboard.base.errors import ConfigError
+from netboard.services.options import (
+    RUN,
+    ConfigFile,
+    Offscreen,
+    Overrides,
+    Screenshot,
+    ScreenshotDelay,
+    Side,
+    examples,
+    load,
+)
+
+if TYPE_CHECKING:
+    from netboard.base.config import Config
+
+app = typer.Typer()
 
 
-def main(
-    config: Config,
-    *,
-    station: Side,
-    screenshot: Path | None = None,
-    after: float | None = None,
-    offscreen: bool = False,
-) -> int:
-    """Show one station's view until the window is closed or the process is stopped; a player's input moves the stylus.
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "netboard display --station left",
+        "netboard display --station right --offscreen --screenshot r.png",
+        "netboard display --calibrate --set display.screen=1",
+    ),
+)
+def display(
+    station: Annotated[Side | None, typer.Option(help="Seat of the participant.")] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    screenshot: Screenshot = None,
+    after: ScreenshotDelay = None,
+    offscreen: Offscreen = False,
+    list_screens: Annotated[
+        bool, typer.Option("--list-screens", help="List the screens of this computer, and stop.")
+    ] = False,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Measure the pixel size of the screen with a bank card, and stop.")
+    ] = False,
+) -> None:
+    """Run a participant's display: board, ball, target and the participant's own stylus."""
+    settings = load(config, overrides)
+    if list_screens:
+        print_screens()
+        return
+    if calibrate:
+        raise typer.Exit(measure_pixels(settings))
+    if station is None:
+        raise ConfigError("--station: not given, expected left or right")
+    from netboard.base.config import played_sides
+    from netboard.base.process import Stopping, make_way, speak
 
-    Parameters
-    ----------
-    after : float or None
-        Time of the screenshot after the first view [s]; None takes the first view and stops.
-    """
     speak(f"display {station}")
-    make_way(config.realtime)
+    make_way(settings.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.windows.participant import client
 
     play: client.Play | None = None
-    if station in played_sides(config):
+    if station in played_sides(settings):
         from netboard.windows.participant.playing import Playing
 
         play = Playing
     with Stopping() as stopping:
-        client.run(config, station, stopping, screenshot, after, play)
-    return 0
+        client.run(settings, station, stopping, screenshot, after, play)
 
 
-def list_screens() -> int:
-    """Print the screens of this machine, by their numbers for ``[display] screen``."""
+def print_screens() -> None:
+    """Print the screens of this computer, by their numbers for ``[display] screen``."""
     from netboard.windows.participant.window import application, in_words, screens
 
     application()
     for number, screen in enumerate(screens()):
-        print(in_words(number, screen))  # noqa: T201  (what was asked for)
-    return 0
+        typer.echo(in_words(number, screen))
 
 
-def calibrate(config: Config) -> int:
+def measure_pixels(config: "Config") -> int:
     """Measure the pixel size of the chosen screen with a bank card, and print the settings for the configuration."""
-    from netboard.windows.participant.screen_size import calibrate as measure
+    from netboard.windows.participant.screen_size import calibrate
 
-    size, screen = measure(config.display.screen)
-    print(f"screen {screen}")  # noqa: T201  (what was asked for)
+    size, screen = calibrate(config.display.screen)
+    typer.echo(f"screen {screen}")
     if size is None:
-        print("not calibrated: the window was closed before Enter was pressed")  # noqa: T201
+        typer.echo("not calibrated: the window was closed before Enter was pressed")
         return 1
-    print(f"[display]\nscreen = {config.display.screen}\nmm_per_pixel = {size:.4f}")  # noqa: T201
+    typer.echo(f"[display]\nscreen = {config.display.screen}\nmm_per_pixel = {size:.4f}")
     return 0

@@ -1,31 +1,46 @@
-"""Checks whether this machine is fit for a session, and writes a report for the recordings."""
+"""``netboard doctor``: whether this computer is fit for a session."""
 
 from pathlib import Path
+from typing import Annotated
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+import typer
 
-from netboard.base.config import Config
-from netboard.devices.setup.words import findings_table
-from netboard.nodes.doctor.report import QUICK, THOROUGH, examine
-from netboard.recording.files.provenance import doctor_report_path
+from netboard.services.options import SET_UP, ConfigFile, Overrides, examples, load
 
-console = Console(highlight=False)
+app = typer.Typer()
 
 
-def main(config: Config, *, quick: bool = False, json: Path | None = None) -> int:
-    """Examine this machine."""
+@app.command(
+    rich_help_panel=SET_UP,
+    epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"),
+)
+def doctor(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Take seconds instead of half a minute.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the report there.")] = None,
+) -> None:
+    """Check whether this computer is fit for a session, and say how to fix what is not."""
+    settings = load(config, overrides)
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from netboard.devices.setup.words import findings_table
+    from netboard.nodes.doctor import report as examination
+    from netboard.recording.files.provenance import doctor_report_path
+
+    console = Console(highlight=False)
     columns = (TextColumn("{task.description:20}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("", total=1.0)
-        report = examine(
-            config,
-            QUICK if quick else THOROUGH,
+        report = examination.examine(
+            settings,
+            examination.QUICK if quick else examination.THOROUGH,
             lambda what, done: progress.update(task, description=what, completed=done),
         )
-    console.print(findings_table("This machine", report.findings))
+    console.print(findings_table("This computer", report.findings))
     console.print(report.summary)
     for path in filter(None, (doctor_report_path(), json)):
         report.save(path)
         console.print(f"report  {path}")
-    return 0 if report.fit else 1
+    raise typer.Exit(0 if report.fit else 1)

@@ -1,35 +1,52 @@
-"""Plots how each measure of one trial is computed."""
+"""``netboard explain``: how each measure of one trial is computed, as a figure."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.console import Console
+import typer
 
-from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.trials import Block, Take
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.recording.export.formats import library
-from netboard.recording.export.runs import runs_of
-from netboard.recording.files.reader import Recording
+from netboard.services.analyse import SettingsFile, load_readings
+from netboard.services.options import ANALYSE, Overrides, RecordingFile, examples
+
+if TYPE_CHECKING:
+    from netboard.analysis.extraction.settings import Readings
+    from netboard.analysis.extraction.trials import Take
+
+app = typer.Typer()
 
 KINDS = ("png", "svg", "pdf")
-"""Endings of the files that can be written."""
+"""Suffixes of the figures that can be written."""
 
 
-def main(path: Path, trial: int, attempt: int | None, readings: Readings, output: Path | None) -> int:
-    """Plot the sheet of a trial.
+@app.command(
+    rich_help_panel=ANALYSE,
+    epilog=examples(
+        "netboard explain S01.mcap --trial 12",
+        "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",
+    ),
+)
+def explain(
+    recording: RecordingFile,
+    trial: Annotated[int, typer.Option(min=1, help="Number of the trial in its block.")],
+    attempt: Annotated[int | None, typer.Option(min=1, help="Number of the attempt; default: the last one.")] = None,
+    settings: SettingsFile = None,
+    overrides: Overrides = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="New figure (.png, .svg or .pdf); default: named after the trial."
+        ),
+    ] = None,
+) -> None:
+    """Plot how each measure of one trial is computed: its signals, and what the measures detect in them."""
+    typer.echo(draw(recording, trial, attempt, load_readings(settings, overrides), output))
 
-    Parameters
-    ----------
-    attempt : int or None
-        Number of the attempt at it; None for the last one.
-    output : Path or None
-        The new file; its ending says what kind. None names it after the recording and the trial.
 
-    Raises
-    ------
-    RecordingError
-        If the recording cannot be read, there is no such trial in it, or the file is there already.
-    """
+def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", output: Path | None) -> str:
+    """Write the figure of an attempt, or of the last one at the trial, and return what was written."""
+    from netboard.recording.export.formats import library
+
     library("matplotlib", "analysis")
     from netboard.analysis.topics.figure import as_bytes
     from netboard.analysis.topics.trial import sheet
@@ -47,12 +64,15 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
         raise RecordingError(f"{output}: is there already; name another --output") from None
     except OSError as error:
         raise RecordingError(f"{output}: cannot be written: {error.strerror}") from error
-    Console(highlight=False, soft_wrap=True).print(f"{output}: {picture.title} of {path.name}", markup=False)
-    return 0
+    return f"{output}: {picture.title} of {path.name}"
 
 
-def _find(path: Path, trial: int, attempt: int | None, readings: Readings) -> Take:
+def _find(path: Path, trial: int, attempt: int | None, readings: "Readings") -> "Take":
     """Find an attempt that can be measured."""
+    from netboard.analysis.extraction.trials import Block
+    from netboard.recording.export.runs import runs_of
+    from netboard.recording.files.reader import Recording
+
     (run,) = runs_of([path])
     with Recording(path) as recording:
         block = Block(recording, run.config, readings)

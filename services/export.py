@@ -1,31 +1,34 @@
-"""Exports recordings to the formats of other tools."""
+"""``netboard export``: recordings in the formats of other tools."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
-from rich.console import Console
+import typer
 
-from netboard.recording.export.formats import export
-from netboard.recording.files.locate import find_recordings
-from netboard.services.wording import telling
+from netboard.recording.export.formats import FORMATS
+from netboard.services.options import RECORDINGS, NewFolder, Recordings, examples, telling
+
+app = typer.Typer()
 
 
-def main(words: Sequence[Path], name: str, output: Path | None) -> int:
-    """Export recordings to a new folder, and print its contents.
+@app.command(
+    rich_help_panel=RECORDINGS,
+    epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study"),
+)
+def export(
+    recordings: Recordings,
+    to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
+    output: NewFolder = None,
+) -> None:
+    """Export recordings to the formats of other tools."""
+    from netboard.recording.export import formats
+    from netboard.recording.files.locate import find_recordings
 
-    Parameters
-    ----------
-    output : Path or None
-        The new folder; None names it after the format and the recordings.
-    """
-    recordings = find_recordings(words)
-    folder = output or Path(f"{words[0].resolve().stem}_{name}")
+    found = find_recordings(recordings)
+    folder = output or Path(f"{recordings[0].resolve().stem}_{to}")
     with telling() as tell:
-        export(recordings, name, folder, tell)
+        formats.export(found, to, folder, tell)
     files = [path for path in folder.rglob("*") if path.is_file()]
-    count = "1 recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
+    count = "1 recording" if len(found) == 1 else f"{len(found)} recordings"
     size = sum(path.stat().st_size for path in files) / 1e6
-    Console(highlight=False, soft_wrap=True).print(
-        f"{folder}: {len(files)} files of {count}, {size:.1f} MB", markup=False
-    )
-    return 0
+    typer.echo(f"{folder}: {len(files)} files of {count}, {size:.1f} MB")

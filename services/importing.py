@@ -1,54 +1,104 @@
-"""Imports tables as recordings: given tables one after the other, or those of a manifest, several at a time."""
+"""``netboard import``: tables as recordings, given one by one or listed in a manifest."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.console import Console
+import typer
 
-from netboard.analysis.extraction.workers import cores
-from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.recording.importing.study_import import examine, run
-from netboard.recording.importing.table_import import Wishes, import_table
-from netboard.services.wording import telling
+from netboard.services.options import RECORDINGS, ConfigFile, Overrides, examples, load, telling
+
+if TYPE_CHECKING:
+    from netboard.recording.importing.table_import import Imported
+
+app = typer.Typer()
 
 
-def main(tables: Sequence[Path], folder: Path, config: Config, wishes: Wishes) -> int:
-    """Import one table after the other, and print the result of each."""
-    console = Console(highlight=False, soft_wrap=True)
-    for table in tables:
+@app.command(
+    "import",
+    rich_help_panel=RECORDINGS,
+    epilog=examples(
+        "netboard import study/ticks/S01.parquet",
+        "netboard import hands.csv --simulate -c rig.toml",
+        "netboard import --manifest study.toml -o recordings/",
+        "netboard import theirs.csv --map time=t --unit time=ms --map left_z=Height1 --unit left_z=mm",
+    ),
+)
+def import_(
+    tables: Annotated[
+        list[Path] | None, typer.Argument(metavar="[TABLE]...", help="Tables (.csv or .parquet).")
+    ] = None,
+    manifest: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Import the tables of a study that this TOML file lists.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes for --manifest; default: one per core.")
+    ] = None,
+    config: ConfigFile = None,
+    settings: Overrides = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=THEIRS", help="Name of a column in the table; repeat for several."),
+    ] = None,
+    units: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column in the table: mm; -mm inverts the axis."),
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Compute board, ball and trials from the hands, as the server does.")
+    ] = False,
+    interpolation: Annotated[
+        Literal["cubic", "linear"], typer.Option(help="Interpolation of positions between samples.")
+    ] = "cubic",
+    gap: Annotated[
+        float, typer.Option(min=0.002, help="Longest interval between samples that is not a gap, in seconds.")
+    ] = 0.1,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the recordings.")] = Path(
+        "recordings"
+    ),
+) -> None:
+    """Import tables as recordings: measurements from other systems, or an exported table of ticks."""
+    said = {"--config": config, "--set": settings, "--map": names, "--unit": units, "--simulate": simulate}
+    others = [option for option, value in said.items() if value]
+    if bool(tables) == (manifest is not None):
+        raise ConfigError("import: expected either TABLE... or --manifest")
+    if manifest is not None and others:
+        raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
+    from netboard.recording.importing.table_import import Wishes, import_table
+
+    if manifest is not None:
+        raise typer.Exit(import_study(manifest, output, workers))
+    rig = load(config, settings)
+    wishes = Wishes(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
+    for table in tables or ():
         with telling() as tell:
-            found = import_table(table, folder, config, wishes, time.time_ns(), tell)
-        console.print(f"{found.path}: {found.ticks} ticks, {found.what}", markup=False)
-        for note in found.notes:
-            console.print(f"  {note}", markup=False)
-    return 0
+            found = import_table(table, output, rig, wishes, time.time_ns(), tell)
+        say([found])
 
 
-def study(manifest: Path, folder: Path, workers: int | None) -> int:
-    """Import the study of a manifest."""
-    console = Console(highlight=False, soft_wrap=True)
+def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
+    """Import the tables that a manifest lists, several at a time."""
+    from netboard.analysis.extraction.workers import cores
+    from netboard.recording.importing.study_import import examine, run
+
     began = time.perf_counter()
     with telling() as tell:
         plan = examine(manifest, folder, tell)
         done, failed = run(plan, folder, workers or cores(), tell) if plan.jobs else ([], [])
-    for found in done:
-        console.print(f"{found.path}: {found.ticks} ticks, {found.what}", markup=False)
-    for note, count in Counter(note for found in done for note in found.notes).items():
-        console.print(f"  {note}" + f" ({count} recordings)" * (count > 1), markup=False)
-    total = f"{len(done)} imported, {len(plan.there)} were there, {len(failed)} failed"
-    console.print(f"{total}; {time.perf_counter() - began:.1f} s", markup=False)
+    say(done)
+    total = f"{len(done)} imported, {len(plan.there)} already there, {len(failed)} failed"
+    typer.echo(f"{total}; {time.perf_counter() - began:.1f} s")
     for line in failed:
-        print(line, file=sys.stderr)  # noqa: T201
+        typer.echo(line, err=True)
     return 1 if failed else 0
 
 
-def one_way(tables: Sequence[Path] | None, manifest: Path | None, others: Sequence[str]) -> None:
-    """Refuse tables beside a manifest, neither of them, and options for which a manifest has keys."""
-    if bool(tables) == (manifest is not None):
-        raise ConfigError("import: expected either TABLE... or --manifest")
-    if manifest is not None and others:
-        raise ConfigError(f"--manifest: found with {', '.join(others)}, expected those as keys of {manifest}")
+def say(done: Sequence["Imported"]) -> None:
+    """Print the new recordings, then the notes on them, each once."""
+    for found in done:
+        typer.echo(f"{found.path}: {found.ticks} ticks, {found.what}")
+    for note, count in Counter(note for found in done for note in found.notes).items():
+        typer.echo(f"  {note}" + f" ({count} recordings)" * (count > 1))

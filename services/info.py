@@ -1,34 +1,47 @@
-"""Summary of a recording for people: provenance, trials, completion times, latencies, losses."""
+"""``netboard info``: summary of a recording."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
+import typer
 
-from netboard.base.config import parse
 from netboard.base.errors import RecordingError
-from netboard.base.terminal import FittedTable, numbers
-from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.account import Stretch, account_of, parts_of
-from netboard.recording.integrity.quality_check import judged
-from netboard.recording.replay.text import summary_of, summary_tables
-from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of
-from netboard.task.trials.quality import WORDS, Verdict
+from netboard.services.options import RECORDINGS, RecordingFile, examples
+
+if TYPE_CHECKING:
+    from netboard.base.terminal import FittedTable
+    from netboard.recording.files.reader import Recording
+    from netboard.recording.integrity.account import Stretch
+    from netboard.task.studies.factors import BlockFactor
+    from netboard.task.trials.quality import Verdict
+
+app = typer.Typer()
 
 
-def main(path: Path) -> int:
-    """Print the summary of a recording."""
+@app.command(rich_help_panel=RECORDINGS, epilog=examples("netboard info recordings/S01.mcap"))
+def info(recording: RecordingFile) -> None:
+    """Summarise a recording: provenance, trials, completion times, latencies, losses."""
+    from rich.console import Console
+
+    from netboard.recording.files.reader import Recording
+    from netboard.recording.integrity.quality_check import judged
+    from netboard.recording.replay.text import summary_of, summary_tables
+
     console = Console(highlight=False)
-    with Recording(path) as recording:
-        console.print(provenance_table(recording))
-        console.print(summary_tables(summary_of(recording)))
-        console.print(quality_table(judged(recording)))
-    console.print(account_table(path))
-    return 0
+    with Recording(recording) as opened:
+        console.print(provenance_table(opened))
+        console.print(summary_tables(summary_of(opened)))
+        console.print(quality_table(judged(opened)))
+    console.print(account_table(recording))
 
 
-def provenance_table(recording: Recording) -> FittedTable:
+def provenance_table(recording: "Recording") -> "FittedTable":
     """Return a table of the recording's provenance."""
+    from netboard.base.config import parse
+    from netboard.base.terminal import FittedTable
+    from netboard.task.studies.factors import design_of, factors_of, role_of
+
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     block, design = config.block, design_of(config)
     said = recording.metadata
@@ -40,7 +53,7 @@ def provenance_table(recording: Recording) -> FittedTable:
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {block.trials} trials",
         "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),
         **{f"factor {one.name}": _level(one, block.trials) for one in factors_of(config)},
-        "ended": recording.end.get("ended", "not known: the file was recovered"),
+        "ended": recording.end.get("ended", "unknown: the file was recovered"),
         "written by": f"netboard {said.get('netboard', '?')}, {said.get('python', '?')}, {said.get('platform', '?')}",
         "doctor": said.get("doctor", "?"),
         "configuration": said.get("config_sha256", "?"),
@@ -51,29 +64,33 @@ def provenance_table(recording: Recording) -> FittedTable:
     return table
 
 
-def _level(factor: BlockFactor, trials: int) -> str:
+def _level(factor: "BlockFactor", trials: int) -> str:
     """Return the level of a factor in a block, with the level of each trial if it varies within the block."""
     if factor.scope != "trial":
         return f"{factor.summary}, {factor.of.type}"
     return f"{factor.summary}, {factor.of.type}, by trial: {' '.join(factor.level(k) for k in range(1, trials + 1))}"
 
 
-def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
+def quality_table(verdicts: Sequence["Verdict"]) -> "FittedTable":
     """Return a table of the attempts that the configured quality rules flag, with the reasons."""
-    doubtful = [verdict for verdict in verdicts if verdict.flags]
-    title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
-    table = FittedTable(
-        *numbers("trial", "attempt"), "outcome", "flag", "what it says", title=title, header=bool(doubtful)
-    )
-    for verdict in doubtful:
+    from netboard.base.terminal import FittedTable, numbers
+    from netboard.task.trials.quality import WORDS
+
+    flagged = [verdict for verdict in verdicts if verdict.flags]
+    title = f"Flagged attempts: {len(flagged)} of {len(verdicts)}"
+    table = FittedTable(*numbers("trial", "attempt"), "outcome", "flag", "reason", title=title, header=bool(flagged))
+    for verdict in flagged:
         words, sentences = "\n".join(verdict.flags), "\n".join(WORDS[word] for word in verdict.flags)
         table.add_row(str(verdict.trial), str(verdict.attempt), verdict.outcome, words, sentences)
     return table
 
 
-def account_table(path: Path) -> FittedTable:
+def account_table(path: Path) -> "FittedTable":
     """Return a table that accounts for every tick of the session, in all parts in the same folder."""
-    table = FittedTable("", "", title="Account of the session", header=False)
+    from netboard.base.terminal import FittedTable
+    from netboard.recording.integrity.account import account_of, parts_of
+
+    table = FittedTable("", "", title="Ticks and records of the session", header=False)
     try:
         account = account_of(parts_of(path))
     except RecordingError as error:
@@ -93,7 +110,7 @@ def account_table(path: Path) -> FittedTable:
     return table
 
 
-def stretch_text(stretch: Stretch) -> str:
+def stretch_text(stretch: "Stretch") -> str:
     """Return a range of tick or record numbers, how many they are, and why they are missing."""
     count = stretch.last - stretch.first + 1
     return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")

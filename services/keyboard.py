@@ -49,8 +49,8 @@ class Keyboard:
         if not self.there or not select([sys.stdin], [], [], seconds)[0]:
             return None
         read = os.read(sys.stdin.fileno(), MOST_BYTES)
-        came = self._begun + read
-        self._begun = came if read and came in BEGUN else b""
+        received = self._begun + read
+        self._begun = received if read and received in BEGUN else b""
         if self._begun:
             return None
-        return ARROWS.get(came[:3]) or read[:1].decode(errors="replace")
+        return ARROWS.get(received[:3]) or read[:1].decode(errors="replace")

@@ -1,6 +1,6 @@
-"""Keys of a rig: ``netboard keys``.
+"""``netboard keys``: the keys of a rig.
 
-Keys are made, listed and revoked at the server; each station gets its own. Secret keys are never shown.
+Keys are created, listed and revoked at the server; each process gets its own. Secret keys are never shown.
 """
 
 from pathlib import Path
@@ -8,58 +8,57 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.base.config import Side
-from netboard.services import configuration
-from netboard.services.configuration import ConfigFile, Overrides
+from netboard.services.options import ConfigFile, Overrides, Side, examples, load
 
 app = typer.Typer(
-    help="Make, list and revoke the keys by which the server knows its peers.",
+    help="Create, list and revoke the keys by which the server authenticates its peers.",
     no_args_is_help=True,
 )
 
 
 def folder_of(config: Path | None, overrides: list[str] | None) -> Path:
     """Return the folder of the keys."""
-    return Path(configuration.load(config, overrides or ()).network.keys)
+    return Path(load(config, overrides).network.keys)
 
 
-@app.command(epilog="Examples:\n\n  netboard keys init\n\n  netboard keys init -c rig.toml")
+@app.command(epilog=examples("netboard keys init", "netboard keys init -c rig.toml"))
 def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
-    """Make the server's key and an empty list of authorised peers."""
+    """Create the server's key and an empty list of authorised peers."""
     from netboard.network import keys
 
     path = keys.init(folder_of(config, overrides))
-    typer.echo(f"{path}: written; it stays here; make a key for each process, as in: netboard keys add agent left")
+    typer.echo(f"{path}: created; keep it here. Create a key for each process: netboard keys add agent left")
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard keys add agent left\n\n  netboard keys add display right --to carry\n\n"
-    "  netboard keys add logger"
+    epilog=examples(
+        "netboard keys add agent left", "netboard keys add display right --to carry", "netboard keys add logger"
+    )
 )
 def add(
     role: Annotated[
         Literal["agent", "display", "logger", "console", "listener"],
         typer.Argument(
-            help="What the key is for; console: netboard status, and whatever else gives commands; "
-            "listener: netboard lsl."
+            help="Process that uses the key. console: also for netboard status, control and stop; listener: for "
+            "netboard lsl."
         ),
     ],
-    side: Annotated[Side | None, typer.Argument(help="Of an agent or display: whose.")] = None,
+    side: Annotated[Side | None, typer.Argument(help="Side of an agent or display.")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     to: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the file goes; else into the folder of the keys.")
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for the new file; default: the folder of the keys.")
     ] = None,
 ) -> None:
-    """Make the key of one process and authorise it; the process needs only this file."""
+    """Create and authorise the key of one process, which needs only this file."""
     from netboard.network import keys
 
     folder = folder_of(config, overrides)
     peer, path = keys.add(folder, role, side or "", to or folder)
-    typer.echo(f"{path}: written, {keys.fingerprint(peer.public)}; move it to where {peer.what} runs")
+    typer.echo(f"{path}: created, {keys.fingerprint(peer.public)}; move it to the computer of {peer.what}")
 
 
-@app.command("list", epilog="Examples:\n\n  netboard keys list")
+@app.command("list", epilog=examples("netboard keys list"))
 def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """List the authorised peers, and the secret keys in this folder, by their fingerprints."""
     from rich.console import Console
@@ -70,25 +69,25 @@ def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     folder = folder_of(config, overrides)
     console = Console(highlight=False)
     if (folder / keys.LIST).exists():
-        table = FittedTable("name", "fingerprint", "created", "revoked", title="Who may connect")
+        table = FittedTable("name", "fingerprint", "created", "revoked", title="Authorised peers")
         for peer in keys.read_list(folder):
             revoked = f"{peer.revoked:%Y-%m-%dT%H:%MZ}" if peer.revoked else ""
             table.add_row(peer.name, keys.fingerprint(peer.public), f"{peer.created:%Y-%m-%dT%H:%MZ}", revoked)
         console.print(table)
-    table = FittedTable("file", "fingerprint", "of the server", title=f"Secret keys in {folder}")
+    table = FittedTable("file", "fingerprint", "belongs to server", title=f"Secret keys in {folder}")
     for row in keys.key_files(folder):
         table.add_row(*row)
     console.print(table)
 
 
-@app.command(epilog="Examples:\n\n  netboard keys revoke agent.left\n\n  netboard keys revoke display.right-2")
+@app.command(epilog=examples("netboard keys revoke agent.left", "netboard keys revoke display.right-2"))
 def revoke(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Which one, as netboard keys list names it.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the key, as in netboard keys list.")],
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Revoke a key, from its next connection on; the server need not be restarted."""
+    """Revoke a key, from its next connection on; the server keeps running."""
     from netboard.network import keys
 
     peer = keys.revoke(folder_of(config, overrides), name)
-    typer.echo(f"{peer.name}, {keys.fingerprint(peer.public)}: revoked; who is connected with it stays until cut off")
+    typer.echo(f"{peer.name}, {keys.fingerprint(peer.public)}: revoked; existing connections stay open")

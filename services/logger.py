@@ -1,15 +1,31 @@
-"""The logger as a process."""
+"""``netboard logger``: writes the recordings."""
 
-from netboard.base.config import Config
-from netboard.base.process import Stopping, make_way, speak
-from netboard.network.transport import sockets
-from netboard.nodes.logger.log_link import SocketLink
-from netboard.nodes.logger.logger import Logger
+from typing import Annotated
+
+import typer
+
+from netboard.services.options import RUN, ConfigFile, Overrides, examples, load
+
+app = typer.Typer()
 
 
-def main(config: Config, *, once: bool = False) -> int:
-    """Record until stopped."""
+@app.command(
+    rich_help_panel=RUN, epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once")
+)
+def logger(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    once: Annotated[bool, typer.Option("--once", help="Stop after one session.")] = False,
+) -> None:
+    """Run the logger: it writes every tick and event to a recording."""
+    settings = load(config, overrides)
+    from netboard.base.process import Stopping, make_way, speak
+    from netboard.network.transport import sockets
+    from netboard.nodes.logger.log_link import SocketLink
+    from netboard.nodes.logger.logger import Logger
+
     speak("logger")
-    make_way(config.realtime)
+    make_way(settings.realtime)
     with Stopping() as stopping, sockets.open_context() as context:
-        return Logger(config.recording, SocketLink(config.network, "logger", context), once=once).run(stopping)
+        link = SocketLink(settings.network, "logger", context)
+        raise typer.Exit(Logger(settings.recording, link, once=once).run(stopping))

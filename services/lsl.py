@@ -1,24 +1,36 @@
-"""The streams of the Lab Streaming Layer (LSL) as a process."""
+"""``netboard lsl``: streams for the Lab Streaming Layer (LSL)."""
 
 import logging
+from typing import Annotated
 
-from netboard.base.config import Config
-from netboard.base.process import Stopping, make_way, speak
-from netboard.network.transport import sockets
-from netboard.nodes.logger.log_link import SocketLink
-from netboard.nodes.logger.lsl_outlets import Outlets
-from netboard.nodes.logger.subscriber import Listener
+import typer
 
+from netboard.services.options import RUN, ConfigFile, Overrides, examples, load
+
+app = typer.Typer()
 log = logging.getLogger(__name__)
 
 
-def main(config: Config, name: str) -> int:
-    """Send ticks and events to LSL until stopped."""
+@app.command(rich_help_panel=RUN, epilog=examples("netboard lsl -c rig.toml", "netboard lsl -c b.toml --name pair2"))
+def lsl(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    name: Annotated[
+        str, typer.Option(help="Prefix of the stream names; choose another one for each dyad in the same network.")
+    ] = "netboard",
+) -> None:
+    """Stream board, hands, forces and events to the Lab Streaming Layer (LSL), for example for LabRecorder."""
+    settings = load(config, overrides)
+    from netboard.base.process import Stopping, make_way, speak
+    from netboard.network.transport import sockets
+    from netboard.nodes.logger.log_link import SocketLink
+    from netboard.nodes.logger.lsl_outlets import Outlets
+    from netboard.nodes.logger.subscriber import Listener
+
     speak("lsl")
-    make_way(config.realtime)
-    outlets = Outlets(name, config.network.port)
+    make_way(settings.realtime)
+    outlets = Outlets(name, settings.network.port)
     with Stopping() as stopping, sockets.open_context() as context:
-        listener = Listener(SocketLink(config.network, "listener", context), outlets, "Lab Streaming Layer")
+        listener = Listener(SocketLink(settings.network, "listener", context), outlets, "Lab Streaming Layer")
         listener.run(stopping)
     log.info("%d ticks and %d events sent, %d records lost", outlets.ticks, outlets.events, listener.lost)
-    return 0

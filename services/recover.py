@@ -1,33 +1,48 @@
-"""Recovers complete recordings from the files of a killed logger, a damaged disk or a server without a logger."""
+"""``netboard recover``: complete recordings from what a killed logger, a damaged disk or a server left."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import track
 
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.recording.recovery.recover import Report
-from netboard.recording.recovery.spilled import recover_any
+from netboard.services.options import RECORDINGS, examples
+
+if TYPE_CHECKING:
+    from netboard.recording.recovery.recover import Report
+
+app = typer.Typer()
 
 UNFINISHED = ("*.mcap.part", "*.spill")
 """Files in a folder that need recovery."""
 
 
-def main(paths: Sequence[Path], output: Path | None = None) -> int:
-    """Recover what is sound, and print what was lost.
+@app.command(
+    rich_help_panel=RECORDINGS,
+    epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"),
+)
+def recover(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Unfinished (.mcap.part) or damaged recordings, a server's .spill files, or folders of these.",
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file, if there is only one.")
+    ] = None,
+) -> None:
+    """Recover unfinished or damaged recordings into new files; the originals stay unchanged."""
+    from rich.console import Console
+    from rich.progress import track
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Unfinished or damaged files, and folders of such; they stay unchanged.
-    output : Path or None
-        The new file, if there is one old one; None names it after the old one.
-    """
-    files = list(_files(paths))
+    from netboard.recording.recovery.spilled import recover_any
+
+    files = list(_files(recordings))
     if output is not None and len(files) != 1:
-        raise ConfigError(f"--output names one file, and {len(files)} are to be recovered; leave it out")
+        raise ConfigError(f"--output: names one file, but found {len(files)} files to recover; leave it out")
     refused = 0
     for file in track(files, "recovering", console=Console(stderr=True), transient=True, disable=len(files) < 2):
         try:
@@ -36,7 +51,7 @@ def main(paths: Sequence[Path], output: Path | None = None) -> int:
         except NetboardError as error:
             refused += 1
             typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
-    return 1 if refused else 0
+    raise typer.Exit(1 if refused else 0)
 
 
 def _files(paths: Sequence[Path]) -> Iterator[Path]:
@@ -47,11 +62,11 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
             continue
         found = sorted(file for pattern in UNFINISHED for file in path.glob(pattern))
         if not found:
-            typer.echo(f"{path}: nothing unfinished in it")
+            typer.echo(f"{path}: nothing to recover in this folder")
         yield from found
 
 
-def _say(report: Report) -> None:
+def _say(report: "Report") -> None:
     """Print what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
     missing = sum(gap.count for gap in report.missing)

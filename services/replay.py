@@ -1,72 +1,115 @@
-"""Replays a recording in the display, on the sockets of a server or as text, or verifies it tick by tick."""
+"""``netboard replay``: shows, serves, lists or verifies a recording."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+import typer
 
-from netboard.base.config import Config, Side
-from netboard.base.process import Stopping, speak
-from netboard.network import keys
-from netboard.network.transport import sockets
-from netboard.recording.files.reader import Recording
-from netboard.recording.integrity.verification import verify_recording
-from netboard.recording.replay.loaded import Reel
-from netboard.recording.replay.loading import load
-from netboard.recording.replay.pairing import Sync
-from netboard.recording.replay.text import marks_table, verdict_line
-from netboard.services.keyboard import Keyboard
+from netboard.base.errors import ConfigError
+from netboard.services.options import RECORDINGS, ConfigFile, Overrides, Screenshot, Side, examples, load
 
-HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
-"""The terminal's keys."""
+if TYPE_CHECKING:
+    from netboard.base.config import Config
+    from netboard.recording.replay.loaded import Reel
+
+app = typer.Typer()
+
+KEYS_LINE = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: quit"
+"""Keys of a terminal that serves a replay."""
 
 
-def verify(path: Path) -> int:
-    """Recompute every tick of a recording and compare it to the bit."""
-    with Recording(path) as recording:
-        verdict = verify_recording(recording)
-    Console(highlight=False).print(verdict_line(verdict))
-    return 0 if verdict.identical else 1
+@app.command(
+    rich_help_panel=RECORDINGS,
+    epilog=examples(
+        "netboard replay S01.mcap",
+        "netboard replay S01.mcap S02.mcap --sync trial",
+        "netboard replay S01.mcap --serve -c rig.toml",
+        "netboard replay S01.mcap --markers",
+        "netboard replay S01.mcap --verify",
+    ),
+)
+def replay(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(metavar="RECORDING...", help="The recording (.mcap), or two to show side by side."),
+    ],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Recompute every tick, which must give the same bits; show nothing.")
+    ] = False,
+    headless: Annotated[bool, typer.Option("--headless", help="Print the events instead of opening a window.")] = False,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Replay on the ports of a server, for displays, console and status."),
+    ] = False,
+    markers: Annotated[bool, typer.Option("--markers", help="List the trials and events with their times.")] = False,
+    station: Annotated[Side, typer.Option(help="Seat of the participant whose view is shown.")] = "left",
+    speed: Annotated[float, typer.Option(min=0.1, max=16.0, help="Speed, in multiples of real time.")] = 1.0,
+    sync: Annotated[
+        Literal["time", "trial"],
+        typer.Option(help="Align two recordings at the start of the block, or at the start of each trial."),
+    ] = "time",
+    screenshot: Screenshot = None,
+    at: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="Start position in seconds from the recording's start.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    r"""Show a recording in the participants' display, serve it like a live session, list its events, or verify it.
 
-
-def narrate(path: Path, speed: float) -> int:
-    """Print the events of a recording at the original pace."""
-    from netboard.nodes.replay.replay import narrate as tell
-
-    with Stopping() as stopping:
-        tell(path, speed, stopping, print)
-    return 0
-
-
-def show(
-    paths: Sequence[Path], station: Side, speed: float, sync: Sync, screenshot: Path | None, at: float | None
-) -> int:
-    """Show a recording in a window, or two of them side by side.
-
-    Parameters
-    ----------
-    at : float or None
-        Where to begin; None for the start of the block [s].
+    netboard control steers a served replay: play, pause, seek, speed, loop, step, next, previous. Of the configuration,
+    only \[network] is used, and only with --serve.
     """
-    from netboard.windows.replay.player import run
+    ways = {"--verify": verify, "--headless": headless, "--serve": serve, "--markers": markers}
+    chosen = [name for name, wanted in ways.items() if wanted]
+    if len(chosen) > 1:
+        raise ConfigError(f"{' and '.join(chosen)}: expected one of them")
+    if len(recordings) > (1 if chosen else 2):
+        raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
+    path = recordings[0]
+    from rich.console import Console
 
-    reels = [loaded(path) for path in paths]
-    with Stopping() as stopping:
-        run(reels, station, stopping, speed, screenshot, sync, at)
-    return 0
+    from netboard.base.process import Stopping
+
+    console = Console(highlight=False)
+    if verify:
+        from netboard.recording.files.reader import Recording
+        from netboard.recording.integrity.verification import verify_recording
+        from netboard.recording.replay.text import verdict_line
+
+        with Recording(path) as recording:
+            verdict = verify_recording(recording)
+        console.print(verdict_line(verdict))
+        raise typer.Exit(0 if verdict.identical else 1)
+    if headless:
+        from netboard.nodes.replay.replay import narrate
+
+        with Stopping() as stopping:
+            narrate(path, speed, stopping, print)
+    elif markers:
+        from netboard.recording.replay.text import marks_table
+
+        console.print(marks_table(loaded(path)))
+    elif serve:
+        serve_replay(path, load(config, overrides), speed, at)
+    else:
+        from netboard.windows.replay.player import run
+
+        reels = [loaded(path) for path in recordings]
+        with Stopping() as stopping:
+            run(reels, station, stopping, speed, screenshot, sync, at)
 
 
-def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
-    """Replay a recording on the sockets of a server.
+def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -> None:
+    """Replay a recording on the ports of a server, from a position or from the start of the block [s]."""
+    from rich.console import Console
 
-    Parameters
-    ----------
-    at : float or None
-        Where to begin; None for the start of the block [s].
-    """
+    from netboard.base.process import Stopping, speak
+    from netboard.network import keys
+    from netboard.network.transport import sockets
     from netboard.nodes.replay.replay_server import ReplayServer, printable_line
     from netboard.recording.replay.orders import KEYS
+    from netboard.services.keyboard import Keyboard
 
     authenticator = keys.make_authenticator(config.network)
     console = Console(highlight=False)
@@ -74,27 +117,25 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
     speak("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
         server = ReplayServer(reel, config.network, context, authenticator, speed, at)
-        console.print(f"{reel.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
+        console.print(f"{reel.name} is replayed at {config.network.bind}:{config.network.port}")
         if keyboard.there:
-            console.print(HELP)
+            console.print(KEYS_LINE)
         server.run(
             stopping,
             lambda: KEYS.get(keyboard.pressed() or ""),
             lambda words: console.print(printable_line(words), markup=False),
         )
-    return 0
 
 
-def tell_marks(path: Path) -> int:
-    """List the trials and events of a recording."""
-    Console(highlight=False).print(marks_table(loaded(path)))
-    return 0
-
-
-def loaded(path: Path) -> Reel:
+def loaded(path: Path) -> "Reel":
     """Read a recording, with a progress bar on a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from netboard.recording.replay.loading import load as load_recording
+
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"Reading {path.name}", total=None)
-        return load(path, lambda ticks: progress.update(task, completed=ticks))
+        return load_recording(path, lambda ticks: progress.update(task, completed=ticks))

@@ -20,7 +20,7 @@ from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
-from netboard.devices.setup import calibration, checkup, excitation, listing, words
+from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
 from netboard.devices.setup.loop import Beats, Driver, RealTime, watch
 
@@ -44,7 +44,7 @@ MONITOR_SECONDS = 0.005
 Ask = Callable[[str], str]
 
 
-def show_list(config: Config, *, as_json: bool, root: Path = listing.ROOT) -> int:
+def show_list(config: Config, *, as_json: bool, root: Path = usb.ROOT) -> int:
     """Show devices and backends; return 1 if a connected device may not be opened."""
     found = listing.listing(config, root)
     if as_json:
@@ -138,7 +138,7 @@ def calibrate(
             place = _asked_for(device, ticks, known.placement, config, None if yes else ask, zero_only=zero_only)
     console.print(words.placement_table(f"{info.model} {info.serial} ({side})", place))
     if place.scale != 1.0:
-        console.print(f"the virtual spring feels {place.scale:.2f} times as stiff at the device as in the scene")
+        console.print(f"at the device the virtual coupling is {place.scale:.2f} times as stiff as in the scene")
     _save(config, replace(known, placement=place), replace_it, quiet=False)
     return 0
 
@@ -150,17 +150,17 @@ def _asked_for(
 
     def held(where: str) -> calibration.Point:
         if ask is None:
-            console.print(f"hold the stylus {where}: {SETTLE:g} s from now")
+            console.print(f"Hold the stylus {where}: measured in {SETTLE:g} s")
             watch(device, ticks, SETTLE)
         else:
-            ask(f"hold the stylus {where}, then press Enter: ")
+            ask(f"Hold the stylus {where}, then press Enter: ")
         return calibration.held_at(watch(device, ticks, HOLD))
 
     zero = held("at the neutral height, in the middle")
     box = None
     if not zero_only:
-        low = held("at the far left corner of the usable space, down, away from you")
-        box = calibration.box_between(low, held("at the near right corner, up, towards you"))
+        low = held("at the lower far left corner of the workspace")
+        box = calibration.box_between(low, held("at the upper near right corner of the workspace"))
     return calibration.placed(before, zero, box, config.task.stylus_range, f"{now_in_words()}, by hand")
 
 
@@ -208,10 +208,10 @@ def ask_consent(what: str, yes: bool, ask: Ask) -> None:
     if yes:
         return
     if not sys.stdin.isatty():
-        raise NetboardError(f"this moves a device ({what}): agree with --yes, or run it in a terminal")
+        raise NetboardError(f"this moves a device ({what}); confirm with --yes, or run it in a terminal")
     console.print(f"The motors will move {what}. Keep faces away from the stylus.")
-    if ask(f'Type "{CONSENT}" to go on: ').strip().strip('"').casefold() != CONSENT:
-        raise NetboardError("nothing was moved: that was not the sentence")
+    if ask(f"To continue, type: {CONSENT}  > ").strip().strip('"').casefold() != CONSENT:
+        raise NetboardError(f'not confirmed (expected "{CONSENT}"); nothing was moved')
 
 
 def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str]]:
@@ -221,13 +221,13 @@ def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str
     for word in mine:
         key, equals, value = (part.strip() for part in word.removeprefix("placement.").partition("="))
         if not equals or not value:
-            raise ConfigError(f"--set {word}: write placement.key=value, such as placement.zero_z=0.02")
+            raise ConfigError(f"--set {word}: expected placement.key=value, for example placement.zero_z=0.02")
         given[key] = value
     return given, [word for word in overrides if word not in mine]
 
 
 def now_in_words() -> str:
-    """Return date and time for people."""
+    """Return the date and time in words."""
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
 
 
@@ -237,7 +237,7 @@ def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None
     before = profile.file_of(folder, known.device.serial).exists() and not replace_it
     path = profile.save(folder, known, replace=replace_it)
     if not quiet:
-        console.print(f"{path}: written" + (f"; the one before is {path.name}.bak" if before else ""))
+        console.print(f"{path}: written" + (f"; the previous one is now {path.name}.bak" if before else ""))
 
 
 def _print_json(values: Mapping[str, Any]) -> None:

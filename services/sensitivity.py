@@ -8,8 +8,8 @@ from netboard.base.errors import ConfigError
 from netboard.benchmarks.analysis.bench import study
 from netboard.benchmarks.harness.results import Folder, new_folder
 from netboard.benchmarks.harness.running import run
+from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import jobs_of
-from netboard.services import rehearsal
 from netboard.task.plans.blocks import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 

@@ -1,50 +1,141 @@
-"""The physics server as a process."""
+"""``netboard server``: the physics server, for one or several dyads, or for a session of a study."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from netboard.base.config import Config
-from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
-from netboard.network import keys
-from netboard.network.transport import sockets
-from netboard.nodes.server.attempts import Attempts
-from netboard.nodes.server.blocks import BlockSequence
-from netboard.nodes.server.server import Server
-from netboard.services.planned import Planned, Wanted, agreed
+import typer
 
+from netboard.base.errors import ConfigError
+from netboard.services.options import (
+    RUN,
+    USED_FILE,
+    Blocks,
+    Dyad,
+    Insecure,
+    Overrides,
+    SessionOf,
+    Trials,
+    examples,
+    load,
+)
 
-def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
-    """Serve one block for each of these dyads.
+if TYPE_CHECKING:
+    from netboard.base.config import Config
+    from netboard.nodes.server.attempts import Attempts
+    from netboard.nodes.server.blocks import BlockSequence
 
-    Parameters
-    ----------
-    configs : sequence of Config
-        One for each dyad; the first one's real-time settings apply to the process.
+app = typer.Typer()
 
-    Returns
-    -------
-    int
-        Exit code: 1 if records are not known to be on disk.
-    """
-    return serve([(BlockSequence([config]), Attempts()) for config in configs], autostart=autostart)
-
-
-def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes: bool) -> int:
-    """Serve one session of a study."""
-    planned = Planned(config, wanted)
-    session = planned.resumed(agreed(yes)) if resume else planned.begun()
-    return serve([session], autostart=autostart)
+YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 
 
-def serve(sessions: Sequence[tuple[BlockSequence, Attempts]], *, autostart: bool) -> int:
-    """Serve sessions until all have ended; return 1 if records are not known to be on disk."""
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "netboard server",
+        "netboard server -c rig.toml --no-autostart",
+        "netboard server -c rig.toml --study paper --dyad 3",
+        "netboard server -c rig.toml --study paper --dyad 3 --resume",
+        "netboard server -c a.toml -c b.toml",
+    ),
+)
+def server(
+    config: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--config",
+            "-c",
+            metavar="FILE",
+            help=f"{USED_FILE} Repeat for several dyads, each with its own port in its file.",
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    autostart: Annotated[
+        bool | None,
+        typer.Option(
+            "--autostart/--no-autostart",
+            help="Start each block as soon as all peers are connected. Default: yes for a single block; no for a "
+            "study, where the operator starts blocks (netboard console).",
+        ),
+    ] = None,
+    insecure: Insecure = False,
+    study: SessionOf = None,
+    dyad: Dyad = 1,
+    session: Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the study's plan.")] = 1,
+    blocks: Blocks = None,
+    trials: Trials = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume the session where it was interrupted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Resume without asking.")] = False,
+) -> None:
+    """Run the physics server: it simulates the board and runs the trials."""
+    settings = [load(file, overrides) for file in config or (None,)]
+    if not insecure:
+        for one in settings:
+            refuse_open_network(one)
+    if study is None and resume:
+        raise ConfigError("--resume: needs --study; a single block cannot be resumed")
+    if study is not None and len(settings) > 1:
+        raise ConfigError(f"--study: found {len(settings)} configuration files, expected one: run a server per dyad")
+    from netboard.nodes.server.attempts import Attempts
+    from netboard.nodes.server.blocks import BlockSequence
+
+    if study is None:
+        blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
+        raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
+    from netboard.nodes.server.planned import Planned, Wanted
+    from netboard.services.studies import load_study
+
+    planned = Planned(settings[0], load_study(study), Wanted(study, dyad, session, seed, blocks, trials))
+    opened = planned.resumed(confirm(yes)) if resume else planned.begun()
+    raise typer.Exit(serve([opened], autostart=autostart is True))
+
+
+def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: bool) -> int:
+    """Serve sessions until all have ended; return 1 if some records may not be on disk."""
+    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+    from netboard.network import keys
+    from netboard.network.transport import sockets
+    from netboard.nodes.server.server import Server
+
     configs = [sequence.block.config for sequence, _ in sessions]
     authenticators = [keys.make_authenticator(config.network) for config in configs]
     speak("server")
-    wanted = configs[0].realtime
-    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
-    above = io_priority(came, Priority.SERVER)
-    network = sockets.open_context(above, apart=True, loop_priority=Priority.SERVER)
+    wanted = configs[0].realtime  # real-time settings apply to the process
+    granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
+    io_thread = io_priority(granted, Priority.SERVER)
+    network = sockets.open_context(io_thread, apart=True, loop_priority=Priority.SERVER)
     with Stopping() as stopping, network as context:
         server = Server(sessions, context, authenticators, autostart=autostart)
-        server.run(stopping, came)
+        server.run(stopping, granted)
     return 0 if server.everything_recorded else 1
+
+
+def refuse_open_network(config: "Config") -> None:
+    """Refuse an address that other machines can reach without encryption."""
+    from netboard.network.keys import encrypted, local
+
+    network = config.network
+    if network.transport == "tcp" and not local(network.bind) and not encrypted(network):
+        raise ConfigError(
+            f'[network] bind: found "{network.bind}", which other machines can reach, with curve = "{network.curve}"; '
+            'expected curve = "auto" and keys (netboard keys init). On an isolated network, start the server with '
+            "--insecure"
+        )
+
+
+def confirm(yes: bool) -> Callable[[str], bool]:
+    """Make a function that shows what will be done and asks for confirmation, unless `yes` gives it."""
+
+    def ask(words: str) -> bool:
+
+        typer.echo(words)
+        if yes:
+            return True
+        if not sys.stdin.isatty():
+            raise ConfigError("--resume: needs a confirmation; add --yes, or run it in a terminal")
+        return input("Resume there? [y/N] ").strip().casefold() in YES
+
+    return ask

@@ -1,203 +1,164 @@
-"""Simulates a scene offline, moved by the hands in files; the result of each file goes into one of its own."""
+"""``netboard simulate``: a scene, moved by recorded hands, offline."""
 
-import hashlib
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+import typer
 
-from netboard.base.config import ADAPTER, Config, resolve
 from netboard.base.errors import ConfigError
-from netboard.base.settings import read
-from netboard.base.tables.scene import Physics
-from netboard.base.terminal import FittedTable
-from netboard.physics.hands.sampled import Hands
-from netboard.physics.simulation import (
-    Motion,
-    Steps,
-    check_start,
-    choose_steps,
-    columns_of,
-    energies_of,
-    is_held,
-    simulate,
+from netboard.services.options import ANALYSE, Model, Overrides, examples
+
+app = typer.Typer()
+
+
+@app.command(
+    rich_help_panel=ANALYSE,
+    epilog=examples(
+        "netboard simulate --input stylus.csv --output out.csv",
+        "netboard simulate --input stylus.csv --output out.parquet --model lagrangian --set physics.k_h=300 --p0 -0.15",
+        "netboard simulate --input stylus.csv --output live.csv --hold ca --method rk4 --dt 0.001",
+        "netboard simulate --input hands/ --output results/",
+        "netboard simulate --input 'hands/*.csv' --output 'results/{}.parquet' --scene rig.toml --gaps hold",
+    ),
 )
-from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
+def simulate(
+    inputs: Annotated[
+        list[str],
+        typer.Option(
+            "--input",
+            "-i",
+            metavar="FILE",
+            help="Recorded hands (.csv or .parquet) with the columns t, z_left, v_left, z_right, v_right in s, m and "
+            "m/s, at any rate; or a folder or a pattern. Repeat for several.",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE|FOLDER",
+            help="Result (.csv or .parquet) with the columns t, z, vz, theta, omega, p, vp, f_left, f_right in SI "
+            "units. The forces are those of the hands on the board, + = up; the hands feel the opposite. For several "
+            "inputs, a folder, or a name in which {} stands for the name of the input.",
+        ),
+    ],
+    more: Annotated[
+        list[str] | None, typer.Argument(metavar="FILE", help="More inputs, so that --input hands/*.csv works.")
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Configuration whose table \\[physics] is the scene; default: the paper's scene."
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    model: Model = None,
+    hold: Annotated[
+        Literal["zoh", "cv", "ca", "hermite"],
+        typer.Option(
+            help="Motion of a hand between samples. hermite: smooth curve through positions and velocities. As on the "
+            "live server: zero-order hold (zoh), constant velocity (cv), constant acceleration (ca)."
+        ),
+    ] = "hermite",
+    gaps: Annotated[
+        Literal["refuse", "hold"],
+        typer.Option(
+            help="Intervals over three times the usual one. refuse: reject the file. hold: interpolate across them "
+            "(hermite), or keep the stylus where it was (zoh, cv, ca)."
+        ),
+    ] = "refuse",
+    dt: Annotated[
+        float, typer.Option(metavar="S", help="Interval between rows of the result, and longest step, in seconds.")
+    ] = 0.001,
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Integration method. auto: practically exact, with as many steps as the scene needs. Otherwise one of "
+            "the server's (euler, rk4, etdrk4, ...), with one step between samples or rows.",
+        ),
+    ] = "auto",
+    substeps: Annotated[int, typer.Option(min=1, metavar="N", help="Smallest number of steps in place of one.")] = 1,
+    ball: Annotated[Literal["free", "fixed"], typer.Option(help="The ball rolls, or is fixed to the board.")] = "free",
+    z0: Annotated[float, typer.Option("--z0", metavar="M", help="Initial height of the board in m.")] = 0.0,
+    vz0: Annotated[float, typer.Option("--vz0", metavar="M/S", help="Initial vertical velocity in m/s.")] = 0.0,
+    theta0: Annotated[
+        float, typer.Option("--theta0", metavar="RAD", help="Initial tilt in rad, + = right end up.")
+    ] = 0.0,
+    omega0: Annotated[float, typer.Option("--omega0", metavar="RAD/S", help="Initial tilt rate in rad/s.")] = 0.0,
+    p0: Annotated[
+        list[str] | None,
+        typer.Option("--p0", metavar="M", help="Initial ball position in m, + = right; several balls as in 0.1,-0.1."),
+    ] = None,
+    v0: Annotated[
+        list[str] | None,
+        typer.Option("--v0", metavar="M/S", help="Initial ball velocity in m/s; several balls as for --p0."),
+    ] = None,
+    energy: Annotated[
+        bool, typer.Option("--energy", help="Add columns with energies (E_...) and work since the start (W_...) in J.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing results.")] = False,
+) -> None:
+    """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
+    if energy and hold != "hermite":
+        raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands move in jumps")
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-console = Console(highlight=False)
+    from netboard.physics.simulation import check_start, choose_steps
+    from netboard.recording.importing import hand_simulation as hands
+    from netboard.recording.importing.hand_files import find_inputs, plan_outputs
 
-SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
-"""Signals whose range is shown, with their units."""
-
-
-@dataclass(frozen=True)
-class Wishes:
-    """The options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
-
-    hold: str
-    gaps: str
-    method: str
-    dt: float
-    substeps: int
-    ball: str
-    board0: tuple[float, ...]
-    p0: tuple[float, ...]
-    v0: tuple[float, ...]
-    energy: bool
-
-    def start(self, balls: int) -> tuple[float, ...]:
-        """Return the initial state; balls start at rest at the centre by default."""
-        if any(len(given) not in (0, balls) for given in (self.p0, self.v0)):
-            raise ConfigError(
-                f"--p0, --v0: found {len(self.p0)} and {len(self.v0)} values, expected none or one for each ball; "
-                f"the scene has {balls} (physics.balls)"
-            )
-        pairs = zip(self.p0 or (0.0,) * balls, self.v0 or (0.0,) * balls, strict=True)
-        return (*self.board0, *(value for pair in pairs for value in pair))
-
-
-def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
-    """Read a scene: of a configuration only the table [physics] counts; without a file, the paper's scene."""
-    try:
-        text = file.read_text(encoding="utf-8") if file else ""
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    return read(ADAPTER, Config, text, str(file or "defaults"), overrides)
-
-
-def main(words: Sequence[str], output: str, config: Config, wishes: Wishes, *, force: bool = False) -> int:
-    """Simulate every file."""
-    physics, free = config.physics, wishes.ball == "free"
+    config = hands.load_scene(scene, [*(overrides or ()), *([f"physics.model={model}"] if model else ())])
+    wishes = hands.Wishes(
+        hold=hold,
+        gaps=gaps,
+        method=method,
+        dt=dt,
+        substeps=substeps,
+        ball=ball,
+        board0=(z0, vz0, theta0, omega0),
+        p0=numbers("--p0", p0),
+        v0=numbers("--v0", v0),
+        energy=energy,
+    )
+    physics, free = config.physics, ball == "free"
     check_start(physics, wishes.start(physics.balls), free)
-    steps = choose_steps(physics, free, wishes.method, wishes.substeps)
-    plan = plan_outputs(find_inputs(words), output, force)
-    sheets: list[Sheet] = []
+    steps = choose_steps(physics, free, method, substeps)
+    plan = plan_outputs(find_inputs([*inputs, *(more or ())]), output, force)
+    sheets: list[hands.Sheet] = []
     faults: list[str] = []
+    console = Console(highlight=False)
     bar = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*bar, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("", total=len(plan))
+        show: Any = partial(progress.update, progress.add_task("", total=len(plan)))
         for number, (path, result) in enumerate(plan.items()):
-            tell = partial(_tell, progress, task, number, path)
+
+            def tell(share: float, what: str = "simulating", number: int = number, path: Path = path) -> None:
+                show(completed=number + share, description=escape(f"{what} {path.name}"))
+
             try:
-                sheets.append(one(path, result, config, steps, wishes, force, tell))
+                sheet, notes = hands.simulate_file(path, result, config, steps, wishes, force, tell)
             except ConfigError as fault:
                 faults.append(str(fault))
+                continue
+            sheets.append(sheet)
+            for note in notes:
+                console.print(f"{path}: {note}", style="yellow", markup=False)
     if sheets:
-        console.print(scene_in_words(physics, free))
-        console.print(steps_in_words(steps, wishes))
-        console.print(table_of(sheets))
+        console.print(hands.scene_in_words(physics, free))
+        console.print(hands.steps_in_words(steps, wishes))
+        console.print(hands.table_of(sheets))
     if faults:
         raise ConfigError("\n".join(faults))
-    return 0
 
 
-Tell = Callable[..., None]
-Sheet = dict[str, str]
-
-
-def _tell(progress: Progress, task: TaskID, number: int, path: Path, share: float, what: str = "simulating") -> None:
-    """Show the progress of the file with this number."""
-    progress.update(task, completed=number + share, description=escape(f"{what} {path.name}"))
-
-
-def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, force: bool, tell: Tell) -> Sheet:
-    """Simulate one file, and return its summary."""
-    began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
-    tell(0.0, "reading")
-    hands = read_hands(path, wishes.gaps)
-    tell(0.0)
-    start = wishes.start(physics.balls)
+def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
+    """Read the numbers of an option that may be repeated, or separated by commas."""
     try:
-        motion = simulate(hands, physics, start, free=free, hold=wishes.hold, dt=wishes.dt, steps=steps, progress=tell)
-    except ConfigError as fault:
-        raise ConfigError(f"{path}: {fault}") from None
-    columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
-    if wishes.energy:
-        energies = energies_of(motion, hands, physics, free)
-        columns.update(energies)
-        sheet["energy"] = balance(energies)
-    tell(1.0, "writing")
-    write_table(result, columns, provenance(path, config, wishes), force)
-    notes = doubts(hands)
-    if not is_held(motion, physics, free):
-        step = f"{motion.longest * 1e3:.3g} ms"
-        notes.append(f"{steps.method} does not hold this scene in steps of {step}: the result is worth nothing")
-    for note in notes:
-        console.print(f"{path}: {note}", style="yellow", markup=False)
-    return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}
-
-
-def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
-    """Return how a result was made, for its file."""
-    options = {name: str(value) for name, value in asdict(wishes).items()}
-    made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
-
-
-# --- descriptions ------------------------------------------------------------------------------------------------
-
-
-def scene_in_words(physics: Physics, free: bool) -> str:
-    """Describe the scene."""
-    balls = f"{physics.balls} {'free' if free else 'fixed'} ball{'' if physics.balls == 1 else 's'}"
-    return f"{physics.model} model, {physics.board} board, {balls if physics.balls else 'no ball'}"
-
-
-def steps_in_words(steps: Steps, wishes: Wishes) -> str:
-    """Describe the steps, and why they were chosen."""
-    if wishes.method != "auto":
-        return f"{steps.method}, as asked for"
-    why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
-    return f"{steps.method} in steps of at most {steps.longest * 1e3:.3g} ms{why}"
-
-
-def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
-    """Summarise inputs and outputs."""
-    intervals = np.diff(hands.t) * 1e3
-    low, high, usual = intervals.min(), intervals.max(), np.median(intervals)
-    columns = columns_of(motion)
-    return {
-        "input": str(path),
-        "samples": str(len(hands.t)),
-        "lasts": f"{hands.t[-1] - hands.t[0]:.6g} s",
-        "every": f"{usual:.4g} ms" if high - low < 1e-3 * usual else f"{low:.4g} to {high:.4g} ms",
-        "rows": str(len(motion.t)),
-        "steps": f"{motion.count}, at most {motion.longest * 1e3:.3g} ms",
-        **{f"{name} [{unit}]": range_of(columns[name]) for name, unit in SHOWN.items() if name in columns},
-    }
-
-
-def range_of(column: NDArray[np.float64]) -> str:
-    """Return the range of a signal."""
-    return f"{column.min():.3g} to {column.max():.3g}"
-
-
-def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
-    """Return how well energies and works agree."""
-    stored = np.sum([column for name, column in energies.items() if name.startswith("E_")], axis=0)
-    worked = np.sum([column for name, column in energies.items() if name.startswith("W_")], axis=0)
-    return f"balanced to {np.abs(stored - stored[0] - worked).max():.2g} J; it varies by {np.ptp(stored):.3g} J"
-
-
-def table_of(sheets: Sequence[Sheet]) -> FittedTable:
-    """Show one sheet from top to bottom; for several, a row each with what may be unusual about one."""
-    if len(sheets) == 1:
-        table = FittedTable("", "", header=False)
-        for name, value in sheets[0].items():
-            table.add_row(name, value)
-        return table
-    names = [name for name in sheets[0] if name in ("input", "samples", "lasts", "theta [rad]", "p [m]", "took")]
-    table = FittedTable(*names)
-    for sheet in sheets:
-        table.add_row(*(sheet[name] for name in names))
-    return table
+        return tuple(float(word) for given in words or () for word in given.split(","))
+    except ValueError:
+        raise ConfigError(f"{option}: found {' '.join(words or ())}, expected numbers separated by commas") from None

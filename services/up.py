@@ -1,4 +1,4 @@
-"""The processes of one machine, started together and stopped in order.
+"""``netboard up``: the processes of one machine, started together and stopped in order.
 
 Nothing is restarted automatically: when a process ends, the others are stopped and the reason is printed. For restarts,
 let systemd run each service (docs/how-to/two-stations.md).
@@ -8,21 +8,50 @@ import logging
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from netboard.base.config import SIDES, Side
+import typer
+
 from netboard.base.errors import ConfigError
-from netboard.base.process import Stopping, speak
-from netboard.base.tables.rig import Network
-from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import Ended, Launcher
+from netboard.services.options import RUN, USED_FILE, Insecure, Overrides, examples, load
+
+if TYPE_CHECKING:
+    from netboard.base.tables.rig import Network
+    from netboard.nodes.operator.launcher import Ended
+
+app = typer.Typer()
+log = logging.getLogger(__name__)
 
 STOP_ORDER = ("display", "agent", "server", "logger")
-"""Nobody must see or feel a server that is gone, and the server's last records must still be written."""
+"""Nobody must see or feel a server that has gone, and the server's last records must still be written."""
 
 ROUND_SECONDS = 0.1
 
-log = logging.getLogger(__name__)
+
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "netboard up --server /etc/netboard/netboard.toml",
+        "netboard up --station left /etc/netboard/netboard.toml",
+        "netboard up --server --station both",
+    ),
+)
+def up(
+    config: Annotated[Path | None, typer.Argument(metavar="CONFIG", help=USED_FILE)] = None,
+    station: Annotated[
+        Literal["left", "right", "both"] | None, typer.Option(help="Run the agent and the display of this station.")
+    ] = None,
+    server: Annotated[bool, typer.Option("--server", help="Run the server and the logger.")] = False,
+    overrides: Overrides = None,
+    autostart: Annotated[bool, typer.Option(help="Start the block as soon as all peers are connected.")] = True,
+    insecure: Insecure = False,
+) -> None:
+    """Start all processes of this machine, and stop them in order on Ctrl-C."""
+    settings = load(config, overrides)
+    wanted = processes(config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure)
+    if server:
+        require_free(settings.network)
+    raise typer.Exit(supervise(wanted))
 
 
 def processes(
@@ -30,14 +59,14 @@ def processes(
     overrides: Sequence[str],
     *,
     server: bool,
-    station: Side | Literal["both"] | None,
+    station: Literal["left", "right", "both"] | None,
     autostart: bool = True,
     insecure: bool = False,
 ) -> dict[str, list[str]]:
     """Return the commands to run, by the names of their processes, in the order of their start."""
     if not server and station is None:
-        raise ConfigError("say what belongs on this machine: --server, --station left|right|both, or both of these")
-    sides = [side for side in SIDES if station in (side, "both")]
+        raise ConfigError("up: expected --server, --station left|right|both, or both options")
+    sides = [side for side in ("left", "right") if station in (side, "both")]
     common = ["-c", str(config)] if config else []
     common += [word for setting in overrides for word in ("--set", setting)]
     wanted: dict[str, list[str]] = {}
@@ -52,13 +81,18 @@ def processes(
     return wanted
 
 
-def require_free(network: Network) -> None:
+def require_free(network: "Network") -> None:
     """Check that no other server is running: logger, agents and displays would join its session."""
+    from netboard.network.transport import channels, sockets
+
     sockets.require_free(channels.addresses(network).listen(channels.MOTION))
 
 
-def main(wanted: dict[str, list[str]]) -> int:
+def supervise(wanted: dict[str, list[str]]) -> int:
     """Run processes until stopped or one of them ends; then stop the others."""
+    from netboard.base.process import Stopping, speak
+    from netboard.nodes.operator.launcher import Launcher
+
     speak("up")
     with Stopping() as stopping, Launcher(None, {}) as launcher:
         for name, command in wanted.items():

@@ -1,5 +1,6 @@
 """A made-up word of the configuration fails loudly wherever a word is turned into a computation."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,21 +11,34 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.tables.declared import EXTRAPOLATIONS, FORCES, number_of, require, words_of
+from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require, words_of
 from netboard.base.tables.experiment import Block
+from netboard.base.tables.forces import FORCES
 from netboard.base.tables.scene import Physics
 from netboard.nodes.rehearsal.block import person_at
 from netboard.physics.scene.parameters import parts_of
-from netboard.physics.scene.rendering import GAINS, Felt, felt_of, force_on_hand
+from netboard.physics.scene.rendering import GAINS, Rendering, force_on_hand, rendering_of
 from netboard.stage.stage import make_stage
 
-PLACES = (
-    "netboard.physics.scene.rendering",
-    "netboard.benchmarks.coupling.forces",
-    "netboard.analysis.topics.groups",
-    "netboard.analysis.topics.marks",
-)
-"""Modules that know all force conditions."""
+NEW_CONDITION = """
+from dataclasses import replace
+from netboard.base.tables import forces
+source = forces.__spec__.loader.get_source(forces.__name__)
+entry = '"made_up": ForceCondition("a", "b", "made-up force", _full, local=True),'
+start = 'CONDITIONS: dict[str, ForceCondition] = {'
+source = source.replace(start, start + entry)
+exec(compile(source, forces.__file__, "exec"), forces.__dict__)
+from netboard.analysis.topics.marks import _SHAPES
+from netboard.analysis.topics import groups
+from netboard.base.config import parse
+from netboard.physics.scene.rendering import GAINS, rendering_of, force_on_hand
+import numpy as np
+felt = rendering_of(parse('[block]\\nforce = "made_up"').block)
+assert force_on_hand(0.25, 0.0, 0.0, 0.0, 0.0, np.ones(1, GAINS)[0], 1.0, felt) == -0.25
+assert groups.FORCES["made_up"] == "made-up force"
+assert "made_up" in _SHAPES
+"""
+"""A program that adds an entry to the registry of force conditions, and finds it everywhere."""
 
 
 def block(**words: Any) -> Block:
@@ -37,15 +51,11 @@ def test_the_configuration_takes_what_is_declared() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", PLACES)
-def test_a_new_force_condition_is_missed_at_import(place: str) -> None:
-    program = (
-        f"from netboard.base.tables import declared\ndeclared.FORCES = (*declared.FORCES, 'made_up')\nimport {place}"
-    )
-    ended = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
-    assert ended.returncode != 0
-    # The first module in the way of an import tells it: all stand on the kernel.
-    assert "lacks made_up; expected exactly what is declared: none, full" in ended.stderr
+def test_a_force_condition_needs_one_entry() -> None:
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    program = [sys.executable, "-c", NEW_CONDITION]
+    ended = subprocess.run(program, check=False, capture_output=True, text=True, env=environment)
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_what_is_missing_or_one_too_many_is_said() -> None:
@@ -63,7 +73,7 @@ def test_what_is_missing_or_one_too_many_is_said() -> None:
 )
 def test_no_kernel_is_built_for_an_unknown_condition_or_partner(words: dict[str, Any], where: str) -> None:
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
-        felt_of(block(**words))
+        rendering_of(block(**words))
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
         make_stage(replace(Config(), block=block(**words)))
 
@@ -88,7 +98,7 @@ def test_nobody_rehearses_an_unknown_partner() -> None:
 
 
 def test_a_number_that_no_condition_has_is_no_force_and_not_zero() -> None:
-    felt = Felt(len(FORCES), scaled=False, left=True, right=True, catches=False)
+    felt = Rendering(len(FORCES), scaled=False, left=True, right=True, catches=False)
     force = force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, felt)
     assert np.isnan(force)
     known = felt._replace(force=FORCES.index("full"))

@@ -14,7 +14,7 @@ import typer.main
 
 from netboard.base.config import parse
 from netboard.base.process import IO_ABOVE, Priority
-from netboard.devices.setup.usb_access import NAMES
+from netboard.devices.setup.usb import NAMES
 from netboard.network.keys import encrypted
 from netboard.nodes.operator.launcher import STOP_SECONDS
 from netboard.nodes.server.record_keeping import FINISH_NS

@@ -14,7 +14,7 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.transport import authenticator, channels
 from netboard.services.cli import app
-from netboard.services.processes import refuse_open_network
+from netboard.services.server import refuse_open_network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
@@ -259,9 +259,9 @@ class TestCommands:
         return result.output
 
     def test_a_rig_gets_its_keys(self) -> None:
-        assert "server.key: written" in self.run("init")
-        assert "agent.left.key: written" in self.run("add", "agent", "left")
-        assert "carry/logger.key: written" in self.run("add", "logger", "--to", "carry")
+        assert "server.key: created" in self.run("init")
+        assert "agent.left.key: created" in self.run("add", "agent", "left")
+        assert "carry/logger.key: created" in self.run("add", "logger", "--to", "carry")
         listed = self.run("list")
         assert keys.fingerprint(public(Path("keys"), "agent.left")) in listed
         assert keys.credentials(Path("keys"), "agent.left").secret not in listed
@@ -273,7 +273,7 @@ class TestCommands:
         self.run("add", "agent", "left", "--to", "station")
         listed = self.run("list", "--set", "network.keys=station")
         assert "agent.left.key" in listed
-        assert "Who may connect" not in listed
+        assert "Authorised peers" not in listed
 
     def test_mistakes_are_one_line(self) -> None:
         assert self.run("revoke", "nobody", code=2).count("\n") == 1

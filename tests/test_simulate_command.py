@@ -133,7 +133,7 @@ def test_holds_differ(hold: str) -> None:
 def test_methods_by_name() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--method", "rk4", "--dt", "0.0005", "--substeps", "2")
     assert result.exit_code == 0
-    assert "rk4, as asked for" in result.output
+    assert "rk4, as requested" in result.output
     assert "800, at most 0.25 ms" in result.output
     result = simulate("-i", "a.csv", "-o", "new.csv", "--method", "rk5")
     assert result.exit_code == 2
@@ -177,7 +177,7 @@ def test_a_method_that_does_not_hold_the_scene_is_pointed_out() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--method", "rk4", "--set", "physics.c_h=9")
     assert result.exit_code == 0
     words = " ".join(result.output.split())  # however the lines are folded
-    assert "a.csv: rk4 does not hold this scene in steps of 1 ms: the result is worth nothing" in words
+    assert "a.csv: rk4 is unstable for this scene in steps of 1 ms: the result is invalid" in words
 
 
 # --- what is refused ---------------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ def test_a_method_that_does_not_hold_the_scene_is_pointed_out() -> None:
         (["-i", "a.csv", "--set", "physics.k=3"], "--set: [physics] k: unknown key; "),
         (["-i", "a.csv", "--set", "physics.k_h=-3"], "--set: [physics] k_h: found -3, expected a number >= 0"),
         (["-i", "a.csv", "--dt", "0"], "netboard: a.csv: dt: found 0, expected from 1e-09 s to the 0.2 s of the hands"),
-        (["-i", "a.csv", "--p0", "left"], "netboard: --p0: found left, expected numbers, with commas between"),
+        (["-i", "a.csv", "--p0", "left"], "netboard: --p0: found left, expected numbers separated by commas"),
         (
             ["-i", "a.csv", "--p0", "0,0"],
             "--p0, --v0: found 2 and 0 values, expected none or one for each ball; the scene has 1",

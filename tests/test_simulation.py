@@ -15,8 +15,15 @@ from scipy.integrate import solve_ivp
 import netboard.physics.simulation
 from netboard.base.errors import ConfigError
 from netboard.base.tables.scene import Physics
-from netboard.physics.hands.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
-from netboard.physics.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
+from netboard.physics.hands.sampled import (
+    INTERPOLATIONS,
+    MAX_FILLED_INTERVAL,
+    Hands,
+    find_gaps,
+    hold_hands,
+    styluses_along,
+)
+from netboard.physics.simulation import Motion, choose_steps, columns_of, energies_of, is_stably_integrated, simulate
 
 Array = NDArray[np.float64]
 Waves = Callable[[Array], tuple[Array, Array]]
@@ -209,7 +216,7 @@ def test_sparse_samples_are_filled_in_exactly_where_hands_are_polynomials_of_deg
     hands = Hands(t, np.stack([left(t), right(t)], 1), np.stack([left.deriv()(t), right.deriv()(t)], 1))
     held = hold_hands(hands, "hermite")
     times = held.ticks / held.scale
-    assert np.diff(times).max() <= FILL * (1 + 1e-9)
+    assert np.diff(times).max() <= MAX_FILLED_INTERVAL * (1 + 1e-9)
     assert set(np.rint(t * held.scale)) <= set(held.ticks)
     np.testing.assert_allclose(held.z, np.stack([left(times), right(times)], 1), rtol=0, atol=1e-14)
     np.testing.assert_allclose(held.vz, np.stack([left.deriv()(times), right.deriv()(times)], 1), rtol=0, atol=1e-11)
@@ -247,7 +254,7 @@ def test_gaps_are_found() -> None:
     assert find_gaps(T).tolist() == []
 
 
-@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("hold", INTERPOLATIONS)
 def test_across_a_gap(hold: str) -> None:
     hands = sampled(waving(1), GAPPED)
     held = hold_hands(hands, hold)
@@ -365,7 +372,7 @@ def test_too_many_rows() -> None:
 
 
 def test_too_many_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(netboard.physics.simulation, "MOST_STEPS", 10)
+    monkeypatch.setattr(netboard.physics.simulation, "MAX_STEPS", 10)
     with pytest.raises(ConfigError, match="method: dop853 needs 20 steps for a scene this quick"):
         simulate(sampled(waving(0), T[:11]), Physics(), COLD)
 
@@ -388,7 +395,7 @@ def test_too_many_tables() -> None:
 def test_a_method_that_holds_the_scene_or_not(method: str, c_h: float, held: bool) -> None:
     physics = Physics(c_h=c_h)
     motion = simulate(sampled(waving(0), T[:11]), physics, COLD, steps=choose_steps(physics, method=method))
-    assert is_held(motion, physics) is held
+    assert is_stably_integrated(motion, physics) is held
 
 
 def test_a_method_that_does_not_hold_the_scene_at_all() -> None:
@@ -422,7 +429,7 @@ def test_energy_is_balanced(physics: Physics) -> None:
 
 
 @settings(deadline=None, max_examples=40)
-@given(data=st.data(), count=st.integers(2, 12), hold=st.sampled_from(HOLDS), free=st.booleans())
+@given(data=st.data(), count=st.integers(2, 12), hold=st.sampled_from(INTERPOLATIONS), free=st.booleans())
 def test_any_hands_move_the_board(data: st.DataObject, count: int, hold: str, free: bool) -> None:
     def floats(limit: float, *shape: int) -> Array:
         numbers = st.lists(st.floats(-limit, limit), min_size=int(np.prod(shape)), max_size=int(np.prod(shape)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config, parse
 from netboard.base.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
 from netboard.recording.integrity.verification import state_of, verify
-from netboard.stage.stage import Stage, make_stage, told_forces
+from netboard.stage.stage import Stage, commanded_forces, make_stage
 from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 RIGHT_FIRST = '[block]\nfirst_target = "right"\ntrials = 2\n'
@@ -317,6 +317,7 @@ CONDITIONS = {
     "environment_only": 'force = "environment_only"',
     "unrelated": 'force = "unrelated"\nunrelated = "a.mcap"',
     "none": 'force = "none"',
+    "own_only": 'force = "own_only"',
 }
 
 
@@ -353,6 +354,15 @@ def test_the_environment_knows_nothing_of_the_partners_hand_and_the_partner_of_n
     assert np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, mine)[:, 0])
     assert not np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, there)[:, 0])
     assert not np.array_equal(felt_by(environment, here)[:, 0], felt_by(environment, mine)[:, 0])
+
+
+def test_the_own_force_knows_neither_partner_nor_ball() -> None:
+    here, there = waving(), waving()
+    there["right_sent_z"], there["right_sent_vz"] = -here["right_sent_z"], -here["right_sent_vz"]
+    own = CONDITIONS["own_only"]
+    felt = felt_by(own, here)
+    assert np.array_equal(felt[:, 0], felt_by(own, there)[:, 0])
+    assert felt[1:, 0] == pytest.approx(-(0.218 + 25.9259 * here["left_sent_z"][1:]), abs=1e-3)
 
 
 def test_the_parts_are_those_of_the_height_that_is_used_clipped_and_at_whatever_rate() -> None:
@@ -404,26 +414,26 @@ def test_a_hand_is_told_the_force_of_so_many_ticks_before_from_the_ring_and_from
     for i in range(2000):
         ring[i % 512] = rows[i]
         stage.advance(state, ring, i)
-        row = stage.told(ring, i)
+        row = stage.commanded_row(ring, i)
         told.append((row["left_force"], row["right_force"]))
         rows[i] = ring[i % 512]
     assert np.array_equal(rows["left_force"], undelayed[:, 0])
     assert np.array_equal(told[delay:], undelayed[: 2000 - delay])
     assert not np.any(told[:delay])
-    assert np.array_equal(told_forces(rows, delay), told)
+    assert np.array_equal(commanded_forces(rows, delay), told)
     words = ring.view(np.int64).reshape(512, -1)
-    assert stage.told(words, 1999).tobytes() == stage.told(ring, 1999).tobytes()
+    assert stage.commanded_row(words, 1999).tobytes() == stage.commanded_row(ring, 1999).tobytes()
 
 
 def test_of_a_recording_with_a_gap_it_is_known_what_was_told_and_nothing_is_told_in_a_pause() -> None:
     rows = started(waving(300))
     rows["command"][200] = Cause.PAUSE
     play(make_stage(parse(RIGHT_FIRST)), rows)
-    told = told_forces(np.delete(rows, slice(100, 110)), 20)
+    told = commanded_forces(np.delete(rows, slice(100, 110)), 20)
     kept = np.delete(np.arange(300), slice(100, 110))
     known = (kept > 20) & (kept <= 200) & ~((kept >= 120) & (kept < 130))
     assert np.array_equal(told[:, 0] != 0, known)
-    assert told_forces(rows[:0], 20).shape == (0, 2)
+    assert commanded_forces(rows[:0], 20).shape == (0, 2)
 
 
 # --- the block -------------------------------------------------------------------------------------------------------

@@ -106,10 +106,10 @@ def test_the_same_trial_gives_the_same_bytes(takes: list[Take]) -> None:
 def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
     (path,) = folder.glob("*.mcap")
     output = tmp_path / "trial.png"
-    assert explain.main(path, 1, None, Readings(), output) == 0
+    assert explain.draw(path, 1, None, Readings(), output).startswith(str(output))
     assert output.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(NetboardError, match="is there already"):
-        explain.main(path, 1, None, Readings(), output)
+        explain.draw(path, 1, None, Readings(), output)
 
 
 @pytest.mark.parametrize(
@@ -126,5 +126,5 @@ def test_what_cannot_be_drawn_is_told(
 ) -> None:
     (path,) = folder.glob("*.mcap")
     with pytest.raises(NetboardError, match=said):
-        explain.main(path, trial, attempt, Readings(), tmp_path / name)
+        explain.draw(path, trial, attempt, Readings(), tmp_path / name)
     assert list(tmp_path.iterdir()) == []

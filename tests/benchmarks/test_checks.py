@@ -37,7 +37,7 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.account import Account, Stretch
 from netboard.recording.integrity.account import Pause as Told
-from netboard.recording.integrity.severity import Finding, Grade, Report
+from netboard.recording.integrity.severity import Finding, Report, Severity
 from netboard.task.trials.state_machine import Phase
 
 MS = 1_000_000
@@ -266,8 +266,8 @@ def test_the_other_dyad_must_notice_nothing() -> None:
 
 
 def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> None:
-    lossy = Report(tmp_path / "a.mcap", (Finding("trials", Grade.LOSS, "stopped"),))
-    broken = Report(tmp_path / "b.mcap", (Finding("clocks", Grade.DAMAGE, "no clock does this"),))
+    lossy = Report(tmp_path / "a.mcap", (Finding(Severity.LOSS, "stopped", "trials"),))
+    broken = Report(tmp_path / "b.mcap", (Finding(Severity.DAMAGE, "no clock does this", "clocks"),))
     good = evidence(rig=taken(reports=(lossy,)))
     assert no_damage(good).holds
     assert verdict_of(good) == "losses"

@@ -25,7 +25,7 @@ from netboard.benchmarks.loop.serving import Served
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
 from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
-from netboard.services.configuration import load
+from netboard.services.options import load
 
 COUNT = 1000
 

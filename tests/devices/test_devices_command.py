@@ -47,7 +47,7 @@ def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch:
     node.parent.mkdir(parents=True)
     node.write_text("")
     assert rig.show_list(Config(), as_json=False, root=tmp_path) == 0
-    monkeypatch.setattr("netboard.devices.setup.listing.os.access", lambda node, how: False)
+    monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: False)
     assert rig.show_list(Config(), as_json=False, root=tmp_path) == 1
 
 
@@ -84,7 +84,7 @@ def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFix
 def test_nothing_moves_without_consent(words: str) -> None:
     result = devices(*words.split())
     assert result.exit_code == 1
-    assert "agree with --yes" in result.output
+    assert "confirm with --yes" in result.output
 
 
 def test_the_sentence_must_be_typed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,9 +139,9 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
     common = {"given": {}, "replace_it": False, "ask": operator}
     assert rig.calibrate(Config(), "left", zero_only=False, yes=False, beats=SimulatedTime(), **common) == 0
     assert [words.partition(",")[0] for words in operator.asked] == [
-        "hold the stylus at the neutral height",
-        "hold the stylus at the far left corner of the usable space",
-        "hold the stylus at the near right corner",
+        "Hold the stylus at the neutral height",
+        "Hold the stylus at the lower far left corner of the workspace",
+        "Hold the stylus at the upper near right corner of the workspace",
     ]
     found = profile.load(Path("profiles"), "puppet")
     assert found is not None

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.devices.simulated.imperfections import COOL, Heat, Late
+from netboard.devices.simulated.virtual import COOL, Heat, Late
 
 MS = 1_000_000
 

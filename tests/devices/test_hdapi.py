@@ -38,39 +38,23 @@ FUNCTIONS = """
 hdInitDevice HHD HDstring
 hdDisableDevice void HHD
 hdMakeCurrentDevice void HHD
-hdGetCurrentDevice HHD
 hdBeginFrame void HHD
 hdEndFrame void HHD
 hdGetError HDErrorInfo
 hdGetErrorString HDstring HDerror
 hdEnable void HDenum
-hdDisable void HDenum
 hdIsEnabled HDboolean HDenum
 hdGetBooleanv void HDenum HDboolean*
 hdGetIntegerv void HDenum HDint*
-hdGetFloatv void HDenum HDfloat*
 hdGetDoublev void HDenum HDdouble*
-hdGetLongv void HDenum HDlong*
-hdSetBooleanv void HDenum HDboolean*
-hdSetIntegerv void HDenum HDint*
-hdSetFloatv void HDenum HDfloat*
 hdSetDoublev void HDenum HDdouble*
-hdSetLongv void HDenum HDlong*
 hdGetString HDstring HDenum
 hdCheckCalibration HDenum
-hdCheckCalibrationStyle HDenum
 hdUpdateCalibration void HDenum
-hdUpdateCalibrationMessage void HDenum
-hdScaleGimbalAngles void HDdouble HDdouble HDdouble HDdouble*
-hdDeploymentLicense HDboolean HDstring HDstring HDstring
 hdStartScheduler void
 hdStopScheduler void
-hdSetSchedulerRate void HDulong
-hdScheduleSynchronous void HDCallback void* HDushort
 hdScheduleAsynchronous HDSchedulerHandle HDCallback void* HDushort
 hdUnschedule void HDSchedulerHandle
-hdWaitForCompletion HDboolean HDSchedulerHandle HDWaitCode
-hdGetSchedulerTimeStamp HDdouble
 """
 
 CONSTANTS = {
@@ -82,38 +66,20 @@ CONSTANTS = {
         FRAME_ERROR 0402  INVALID_PRIORITY 0500  SCHEDULER_FULL 0501  INVALID_LICENSE 0600
     """,
     hdapi.Parameter: """
-        CURRENT_BUTTONS 2000  CURRENT_SAFETY_SWITCH 2001  CURRENT_INKWELL_SWITCH 2002  CURRENT_ENCODER_VALUES 2010
-        CURRENT_PINCH_VALUE 2011  LAST_PINCH_VALUE 2012  CURRENT_POSITION 2050  CURRENT_VELOCITY 2051
-        CURRENT_TRANSFORM 2052  CURRENT_ANGULAR_VELOCITY 2053  CURRENT_JACOBIAN 2054  CURRENT_JOINT_ANGLES 2100
-        CURRENT_GIMBAL_ANGLES 2150  LAST_BUTTONS 2200  LAST_SAFETY_SWITCH 2201  LAST_INKWELL_SWITCH 2202
-        LAST_ENCODER_VALUES 2210  LAST_POSITION 2250  LAST_VELOCITY 2251  LAST_TRANSFORM 2252
-        LAST_ANGULAR_VELOCITY 2253  LAST_JACOBIAN 2254  LAST_JOINT_ANGLES 2300  LAST_GIMBAL_ANGLES 2350
+        CURRENT_BUTTONS 2000  CURRENT_INKWELL_SWITCH 2002  CURRENT_POSITION 2050  CURRENT_VELOCITY 2051
         VERSION 2500  DEVICE_MODEL_TYPE 2501  DEVICE_DRIVER_VERSION 2502  DEVICE_VENDOR 2503
         DEVICE_SERIAL_NUMBER 2504  DEVICE_FIRMWARE_VERSION 2505  MAX_WORKSPACE_DIMENSIONS 2550
-        USABLE_WORKSPACE_DIMENSIONS 2551  TABLETOP_OFFSET 2552  INPUT_DOF 2553  OUTPUT_DOF 2554
-        CALIBRATION_STYLE 2555  UPDATE_RATE 2600  INSTANTANEOUS_UPDATE_RATE 2601  NOMINAL_MAX_STIFFNESS 2602
-        NOMINAL_MAX_FORCE 2603  NOMINAL_MAX_CONTINUOUS_FORCE 2604  MOTOR_TEMPERATURE 2605
-        SOFTWARE_VELOCITY_LIMIT 2606  SOFTWARE_FORCE_IMPULSE_LIMIT 2607  FORCE_RAMPING_RATE 2608
-        NOMINAL_MAX_DAMPING 2609  NOMINAL_MAX_TORQUE_STIFFNESS 2620  NOMINAL_MAX_TORQUE_DAMPING 2621
-        NOMINAL_MAX_TORQUE 2622  NOMINAL_MAX_CONTINUOUS_TORQUE 2623  CURRENT_FORCE 2700  CURRENT_TORQUE 2701
-        JOINT_ANGLE_REFERENCES 2702  CURRENT_JOINT_TORQUE 2703  CURRENT_GIMBAL_TORQUE 2704
-        CURRENT_MOTOR_DAC_VALUES 2750  LAST_FORCE 2800  LAST_TORQUE 2801  LAST_JOINT_TORQUE 2802
-        LAST_GIMBAL_TORQUE 2803  LAST_MOTOR_DAC_VALUES 2850  USER_STATUS_LIGHT 2900
+        USABLE_WORKSPACE_DIMENSIONS 2551  CALIBRATION_STYLE 2555  UPDATE_RATE 2600  NOMINAL_MAX_STIFFNESS 2602
+        NOMINAL_MAX_FORCE 2603  NOMINAL_MAX_CONTINUOUS_FORCE 2604  SOFTWARE_VELOCITY_LIMIT 2606
+        SOFTWARE_FORCE_IMPULSE_LIMIT 2607  FORCE_RAMPING_RATE 2608  NOMINAL_MAX_DAMPING 2609  CURRENT_FORCE 2700
     """,
     hdapi.Capability: """
         FORCE_OUTPUT 4000  MAX_FORCE_CLAMPING 4001  FORCE_RAMPING 4002  SOFTWARE_FORCE_LIMIT 4003
         ONE_FRAME_LIMIT 4004  SOFTWARE_VELOCITY_LIMIT 2606  SOFTWARE_FORCE_IMPULSE_LIMIT 2607
-        USER_STATUS_LIGHT 2900
     """,
     hdapi.Calibration: "CALIBRATION_OK 5000  CALIBRATION_NEEDS_UPDATE 5001  CALIBRATION_NEEDS_MANUAL_INPUT 5002",
     hdapi.Style: "CALIBRATION_ENCODER_RESET 1  CALIBRATION_AUTO 2  CALIBRATION_INKWELL 4",
-    hdapi.Button: "DEVICE_BUTTON_1 1  DEVICE_BUTTON_2 2  DEVICE_BUTTON_3 4  DEVICE_BUTTON_4 8",
-    hdapi.Light: """
-        LED_STATUS_FAST_GRNYEL 0  LED_STATUS_SLOW_YEL 1  LED_STATUS_SLOW_GRN 2  LED_STATUS_FAST_GRN 3
-        LED_STATUS_SOLID_GRNYEL 4  LED_STATUS_SOLID_YEL 5  LED_STATUS_SOLID_GRN 6  LED_STATUS_FAST_YEL 7
-    """,
     hdapi.After: "CALLBACK_DONE 0  CALLBACK_CONTINUE 1",
-    hdapi.Wait: "WAIT_CHECK_STATUS 0  WAIT_INFINITE 1",
 }
 """Names without HD_, and values in hexadecimal."""
 
@@ -146,8 +112,6 @@ def test_every_function_has_its_types(library: hdapi.Library) -> None:
     assert table == hdapi.PROTOTYPES
     for functions in (library.calls, library.ticks):
         for name, (returns, *takes) in table.items():
-            if name in hdapi.OPTIONAL and not hasattr(functions, name):
-                continue
             function = getattr(functions, name)
             assert function.restype is returns, name
             assert list(function.argtypes) == takes, name
@@ -163,8 +127,7 @@ def test_every_constant_has_its_value(kind: type) -> None:
 
 def test_single_constants() -> None:
     assert hdapi.INVALID_HANDLE == 2**32 - 1
-    assert (hdapi.MAX_PRIORITY, hdapi.DEFAULT_PRIORITY, hdapi.MIN_PRIORITY) == (65535, 32767, 0)
-    assert hdapi.USER_STATUS_LIGHT_MASK == 7
+    assert (hdapi.MAX_PRIORITY, hdapi.DEFAULT_PRIORITY) == (65535, 32767)
 
 
 def test_errors_come_off_the_stack_to_the_last_one(library: hdapi.Library) -> None:

@@ -9,10 +9,10 @@ from simulated import Puppet
 
 from netboard.base.config import Config
 from netboard.base.errors import DeviceNotFound
-from netboard.devices.contract import plugged, registry
+from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device, Found
-from netboard.devices.setup import listing
-from netboard.devices.setup.usb_access import NAMES
+from netboard.devices.setup import listing, usb
+from netboard.devices.setup.usb import NAMES
 
 RULES = Path(__file__).parents[2] / "deploy" / "udev" / "70-netboard.rules"
 
@@ -72,7 +72,7 @@ def test_a_device_that_may_be_opened(machine: Path, backends: dict) -> None:
 def test_a_device_that_may_not_be_opened_is_named_with_its_rule(
     machine: Path, backends: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("netboard.devices.setup.listing.os.access", lambda node, how: node.name != "hidraw3")
+    monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: node.name != "hidraw3")
     (device,) = listing.listing(Config(), machine).devices
     assert device.shut == (str(machine / "dev/hidraw3"),)
     assert "deploy/udev/70-netboard.rules" in device.advice
@@ -103,7 +103,10 @@ def test_a_backend_that_cannot_be_used_is_told(tmp_path: Path, backends: dict) -
     backends.update(plain=Puppet, silent=Silent)
     found = listing.listing(Config(), tmp_path)
     assert found.devices == ()
-    assert found.backends == (listing.Backend("plain", ""), listing.Backend("silent", "libHD.so is not there"))
+    assert found.backends == (
+        listing.BackendState("plain", ""),
+        listing.BackendState("silent", "libHD.so is not there"),
+    )
 
 
 # --- where there is no /sys ----------------------------------------------------------------------------------------
@@ -162,4 +165,4 @@ def test_libraries_that_are_missing_are_told(tmp_path: Path, backends: dict, lib
 def test_pyusb_without_libusb_is_told(libraries) -> None:
     libraries(usb_library(missing=True), None)
     with pytest.raises(DeviceNotFound, match="libusb"):
-        plugged.by_pyusb()
+        usb.by_pyusb()

@@ -13,8 +13,7 @@ from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.base.tick import TICK
 from netboard.devices.contract.device import Device, Reading
-from netboard.devices.simulated.playback import Playback
-from netboard.devices.simulated.trajectory import Track, read_csv, read_track
+from netboard.devices.simulated.playback import Playback, Track, read_csv, read_track
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.records import TickRecord

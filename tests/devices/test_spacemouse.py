@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceLost, DeviceNotFound
 from netboard.devices.contract.device import Device
-from netboard.devices.contract.usb_ids import SPACEMOUSE
-from netboard.devices.spacemouse import LET_GO_NS, SpaceMouse
+from netboard.devices.spacemouse import LET_GO_NS, SPACEMOUSE, SpaceMouse
 
 FULL = 350
 Plug = Callable[..., None]

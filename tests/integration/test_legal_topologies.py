@@ -12,7 +12,7 @@ from netboard.benchmarks.faults.rigs import Rig
 from netboard.network.protocol.records import kind_of_peer
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
@@ -40,7 +40,7 @@ def damage_in(rig: Rig) -> dict[str, list[str]]:
         recover_any(part)
     found = {path.name: check(path, replay=True).findings for path in folder.glob("*.mcap")}
     assert found
-    return {name: [f.text for f in findings if f.grade == Grade.DAMAGE] for name, findings in found.items()}
+    return {name: [f.text for f in findings if f.severity == Severity.DAMAGE] for name, findings in found.items()}
 
 
 def peers_of(paths: Sequence[Path]) -> set[str]:

@@ -215,7 +215,7 @@ def test_everything_is_looked_at_and_followed() -> None:
 
 @pytest.mark.slow
 def test_the_command_prints_and_leaves_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.services.doctor.QUICK", SHORT)
+    monkeypatch.setattr("netboard.nodes.doctor.report.QUICK", SHORT)
     result = runner.invoke(app, ["doctor", "--quick", "--json", "copy.json", "--set", "realtime.lock_memory=false"])
     saved = json.loads(doctor_report_path().read_text(encoding="utf-8"))
     assert result.exit_code == (1 if " 0 red" not in saved["summary"] else 0)

@@ -12,7 +12,7 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.recording.integrity.clock_check import check_clocks, connections_of
-from netboard.recording.integrity.severity import Finding, Grade, worst
+from netboard.recording.integrity.severity import Finding, Severity, worst
 
 MS = 1_000_000
 HOUSE_MS = 10
@@ -114,7 +114,7 @@ def test_probes_of_any_topology_are_sound_connection_by_connection(happens: Call
     at = Station()
     happens(at)
     findings = at.findings(at.records)
-    assert worst(findings) == Grade.SOUND, findings
+    assert worst(findings) == Severity.SOUND, findings
     assert len(findings) == len({record.peer for record in at.records}) >= 1
     assert len({(record.peer, record.t0_ns) for record in at.records}) == len(at.records)
 
@@ -124,7 +124,7 @@ def test_where_an_older_server_gave_them_one_name_it_is_no_damage(happens: Calla
     at = Station()
     happens(at)
     findings = at.findings([replace(record, peer=kind_of_peer(record.peer)) for record in at.records])
-    assert worst(findings) < Grade.DAMAGE, findings
+    assert worst(findings) < Severity.DAMAGE, findings
 
 
 def test_interleaved_probes_under_one_name_are_told_apart() -> None:
@@ -135,7 +135,7 @@ def test_interleaved_probes_under_one_name_are_told_apart() -> None:
     apart = connections_of([*old, *silent, *(replace(p, t3_ns=p.t3_ns) for p in silent)])
     assert sorted(map(len, apart)) == [len(old) // 2, len(old) // 2]
     assert all(len({record.offset_ns // 10**9 for record in mine}) == 1 for mine in apart)
-    assert worst(at.findings([*old, *silent])) == Grade.SOUND
+    assert worst(at.findings([*old, *silent])) == Severity.SOUND
 
 
 def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
@@ -146,7 +146,7 @@ def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
         wrong = list(at.records)
         wrong[places[1]], wrong[places[3]] = wrong[places[3]], wrong[places[1]]
         findings = at.findings(wrong)
-        assert [f.grade for f in findings if "earlier than the one before" in f.text] == [Grade.DAMAGE], peer
+        assert [f.severity for f in findings if "earlier than the one before" in f.text] == [Severity.DAMAGE], peer
 
 
 def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:

@@ -11,7 +11,8 @@ from netboard.base.tick import TICK, TICK_NS
 from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.rehearsal.body import LEAD_NS, Body
+from netboard.nodes.rehearsal.body import LEAD_NS, Body, plan
+from netboard.participants.controller import MOVE
 from netboard.participants.submovement import Submovement
 from netboard.task.trials.state_machine import Phase
 
@@ -20,7 +21,7 @@ T0 = 1_000_000_000
 
 def lived(config: Config, forces: list[float], move: Submovement) -> list[np.void]:
     body = Body(config, "right", config.participant, np.random.default_rng((config.block.seed, 1)))
-    body.command([move, replace(move, side="left")])
+    plan((body.parts, body.parts), np.array([(1, move.start, move.duration, move.displacement)], MOVE))
     rows = np.zeros(len(forces), TICK)
     words = rows.view(np.int64).reshape(len(rows), -1)
     for k, force in enumerate(forces):

@@ -8,7 +8,7 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
-from netboard.nodes.rehearsal.closed_loop import Mind, seats_of
+from netboard.nodes.rehearsal.closed_loop import Mind, scale_in, seats_of
 from netboard.nodes.rehearsal.population import person_of
 
 
@@ -49,7 +49,8 @@ def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
 
     def tells(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
-        return mind(replace(config, block=replace(config.block, **keys)), "left", sides)._scale_in(row[0]) > 0.0
+        some = mind(replace(config, block=replace(config.block, **keys)), "left", sides)
+        return scale_in(some.parts, row.view(np.int64)) > 0.0
 
     assert tells()
     assert tells(force_scale=0.5)

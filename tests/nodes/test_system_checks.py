@@ -7,7 +7,7 @@ import pytest
 
 from netboard.base.finding import Finding
 from netboard.base.process import OFF, OK
-from netboard.devices.setup import usb_access
+from netboard.devices.setup import usb
 from netboard.nodes.doctor import system
 
 
@@ -27,7 +27,7 @@ def test_a_machine_that_offers_nothing_is_no_trouble(tmp_path: Path) -> None:
         system.preemption(tmp_path),
         system.clock_source(tmp_path),
         system.core_sleep(False, tmp_path),
-        usb_access.devices(tmp_path),
+        usb.devices(tmp_path),
     ]
     assert {finding.colour for finding in found} == {"green"}
     assert {finding.advice for finding in found} == {""}
@@ -137,13 +137,13 @@ def plugged(tmp_path: Path) -> Path:
 
 
 def test_devices_that_may_be_opened(plugged: Path) -> None:
-    finding = usb_access.devices(plugged)
+    finding = usb.devices(plugged)
     assert (finding.colour, finding.found) == ("green", "Touch (HID) at 1-1, Touch (USB) at 1-2")
 
 
 def test_a_device_that_may_not_be_opened_is_red(plugged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.devices.setup.usb_access.os.access", lambda node, how: node.name != "hidraw3")
-    finding = usb_access.devices(plugged)
+    monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: node.name != "hidraw3")
+    finding = usb.devices(plugged)
     assert finding.colour == "red"
     assert "no permission for" in finding.found
     assert "hidraw3" in finding.found
@@ -152,7 +152,7 @@ def test_a_device_that_may_not_be_opened_is_red(plugged: Path, monkeypatch: pyte
 
 def test_a_device_that_everybody_may_open_is_yellow(plugged: Path) -> None:
     (plugged / "dev" / "ttyACM0").chmod(0o666)
-    finding = usb_access.devices(plugged)
+    finding = usb.devices(plugged)
     assert finding.colour == "yellow"
     assert "ttyACM0" in finding.found
 
@@ -160,4 +160,4 @@ def test_a_device_that_everybody_may_open_is_yellow(plugged: Path) -> None:
 def test_other_devices_are_nobodys_business(tmp_path: Path) -> None:
     at = "sys__bus__usb__devices__3-1__"
     write(tmp_path, **{f"{at}idVendor": "046d", f"{at}idProduct": "c52b"})
-    assert usb_access.devices(tmp_path).found == "no haptic device is plugged in"
+    assert usb.devices(tmp_path).found == "no haptic device is plugged in"

@@ -179,5 +179,5 @@ def test_no_movement_is_wild(p: float, theta: float, own: float) -> None:
 
 @pytest.mark.parametrize("sides", [(), ("left", "left")])
 def test_a_person_has_one_hand_or_two_different_ones(sides: tuple[Side, ...]) -> None:
-    with pytest.raises(ValueError, match="a brain moves"):
+    with pytest.raises(ValueError, match="a participant moves"):
         make(sides)

@@ -4,12 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
-from netboard.participants.partner import partner_height, partner_seen
+from netboard.base.tables.simulated import Participant
+from netboard.participants.controller import pack_person
+from netboard.participants.partner import SIGN, partner_height, partner_seen
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.statics import equilibrium
 
 PHYSICS = Physics()
+KNOWN = pack_person(Participant(), PHYSICS, Task(), ("left",))[0]
 PARTS, SCENE = parts_of(PHYSICS), pack_scene(PHYSICS)[0]
 
 height = st.floats(-0.02, 0.02)
@@ -18,19 +22,19 @@ height = st.floats(-0.02, 0.02)
 @given(height, height, st.floats(-0.3, 0.3))
 def test_the_force_at_rest_gives_the_partner_away(left: float, right: float, p: float) -> None:
     rest = equilibrium(left, right, (p,), parts_of(PHYSICS), SCENE)
-    assert partner_height(-rest.left, left, p, "left", PHYSICS) == pytest.approx(right, abs=2e-4)
-    assert partner_height(-rest.right, right, p, "right", PHYSICS) == pytest.approx(left, abs=2e-4)
+    assert partner_height(-rest.left, left, p, SIGN["left"], KNOWN) == pytest.approx(right, abs=2e-4)
+    assert partner_height(-rest.right, right, p, SIGN["right"], KNOWN) == pytest.approx(left, abs=2e-4)
 
 
 def test_ten_millimetres_of_the_partner_are_a_quarter_of_a_newton() -> None:
     """dF/dz of the partner is 25.93 N/m."""
-    lower = partner_height(-0.3, 0.0, 0.0, "left", PHYSICS)
-    higher = partner_height(-0.3 - 0.2593, 0.0, 0.0, "left", PHYSICS)
+    lower = partner_height(-0.3, 0.0, 0.0, SIGN["left"], KNOWN)
+    higher = partner_height(-0.3 - 0.2593, 0.0, 0.0, SIGN["left"], KNOWN)
     assert higher - lower == pytest.approx(0.010, rel=1e-3)
 
 
 @given(height, height)
 def test_the_tilt_shows_where_the_partner_is(left: float, right: float) -> None:
     theta = (right - left) / (2 * PHYSICS.l)
-    assert partner_seen(left, theta, "left", PHYSICS) == pytest.approx(right, abs=1e-12)
-    assert partner_seen(right, theta, "right", PHYSICS) == pytest.approx(left, abs=1e-12)
+    assert partner_seen(left, theta, SIGN["left"], PHYSICS.l) == pytest.approx(right, abs=1e-12)
+    assert partner_seen(right, theta, SIGN["right"], PHYSICS.l) == pytest.approx(left, abs=1e-12)

@@ -1,87 +1,115 @@
-"""Nothing younger than the delay is perceived, and noise is what it is said to be."""
+"""Nothing younger than the delay is perceived, and noise has its deviation and its correlation time."""
 
-from dataclasses import replace
+from math import isnan, nan
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from netboard.base.tables.simulated import Participant
-from netboard.participants.senses import Glimpse, Senses, Wander
+from netboard.participants.senses import (
+    PERCEPT,
+    SEEN,
+    SENSES,
+    Glimpse,
+    force_at,
+    look,
+    take,
+    wander,
+    write_glimpse,
+)
 
-CLEAR = Participant(position_noise=0.0, velocity_noise=0.0, tilt_noise_deg=0.0)
+
+def glimpse(time: float, p: float | None = 0.0, phase: str = "running") -> NDArray[np.void]:
+    shown = np.zeros(1, SEEN)
+    write_glimpse(Glimpse(time, phase, z=0.0, theta=0.01, p=p, target=0.15, left=0.0, right=None), shown)
+    return shown
 
 
-def glimpse(time: float, p: float | None = 0.0, phase: str = "running") -> Glimpse:
-    return Glimpse(time=time, phase=phase, z=0.0, theta=0.01, p=p, target=0.15, left=0.0, right=None)
-
-
-def watching(positions: list[tuple[float, float | None]], phase: str = "running") -> Senses:
-    senses = Senses(CLEAR, np.random.default_rng(1))
+def watching(positions: list[tuple[float, float | None]], phase: str = "running") -> NDArray[np.void]:
+    senses = np.zeros(1, SENSES)
     for time, p in positions:
-        senses.take(time, glimpse(time, p, phase), None)
+        take(senses[0], time, glimpse(time, p, phase)[0], nan)
     return senses
 
 
-def test_nothing_is_seen_before_the_visual_delay() -> None:
+def seen_at(senses: NDArray[np.void], until: float) -> np.void | None:
+    percept = np.zeros(1, PERCEPT)
+    return percept[0] if look(senses[0], until, percept[0]) else None
+
+
+def test_nothing_is_seen_before_it_was_shown() -> None:
     senses = watching([(0.0, 0.1)])
-    assert senses.look(CLEAR.visual_delay - 1e-6, 0.01) is None
-    seen = senses.look(CLEAR.visual_delay + 1e-6, 0.01)
+    assert seen_at(senses, -1e-6) is None
+    seen = seen_at(senses, 1e-6)
     assert seen is not None
-    assert seen.p == 0.1
+    assert seen["p"] == 0.1
+    assert seen["left"] == 0.0
+    assert isnan(seen["right"]), "it is hidden"
 
 
 def test_what_is_seen_is_the_newest_that_is_old_enough() -> None:
     senses = watching([(0.01 * k, 0.001 * k) for k in range(60)])
-    seen = senses.look(0.59, 0.01)
+    seen = seen_at(senses, 0.415)
     assert seen is not None
-    assert 0.59 - CLEAR.visual_delay - 0.0101 < seen.glimpse.time <= 0.59 - CLEAR.visual_delay
+    assert seen["time"] == pytest.approx(0.41)
 
 
 def test_the_velocity_of_a_steady_ball_is_right() -> None:
-    seen = watching([(k / 120, 0.2 * k / 120) for k in range(60)]).look(0.5, 0.01)
+    seen = seen_at(watching([(k / 120, 0.2 * k / 120) for k in range(60)]), 0.4)
     assert seen is not None
-    assert seen.v == pytest.approx(0.2, rel=1e-9)
+    assert seen["v"] == pytest.approx(0.2, rel=1e-9)
 
 
 def test_a_fixed_ball_has_no_velocity_and_its_jump_is_not_taken_for_one() -> None:
     senses = watching([(0.00, 0.1), (0.01, 0.2)], phase="levelling")
-    senses.take(0.02, glimpse(0.02, 0.2), None)
-    fixed, released = senses.look(0.01 + CLEAR.visual_delay, 0.01), senses.look(0.02 + CLEAR.visual_delay, 0.01)
+    take(senses[0], 0.02, glimpse(0.02, 0.2)[0], nan)
+    fixed, released = seen_at(senses, 0.01), seen_at(senses, 0.02)
     assert fixed is not None
     assert released is not None
-    assert (fixed.v, released.v) == (0.0, 0.0)
+    assert (fixed["v"], released["v"]) == (0.0, 0.0)
 
 
 def test_a_board_without_a_ball_can_be_seen() -> None:
-    seen = watching([(0.0, None)]).look(1.0, 0.01)
+    seen = seen_at(watching([(0.0, None)]), 1.0)
     assert seen is not None
-    assert (seen.p, seen.v) == (0.0, 0.0)
+    assert (seen["p"], seen["v"]) == (0.0, 0.0)
+
+
+def test_only_the_last_second_is_remembered_but_always_the_newest_view() -> None:
+    senses = watching([(0.01 * k, 0.0) for k in range(400)])
+    assert senses["seen_count"][0] == 101
+    assert seen_at(senses, 2.98) is None
+    for k in range(400, 600):
+        take(senses[0], 0.01 * k, glimpse(3.99)[0], 0.1)
+    assert senses["seen_count"][0] == 1
+    assert senses["felt_count"][0] == 101
+    assert seen_at(senses, 6.0) is not None
 
 
 def test_forces_are_felt_late_and_forgotten_where_none_is_rendered() -> None:
-    senses = Senses(CLEAR, np.random.default_rng(1))
-    senses.take(0.00, None, 0.5)
-    senses.take(0.01, None, 0.7)
-    assert senses.force(-0.01) is None
-    assert senses.force(0.005) == 0.5
-    assert senses.force(0.01) == 0.7
-    senses.take(0.02, None, None)
-    assert senses.force(0.02) is None
+    senses, nothing = np.zeros(1, SENSES), np.zeros(1, SEEN)
+    write_glimpse(None, nothing)
+    take(senses[0], 0.00, nothing[0], 0.5)
+    take(senses[0], 0.01, nothing[0], 0.7)
+    assert isnan(force_at(senses[0], -0.01))
+    assert force_at(senses[0], 0.005) == 0.5
+    assert force_at(senses[0], 0.01) == 0.7
+    take(senses[0], 0.02, nothing[0], nan)
+    assert isnan(force_at(senses[0], 0.02))
+    assert seen_at(senses, 1.0) is None
 
 
 def test_noise_has_its_deviation_and_its_correlation_time() -> None:
-    wander = Wander(0.3, 0.2, np.random.default_rng(2))
-    values = np.array([wander.step(0.05) for _ in range(40_000)])
+    rng, value = np.random.default_rng(2), 0.3
+    values = np.array([value := wander(value, 0.3, 0.2, 0.05, rng.standard_normal()) for _ in range(40_000)])
     assert values.std() == pytest.approx(0.3, rel=0.03)
     after = np.corrcoef(values[:-4], values[4:])[0, 1]
     assert after == pytest.approx(np.exp(-1.0), abs=0.03)
 
 
 def test_noise_reaches_what_is_seen() -> None:
-    person = replace(CLEAR, tilt_noise_deg=0.25)
-    senses = Senses(person, np.random.default_rng(4))
-    senses.take(0.0, glimpse(0.0), None)
-    seen = [senses.look(1.0 + 0.01 * k, 0.01) for k in range(20_000)]
-    tilts = np.array([s.theta for s in seen if s is not None])
-    assert np.degrees(tilts.std()) == pytest.approx(0.25, rel=0.1)
-    assert tilts.mean() == pytest.approx(0.01, abs=5e-4)
+    senses = watching([(0.0, 0.1)])
+    senses["noise_theta"], senses["noise_p"], senses["noise_v"] = 0.002, 0.003, 0.01
+    seen = seen_at(senses, 1.0)
+    assert seen is not None
+    assert (seen["theta"], seen["p"], seen["v"]) == pytest.approx((0.012, 0.103, 0.01))

@@ -14,6 +14,7 @@ from typing import Any
 
 import sympy as sp
 
+from netboard.base.tables.scene import FRICTION
 from netboard.physics.scene import energy, models
 from netboard.physics.scene.parameters import SCENE, Parts
 
@@ -22,7 +23,7 @@ s, c = sp.symbols("s c", real=True)
 SYMBOLS = {name: sp.Symbol(name, positive=True) for name in SCENE.names or ()}
 M, m, g, k_s, l, I = (SYMBOLS[name] for name in ("M", "m", "g", "k_s", "l", "I"))  # noqa: E741
 r, restitution = SYMBOLS["ball_height"], SYMBOLS["restitution"]
-beta = 1 / SYMBOLS["ease"] - 1
+beta = 1 / SYMBOLS["mass_ratio"] - 1
 z, vz, theta, omega, az, ao = sp.symbols("z vz theta omega az ao", real=True)
 left, right = sp.symbols("u_left u_right", real=True)
 
@@ -103,7 +104,8 @@ def coordinates(parts: Parts, x: tuple[Any, ...]) -> list[tuple[Any, Any, Any, A
     if parts.tilts:
         found.append((theta, omega, (f_right - f_left) * l * sp.cos(theta) - scene["b_theta"] * omega, 2))
     if parts.free:
-        found += [(x[i], x[i + 1], sp.Integer(0), i) for i in range(4, len(x), 2)]
+        drag = scene["b_p"] if parts.resisted else sp.Integer(0)
+        found += [(x[i], x[i + 1], -drag * x[i + 1], i) for i in range(4, len(x), 2)]
     return found
 
 
@@ -151,8 +153,9 @@ def paper(parts: Parts, balls: int) -> bool:
     turn = (f_right - f_left) * l * cosine - weight * sum(x[4::2]) * cosine - scene["b_theta"] * omega
     roll = SYMBOLS["ball_gravity"] * sp.sin(theta)
     wanted = [vz, heave / M if parts.heaves else sp.S(0), omega, turn / I if parts.tilts else sp.S(0)]
+    drag = SYMBOLS["mass_ratio"] * SYMBOLS["b_p"] / m if parts.resisted else sp.S(0)
     for speed in x[5::2]:
-        wanted += [speed, roll] if parts.free else [sp.S(0), sp.S(0)]
+        wanted += [speed, roll - drag * speed] if parts.free else [sp.S(0), sp.S(0)]
     return all(is_zero(bound(parts, a - b)) for a, b in zip(out, wanted, strict=True))
 
 
@@ -161,7 +164,7 @@ def blow(parts: Parts, balls: int) -> bool:
     x, scene = state(balls), record(parts)
     before = still(parts, x)
     struck = len(x) - 2
-    after = models._struck(before, balls - 1, parts, scene)
+    after = models._reflected(before, balls - 1, parts, scene)
     kinetic, _ = energies(parts, x)
     jump = {rate: after[i + 1] - before[i + 1] for _, rate, _, i in coordinates(parts, x)}
     good = is_zero(after[struck + 1] + restitution * before[struck + 1])
@@ -201,6 +204,7 @@ KINDS = {
     "even": WHOLE._replace(even=True, damped=False),
     "hinged": WHOLE._replace(heaves=False, even=True),
     "level": WHOLE._replace(tilts=False, damped=False, even=True),
+    "viscous": WHOLE._replace(resisted=True, friction=tuple(key == "b_p" for key in FRICTION)),
     "fixed": WHOLE._replace(free=False),
     "fixed, hinged": WHOLE._replace(free=False, heaves=False),
     "fixed, level": WHOLE._replace(free=False, tilts=False, damped=False),

@@ -46,8 +46,14 @@ def paper(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Ph
     roll = (-1 if k.ball_sign == "downhill" else 1) * ease * k.g * np.sin(theta)
     out = [vz, heave / k.M if k.board != "hinged" else 0.0, omega, turn / k.I if k.board != "level" else 0.0]
     for speed in vp:
-        out += [speed, roll] if free else [0.0, 0.0]
+        out += [speed, roll - ease * friction(speed, theta, k) / k.m] if free else [0.0, 0.0]
     return out
+
+
+def friction(speed: float, theta: float, k: Physics) -> float:
+    """Force of the board against the motion of a ball: viscous, and rolling resistance with a smooth sign."""
+    sign = np.sin(np.arctan2(speed, 2e-3))
+    return k.b_p * speed + k.rolling_resistance * k.m * k.g * abs(np.cos(theta)) * sign
 
 
 def newton(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Physics, free: bool) -> list[float]:
@@ -63,6 +69,7 @@ def newton(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: P
     force[1] = (right - left) * k.l * c - k.b_theta * omega
     for i, (p, speed) in enumerate(zip(x[4::2], x[5::2], strict=True)):
         vp = speed if free else 0.0
+        force[2 + i] -= friction(vp, theta, k)
         across, up, spin = np.zeros((3, 2 + balls))
         across[[1, 2 + i]] = -p * s - r * c, c
         up[[0, 1, 2 + i]] = 1, p * c - r * s, s

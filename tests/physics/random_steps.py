@@ -23,6 +23,8 @@ SCENES = {
     "fixed": scene_of(False, coupling="right", b_theta=0.001),
     "bare": scene_of(balls=0),
     "lagrangian": scene_of(balls=2, ball_stop=0.3, restitution=0.5, **ABOVE),
+    "friction": scene_of(b_p=0.02, rolling_resistance=0.01),
+    "friction, lagrangian": scene_of(balls=2, b_p=0.02, rolling_resistance=0.01, **ABOVE),
     "lagrangian, fixed": scene_of(False, board="hinged", b_z=0.1, **ABOVE),
 }
 

@@ -28,6 +28,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "lagrangian": {"model": "lagrangian"},
     "rolling": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "b_z": 0.3, "b_theta": 0.01},
     "rolling, uneven": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "coupling": "right"},
+    "friction": {"b_p": 0.02, "rolling_resistance": 0.01, "ball_inertia": 0.4},
+    "friction, lagrangian": {"b_p": 0.02, "rolling_resistance": 0.01, "model": "lagrangian", "ball_height": 0.03},
 }
 every = pytest.mark.parametrize("values", SCENES.values(), ids=SCENES.keys())
 LENGTHS = (4e-3, 2e-3, 1e-3)
@@ -63,7 +65,7 @@ def test_dampers_only_take_and_by_lagrange_nothing_comes_from_nowhere(
 ) -> None:
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
     powers = flows(state, *hand, scene.parts, scene.record)
-    assert max(powers.damper_left, powers.damper_right, powers.damper_board) <= 0
+    assert max(powers.damper_left, powers.damper_right, powers.damper_board, powers.friction) <= 0
     if scene.parts.lagrangian:
         assert powers.model == 0
 
@@ -142,7 +144,7 @@ def test_work_is_counted_since_the_start_through_each_flow() -> None:
     powers = np.array(
         [flows(tuple(x), *waving(t), scene.parts, scene.record) for x, t in zip(path.tolist(), times, strict=True)]
     )
-    coarse = np.vstack([np.zeros(6), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
+    coarse = np.vstack([np.zeros(len(Flows._fields)), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
     assert work == pytest.approx(coarse, abs=0.02 * np.abs(coarse).max())
 
 

@@ -32,6 +32,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "lagrangian": {"model": "lagrangian"},
     "rolling": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "b_theta": 0.01},
     "rolling, uneven": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "coupling": "right"},
+    "friction": {"b_p": 0.02, "rolling_resistance": 0.01, "ball_inertia": 0.4},
+    "friction, lagrangian": {"b_p": 0.02, "rolling_resistance": 0.01, "model": "lagrangian", "ball_height": 0.03},
     "rolling, hinged": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "board": "hinged"},
     "rolling, level": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.03, "board": "level"},
 }
@@ -227,7 +229,7 @@ def test_mirrored_blows_agree_to_the_bit(model: Any, state: Any, restitution: fl
 # --- what a scene does without ---------------------------------------------------------------------------------------
 
 
-@every
+@pytest.mark.parametrize("values", [one for one in SCENES.values() if "b_p" not in one])  # friction acts without mass
 @given(state=states, hand=hands)
 def test_a_bare_board_is_one_with_balls_of_no_mass_to_the_bit(values: dict[str, Any], state: Any, hand: Any) -> None:
     scene = scene_of(balls=(len(state) - 4) // 2, **values)
@@ -245,7 +247,7 @@ def test_a_bare_board_is_one_with_balls_of_no_mass_to_the_bit(values: dict[str, 
 def test_a_fixed_ball_is_one_that_nothing_can_move(model: Any, state: Any, hand: Any) -> None:
     fixed, scene = (scene_of(free, model=model, balls=(len(state) - 4) // 2) for free in (False, True))
     state = tuple(0.0 if i in (5, 7) else value for i, value in enumerate(state))
-    pinned = scene._replace(packed=changed(scene.packed, ease=0.0, ball_gravity=0.0))
+    pinned = scene._replace(packed=changed(scene.packed, mass_ratio=0.0, ball_gravity=0.0))
     expected = accelerations(pinned, state, hand)
     assert accelerations(fixed, state, hand) == pytest.approx(expected, rel=1e-11, abs=1e-9)
     if model == "paper":

@@ -13,19 +13,19 @@ from trajectories import scene_of
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Block
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import (
-    FORCES,
     GAINS,
-    NEVER,
-    NOTHING,
-    Felt,
-    felt_of,
+    NO_FORCE,
+    TRIAL_ENTRIES,
+    Rendering,
     force_on_hand,
     gains_of,
     is_catch,
-    pack_felt,
+    pack_rendering,
+    rendering_of,
     scale_in,
 )
 from netboard.physics.scene.statics import equilibrium
@@ -40,8 +40,8 @@ def gains(**values: Any) -> tuple[Any, Any]:
     return np.array([left], GAINS)[0], np.array([right], GAINS)[0]
 
 
-def felt(force: str, **values: Any) -> Felt:
-    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))  # type: ignore[arg-type]
+def felt(force: str, **values: Any) -> Rendering:
+    return rendering_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))
 
 
 def on_hand(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
@@ -78,6 +78,7 @@ def test_the_forces_are_those_of_the_configuration() -> None:
         ("environment_only", -(0.218 + 25.93 * 0.01 - 0.0981)),
         ("none", 0.0),
         ("unrelated", 0.7),
+        ("own_only", -(0.218 + 25.93 * 0.01)),
     ],
 )
 def test_each_condition_is_what_it_says(force: str, expected: float) -> None:
@@ -92,8 +93,9 @@ def test_a_scale_multiplies_whatever_it_is() -> None:
 def test_no_force_but_the_partners_knows_of_the_partner_and_it_of_nothing_else() -> None:
     """The partner moves: what is rendered without the partner is the same to the bit. And the other way round."""
     for z in (-0.07, 0.0, 0.03):
-        for force in ("environment_only", "unrelated", "none"):
+        for force in ("environment_only", "own_only", "unrelated", "none"):
             assert on_hand(force, partner_z=z) == on_hand(force)
+        assert on_hand("own_only", partner_z=z, p=10 * z) == on_hand("own_only")
         assert on_hand("partner_only", own_z=z, p=10 * z) == on_hand("partner_only")
     assert on_hand("partner_only", partner_z=0.0) == 0.0
 
@@ -204,7 +206,7 @@ def test_a_level_board_halves_the_load_and_a_hinged_one_carries_it() -> None:
 
 
 def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
-    packed = pack_felt(parse('[block]\nforce = "environment_only"\n[physics]\nfixed_ball = "carried"'))[0]
+    packed = pack_rendering(parse('[block]\nforce = "environment_only"\n[physics]\nfixed_ball = "carried"'))[0]
     assert packed["left_fixed"]["weight"] == pytest.approx(0.01 * 9.81 * 200 / 540)
     assert packed["left_fixed"]["ball"] == 0.0
     assert packed["left_free"]["weight"] == pytest.approx(0.218)
@@ -223,10 +225,10 @@ def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
 )
 def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None:
     physics = Physics(**values)
-    for force in ("partner_only", "environment_only"):
+    for force in [name for name, condition in CONDITIONS.items() if condition.quasi_static]:
         with pytest.raises(ConfigError, match="springs hold"):
-            pack_felt(Config(block=Block(force=force), physics=physics))  # type: ignore[arg-type]
-    pack_felt(Config(physics=physics))
+            pack_rendering(Config(block=Block(force=force), physics=physics))
+    pack_rendering(Config(physics=physics))
 
 
 def test_a_ball_that_tips_the_board_over_leaves_no_parts() -> None:
@@ -236,30 +238,30 @@ def test_a_ball_that_tips_the_board_over_leaves_no_parts() -> None:
 
 
 def test_nothing_is_compiled_where_nothing_is_felt() -> None:
-    assert felt("none", force_scale=0.5, catch=(3,)) == NOTHING
-    assert felt("full", force_scale=0.0) == NOTHING
-    assert felt("full") == Felt(FORCES.index("full"), False, True, True, False)
-    assert felt("partner_only", force_scale=2.0, right="still", catch=(1,)) == Felt(2, True, True, False, True)
+    assert felt("none", force_scale=0.5, catch=(3,)) == NO_FORCE
+    assert felt("full", force_scale=0.0) == NO_FORCE
+    assert felt("full") == Rendering(FORCES.index("full"), False, True, True, False)
+    assert felt("partner_only", force_scale=2.0, right="still", catch=(1,)) == Rendering(2, True, True, False, True)
     assert felt("full", right="robot") == felt("full")
     assert felt("full", left="still").left is False
 
 
 def test_catch_trials_are_those_named_and_no_others() -> None:
-    numbers = pack_felt(parse(f"[block]\ncatch = [2, 7, {NEVER - 1}]"))[0]
+    numbers = pack_rendering(parse(f"[block]\ncatch = [2, 7, {TRIAL_ENTRIES - 1}]"))[0]
     catches = felt("full", catch=(2,))
-    found = [trial for trial in range(-5, NEVER + 5) if is_catch(trial, numbers, catches)]
-    assert found == [2, 7, NEVER - 1]
+    found = [trial for trial in range(-5, TRIAL_ENTRIES + 5) if is_catch(trial, numbers, catches)]
+    assert found == [2, 7, TRIAL_ENTRIES - 1]
     assert not is_catch(2, numbers, felt("full"))
 
 
 def test_each_trial_has_its_own_scale_repeated_from_the_first() -> None:
     block = replace(Config().block, trial_scales=(0.5, 1.5, 0.0))
-    numbers, shape = pack_felt(replace(Config(), block=block))[0], felt_of(block)
+    numbers, shape = pack_rendering(replace(Config(), block=block))[0], rendering_of(block)
     assert shape.scaled
     assert [float(scale_in(trial, numbers, shape)) for trial in range(1, 7)] == [0.5, 1.5, 0.0, 0.5, 1.5, 0.0]
     assert float(scale_in(0, numbers, shape)) == block.force_scale
 
 
 def test_scales_of_trials_are_felt_though_the_scale_of_the_block_is_nothing() -> None:
-    assert felt_of(replace(Config().block, force_scale=0.0, trial_scales=(1.0,))).varies
-    assert felt_of(replace(Config().block, force="none")) == NOTHING
+    assert rendering_of(replace(Config().block, force_scale=0.0, trial_scales=(1.0,))).varies
+    assert rendering_of(replace(Config().block, force="none")) == NO_FORCE

@@ -26,11 +26,13 @@ def test_the_record_holds_the_configuration() -> None:
         "b_z": 0.1,
         "b_theta": 0.2,
         "ball_gravity": -9.81,
-        "ease": 1.0,
+        "mass_ratio": 1.0,
         "ball_height": 0.05,
         "fixed_load": 1.0,
         "stop": 0.3,
         "restitution": 0.4,
+        "b_p": 0.0,
+        "rolling_resistance": 0.0,
     }
 
 
@@ -41,7 +43,7 @@ def test_the_readings_of_the_paper_are_in_the_record() -> None:
 
 def test_a_solid_sphere_rolls_with_five_sevenths_of_gravity() -> None:
     scene = pack_scene(Physics(ball_inertia=0.4))[0]
-    assert (scene["ease"], scene["ball_gravity"]) == pytest.approx((5 / 7, -9.81 * 5 / 7))
+    assert (scene["mass_ratio"], scene["ball_gravity"]) == pytest.approx((5 / 7, -9.81 * 5 / 7))
 
 
 @pytest.mark.parametrize(
@@ -64,6 +66,8 @@ PAPER = {
     "loaded": True,
     "free": True,
     "stops": False,
+    "resisted": False,
+    "friction": (False, False),
 }
 
 
@@ -80,10 +84,13 @@ PAPER = {
         ({"b_theta": 0.1, "board": "level"}, True, {"tilts": False}),
         ({"ball_stop": 0.3}, True, {"stops": True}),
         ({"ball_stop": 0.3}, False, {"free": False}),
+        ({"b_p": 0.1}, True, {"resisted": True, "friction": (True, False)}),
+        ({"rolling_resistance": 0.1}, True, {"resisted": True, "friction": (False, True)}),
+        ({"rolling_resistance": 0.1}, False, {"free": False}),
         ({"ball_stop": 0.3, "balls": 0}, True, {"loaded": False, "free": False}),
     ],
 )
-def test_what_a_scene_has(values: dict[str, Any], free: bool, differences: dict[str, bool]) -> None:
+def test_what_a_scene_has(values: dict[str, Any], free: bool, differences: dict[str, Any]) -> None:
     assert parts_of(Physics(**values), free)._asdict() == {**PAPER, **differences}
 
 

@@ -73,6 +73,8 @@ def arithmetic(assembly: str) -> int:
 @pytest.mark.slow
 def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
     scenes = [
+        scene_of(balls=2, model="lagrangian", coupling="left", b_p=0.02, rolling_resistance=0.01),
+        scene_of(balls=2, model="lagrangian", coupling="left", b_p=0.02),
         scene_of(balls=2, model="lagrangian", coupling="left"),
         scene_of(balls=2, model="lagrangian"),
         scene_of(model="lagrangian"),
@@ -83,6 +85,7 @@ def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
         scene_of(balls=0, board="level"),
     ]
     assemblies = [compiled(scene) for scene in scenes]
+    assert ["sqrt" in assembly for assembly in assemblies] == [True] + [False] * (len(assemblies) - 1)
     for assembly in assemblies:
         assert not re.search(r"\bv?f(?:n?m)(?:add|sub)|\bfml[as]\b", assembly)
         assert not re.search(r"\bcall\w*\s+\S*(?:sin|cos|pow)", assembly)

@@ -13,7 +13,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.format.backfill import Backfilled, unknown_ticks
 from netboard.recording.format.summary import summarise_side
 from netboard.recording.integrity.checking import check_rendered
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.recover import recover
 from samples import OPENED_NS, new_writer
 
@@ -100,8 +100,8 @@ def test_how_many_are_unknown_is_said(path: Path) -> None:
     assert left.unknown_ticks == 350 - CUT == unknown_ticks(expected()["left_rendered"])
     assert left.largest_force == pytest.approx(0.799)
     assert (right.unknown_ticks, np.isnan(right.largest_force)) == (0, True)
-    assert finding.grade is Grade.LOSS
-    assert finding.text == "what the left device rendered is unknown at 50 ticks, 50 of them in trials"
+    assert finding.severity is Severity.LOSS
+    assert finding.text == "the rendered force of the left device is unknown at 50 ticks, 50 of them in trials"
 
 
 def test_outside_of_a_trial_that_is_no_loss() -> None:

@@ -14,8 +14,8 @@ from netboard.base.config import resolve
 from netboard.network.protocol.records import ClockRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt
-from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade, Report
+from netboard.recording.integrity.checking import CHECKS, check
+from netboard.recording.integrity.severity import Report, Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.recording.recovery.recover import recover
 from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan, Entry, Header, Opened, line_of
@@ -23,8 +23,8 @@ from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan
 pytestmark = pytest.mark.slow
 
 
-def said(report: Report, grade: Grade = Grade.DAMAGE) -> str:
-    return " | ".join(finding.text for finding in report.findings if finding.grade == grade)
+def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+    return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +37,21 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_sound_recording_is_complete(sound: Path) -> None:
     heard: list[int] = []
     report = check(sound, replay=True, tell=heard.append)
-    assert (report.verdict, said(report), said(report, Grade.LOSS)) == ("complete", "", "")
+    assert (report.result, said(report), said(report, Severity.LOSS)) == ("complete", "", "")
     assert report.ticks == len(proofs.rows()) == sum(heard)
     assert report.replay is not None
     assert report.replay.identical
     assert report.replay.checked == report.ticks
     parts = {finding.part for finding in report.findings}
     assert parts == {"file", "numbers", "time", "clocks", "configuration", "trials", "replay"}
+
+
+def test_every_finding_has_the_name_of_a_registered_check(sound: Path) -> None:
+    """A new check is one entry with a function and a text; what it finds is reported under its name."""
+    names = {one.part for one in CHECKS}
+    assert {finding.part for finding in check(sound, replay=True).findings} <= names
+    assert all(one.about.endswith(".") for one in CHECKS)
+    assert len(names) == len(CHECKS)
 
 
 def test_its_counts_are_those_that_other_libraries_read(sound: Path) -> None:
@@ -59,7 +67,7 @@ def test_a_flipped_bit_is_damage_and_the_rest_recoverable(tmp_path: Path, sound:
     path = tmp_path / "flipped.mcap"
     path.write_bytes(broken)
     report = check(path)
-    assert report.verdict == "damaged"
+    assert report.result == "damaged"
     assert "netboard recover" in said(report)
     assert "recoverable" in said(report)
     assert report.ticks > 0.5 * len(proofs.rows())
@@ -79,14 +87,14 @@ def test_a_part_tells_what_recovery_saves(tmp_path: Path) -> None:
     writer.flush(proofs.fill(writer, proofs.rows()[:1000]))
     writer.abandon()
     report = check(tmp_path / "a.mcap.part")
-    assert (report.verdict, report.ticks) == ("damaged", 1000)
+    assert (report.result, report.ticks) == ("damaged", 1000)
     assert "recoverable: 1000 ticks, 0 to 999" in said(report)
 
 
 def test_what_is_no_recording_has_nothing_to_recover(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"%PDF-1.4 hello")
     report = check(tmp_path / "a.mcap")
-    assert report.verdict == "damaged"
+    assert report.result == "damaged"
     assert "nothing can be recovered" in said(report)
 
 
@@ -108,7 +116,7 @@ def test_a_configuration_of_somebody_else_is_found_by_the_metadata_and_the_repla
 def test_dropped_ticks_without_a_word_are_damage(tmp_path: Path) -> None:
     rows = np.delete(proofs.rows(), slice(700, 705))
     report = check(proofs.write(tmp_path / "a.mcap", rows), replay=True)
-    assert "5 ticks are missing without a word of the logger, from tick 700 on" in said(report)
+    assert "5 ticks are missing without a note by the logger, from tick 700 on" in said(report)
     assert report.replay is not None
     assert (report.replay.identical, report.replay.gaps) == (True, 1)
 
@@ -122,8 +130,8 @@ def test_dropped_ticks_that_the_logger_noted_are_a_loss(tmp_path: Path) -> None:
     writer.note_lost(writer.next_record, 5, now)
     writer.finish(proofs.fill(writer, rows[705:], events=int(np.count_nonzero(before["event"]))))
     report = check(tmp_path / "a.mcap")
-    assert (report.verdict, said(report)) == ("complete with listed losses", "")
-    assert "5 records were lost after tick 699: the server no longer had them" in said(report, Grade.LOSS)
+    assert (report.result, said(report)) == ("complete with listed losses", "")
+    assert "5 records were lost after tick 699: the server no longer had them" in said(report, Severity.LOSS)
 
 
 @pytest.mark.parametrize("place", [10, -10])
@@ -151,16 +159,16 @@ def test_a_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
 
 def test_a_block_without_its_end_is_a_loss(tmp_path: Path) -> None:
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:-2000], ended="the server began another session"))
-    assert (report.verdict, said(report)) == ("complete with listed losses", "")
-    assert "ends before its session" in said(report, Grade.LOSS)
-    assert "1 of 2 trials done" in said(report, Grade.LOSS)
+    assert (report.result, said(report)) == ("complete with listed losses", "")
+    assert "ends before its session" in said(report, Severity.LOSS)
+    assert "1 of 2 trials done" in said(report, Severity.LOSS)
 
 
 def test_a_target_at_the_wrong_side_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     settings = replace(config, block=replace(config.block, first_target="right"))
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows(), settings))
-    assert "have their target at the wrong side: trial 1" in said(report)
+    assert "have their target on the wrong side: trial 1" in said(report)
 
 
 def test_another_condition_than_was_done_is_damage(tmp_path: Path) -> None:
@@ -176,7 +184,7 @@ def test_the_last_bit_of_a_result_is_found_by_the_replay_alone(tmp_path: Path, f
     rows = proofs.rows()
     rows[field].view()[4321:4322] = np.nextafter(rows[field][4321], np.inf)
     path = proofs.write(tmp_path / "a.mcap", rows)
-    assert check(path).verdict == "complete"
+    assert check(path).result == "complete"
     assert f"tick 4321, {field}" in said(check(path, replay=True))
 
 
@@ -185,8 +193,8 @@ def test_a_recovered_file_lists_what_was_lost(tmp_path: Path, sound: Path) -> No
     broken[len(broken) // 2] ^= 1
     (tmp_path / "a.mcap").write_bytes(broken)
     report = check(recover(tmp_path / "a.mcap").output)
-    assert (report.verdict, said(report)) == ("complete with listed losses", "")
-    assert "recovered from a.mcap; lost:" in said(report, Grade.LOSS)
+    assert (report.result, said(report)) == ("complete with listed losses", "")
+    assert "recovered from a.mcap; lost:" in said(report, Severity.LOSS)
 
 
 Change = Callable[[list[ClockRecord]], None]
@@ -220,7 +228,7 @@ def test_a_journal_that_tells_the_same_is_sound_and_another_is_not(tmp_path: Pat
     with Recording(path) as recording:
         attempts = recording.attempts()
     _keep_journal(tmp_path, attempts, 0.0)
-    assert "tells the same of all 2 attempts" in said(check(path), Grade.SOUND)
+    assert "agrees on all 2 attempts" in said(check(path), Severity.SOUND)
     journal_path(tmp_path, config).unlink()
     _keep_journal(tmp_path, attempts, 0.5)
     assert "contradicts the recording: trial 1, attempt 1 took" in said(check(path))

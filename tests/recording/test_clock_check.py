@@ -9,7 +9,7 @@ import proofs
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord
 from netboard.recording.integrity.clock_check import check_clocks, contradicts, line_through, stepped
-from netboard.recording.integrity.severity import Grade, worst
+from netboard.recording.integrity.severity import Severity, worst
 
 
 @pytest.mark.parametrize("drift", [-80.0, -3.0, 0.0, 20.0, 80.0])
@@ -19,7 +19,7 @@ def test_the_drift_of_an_even_clock_is_the_slope_of_the_line(drift: float) -> No
     assert fit is not None
     assert fit.drift_ppm == pytest.approx(drift, abs=0.01)
     assert (fit.beyond, stepped(clocks)) == (0, 0)
-    assert worst([*check_clocks(clocks, 0.5, None)]) == Grade.SOUND
+    assert worst([*check_clocks(clocks, 0.5, None)]) == Severity.SOUND
 
 
 def test_live_estimates_of_a_noisy_clock_are_not_refuted() -> None:
@@ -40,7 +40,7 @@ def test_live_estimates_of_a_noisy_clock_are_not_refuted() -> None:
                 )
             )
     findings = [*check_clocks(clocks, 0.5, None)]
-    assert worst(findings) == Grade.SOUND, findings
+    assert worst(findings) == Severity.SOUND, findings
     assert "drift +3" in findings[0].text
 
 
@@ -50,7 +50,7 @@ def test_a_clock_that_was_stepped_is_a_loss() -> None:
         replace(p, t1_ns=p.t1_ns + 10**7, t2_ns=p.t2_ns + 10**7, offset_ns=p.offset_ns + 10**7) for p in clocks[20:]
     ]
     assert stepped(clocks) > 0
-    assert worst([*check_clocks(clocks, 0.5, None)]) == Grade.LOSS
+    assert worst([*check_clocks(clocks, 0.5, None)]) == Severity.LOSS
 
 
 def test_a_clock_that_runs_away_is_a_loss() -> None:
@@ -61,11 +61,11 @@ def test_a_clock_that_runs_away_is_a_loss() -> None:
 def test_a_wide_bound_matters_for_agents_in_trials() -> None:
     clocks = proofs.probes(10)
     during = (clocks[0].t0_ns, clocks[-1].t3_ns)
-    assert worst([*check_clocks(clocks, 0.05, during)]) == Grade.LOSS
-    assert worst([*check_clocks(clocks, 0.05, None)]) == Grade.SOUND
-    assert worst([*check_clocks(clocks, 0.5, during)]) == Grade.SOUND
+    assert worst([*check_clocks(clocks, 0.05, during)]) == Severity.LOSS
+    assert worst([*check_clocks(clocks, 0.05, None)]) == Severity.SOUND
+    assert worst([*check_clocks(clocks, 0.5, during)]) == Severity.SOUND
     others = [replace(probe, peer="console") for probe in clocks]
-    assert worst([*check_clocks(others, 0.05, during)]) == Grade.SOUND
+    assert worst([*check_clocks(others, 0.05, during)]) == Severity.SOUND
 
 
 def test_an_estimate_may_be_better_than_its_probe_and_not_worse() -> None:

@@ -4,7 +4,9 @@ import csv
 import json
 import shutil
 import subprocess
+from importlib.metadata import metadata
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -124,6 +126,15 @@ def test_ticks_too_many_for_matlab_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_has_a_writer_and_a_known_extra(name: str) -> None:
+    """A new format is one entry: the command's choices and the table in the docs follow."""
+    entry = FORMATS[name]
+    assert callable(resolve_name(f"netboard.recording.export.{entry.writer}"))
+    extras = metadata("netboard").get_all("Provides-Extra") or []
+    assert entry.extra in ("", *extras)
+
+
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_format_leaves_nothing_of_a_failure(two: list[Path], tmp_path: Path, name: str) -> None:
     cut = tmp_path / "cut.mcap"
@@ -135,7 +146,7 @@ def test_every_format_leaves_nothing_of_a_failure(two: list[Path], tmp_path: Pat
 
 def test_nothing_is_written_over(two: list[Path], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
-    with pytest.raises(RecordingError, match="out: is there already"):
+    with pytest.raises(RecordingError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", quiet)
 
 
@@ -143,7 +154,7 @@ def test_a_folder_that_appears_meanwhile_is_left_alone(two: list[Path], tmp_path
     def appear(what: str, done: int, total: int) -> None:
         (tmp_path / "out").mkdir(exist_ok=True)
 
-    with pytest.raises(RecordingError, match="out: is there already"):
+    with pytest.raises(RecordingError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", appear)
     assert [path.name for path in tmp_path.rglob("*")] == ["out"]
 

@@ -257,7 +257,7 @@ def test_outputs(inputs: list[Path], output: str, found: list[str]) -> None:
         ([A, OTHER_A], "out", "out/a.csv: would be the result of hands/a.csv and of a.csv; rename one"),
         ([A], "hands", "hands/a.csv: is an input; name another --output"),
         ([A], "./hands/../hands/a.csv", "hands/../hands/a.csv: is an input; name another --output"),
-        ([A], "a.csv", "a.csv: is there already; --force overwrites it"),
+        ([A], "a.csv", "a.csv: already exists; --force overwrites it"),
     ],
 )
 @pytest.mark.usefixtures("folder")
@@ -307,7 +307,7 @@ def test_nothing_is_left_of_what_could_not_be_written(tmp_path: Path) -> None:
 
 def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
     path = file_of(tmp_path, "mine", "out.csv")
-    with pytest.raises(ConfigError, match="is there already"):
+    with pytest.raises(ConfigError, match="already exists"):
         write_table(path, COLUMNS, {})
     assert [child.read_text() for child in tmp_path.iterdir()] == ["mine"]
     write_table(path, COLUMNS, {}, force=True)

@@ -24,7 +24,7 @@ from netboard.recording.importing import reading
 from netboard.recording.importing.table_import import Wishes, import_table
 from netboard.recording.integrity.account import account_of, parts_of
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.recording.integrity.verification import verify_recording
 from netboard.services.cli import app
 
@@ -141,7 +141,7 @@ def test_what_was_imported_whole_is_not_called_damaged(tmp_path: Path) -> None:
     columns["target"] = [-target for target in columns["target"]]  # their targets followed no rule of ours
     with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
         report = check(found.path)
-    assert report.grade is Grade.SOUND, report
+    assert report.severity is Severity.SOUND, report
     assert any("2 attempts, 1 successes, as imported" in finding.text for finding in report.findings)
 
 

@@ -102,4 +102,4 @@ def test_info_lists_what_is_doubtful(path: Path, monkeypatch: pytest.MonkeyPatch
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.exception
     assert "a force was at its limit for too much of the time" in result.output
-    assert "Doubtful attempts: 1 of 2" in result.output
+    assert "Flagged attempts: 1 of 2" in result.output

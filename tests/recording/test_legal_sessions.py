@@ -15,7 +15,7 @@ from netboard.base.config import Config
 from netboard.base.tables.experiment import Block, Quality, Task
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade, Report
+from netboard.recording.integrity.severity import Report, Severity
 from netboard.task.journal.entries import AttemptEnded, Ended, Opened, Resumed
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -39,8 +39,8 @@ KINDS = {
 }
 
 
-def said(report: Report, grade: Grade = Grade.DAMAGE) -> str:
-    return " | ".join(finding.text for finding in report.findings if finding.grade == grade)
+def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+    return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,8 +74,8 @@ def test_a_repeat_taken_back_in_the_last_tick_of_a_trial_ends_the_block(tmp_path
     rows = Operated(config, None, {1000: Cause.REPEAT, succeeded: Cause.VETO}).rows()
     assert (rows["event"][-1], rows["extra"][-1]) == (Cause.LAST, 1)
     report = report_on(tmp_path, session_of(config, rows))
-    assert (said(report), report.verdict) == ("", "complete")
-    assert "1 of 1 trials done" in said(report, Grade.SOUND)
+    assert (said(report), report.result) == ("", "complete")
+    assert "1 of 1 trials done" in said(report, Severity.SOUND)
 
 
 # --- the journal --------------------------------------------------------------------------------------------------
@@ -94,7 +94,7 @@ def changed(made: Session, place: int, change: Callable[[AttemptEnded], AttemptE
 def test_frames_reported_too_late_are_a_loss(tmp_path: Path) -> None:
     report = report_on(tmp_path, made_of(reported_ticks=5000))
     assert said(report) == ""
-    assert "has another flag for a frozen display" in said(report, Grade.LOSS)
+    assert "differs in the flag for a frozen display" in said(report, Severity.LOSS)
 
 
 def test_the_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_the_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path
     made.entries.append(Ended("the session was ended"))
     report = report_on(tmp_path, made)
     assert said(report) == ""
-    assert f"ends before: trial {last.trial}, attempt {last.attempt}" in said(report, Grade.LOSS)
+    assert f"ends before these attempts: trial {last.trial}, attempt {last.attempt}" in said(report, Severity.LOSS)
 
 
 @pytest.mark.parametrize("place", [0, -1])
@@ -140,7 +140,7 @@ def test_an_attempt_in_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) 
     for path in parts:
         path.unlink()
     changed(made, 0, lambda entry: replace(entry, completion=9.0))
-    assert "took 9.0 s there" in said(check(write(tmp_path, made, [cut])[1]))
+    assert "took 9.0 s in the journal" in said(check(write(tmp_path, made, [cut])[1]))
 
 
 def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
@@ -148,7 +148,7 @@ def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
     made.entries[:] = [Opened("another run", {}), Ended("the session was ended")]
     report = report_on(tmp_path, made)
     assert said(report) == ""
-    assert "trial 1, attempt 1" in said(report, Grade.LOSS)
+    assert "trial 1, attempt 1" in said(report, Severity.LOSS)
 
 
 # --- time and losses ----------------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
 def test_a_server_that_stood_still_and_said_so_is_a_loss(tmp_path: Path) -> None:
     report = report_on(tmp_path, made_of(stood_still=2000))
     assert said(report) == ""
-    assert "the server stood still 1 times, for 30 ms in all" in said(report, Grade.LOSS)
+    assert "the server stalled 1 times, for 30 ms in all" in said(report, Severity.LOSS)
 
 
 @pytest.mark.parametrize("told", [("29", 0), ("31", 0), ("30", 1)])
@@ -197,11 +197,11 @@ def test_records_lost_one_after_the_other_and_what_was_said_in_them_are_losses(
 ) -> None:
     report = lossy(tmp_path, losses, len(losses))
     assert said(report) == ""
-    assert "records were lost after tick 1994" in said(report, Grade.LOSS)
+    assert "records were lost after tick 1994" in said(report, Severity.LOSS)
 
 
 def test_more_that_is_missing_than_was_noted_is_damage(tmp_path: Path) -> None:
-    assert "ticks are missing without a word of the logger" in said(lossy(tmp_path, (3, 7), 1))
+    assert "ticks are missing without a note by the logger" in said(lossy(tmp_path, (3, 7), 1))
 
 
 def test_all_that_is_tried_here_has_been_done(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.importing.study_import import UNNAMED, Job, examine, import_one, run
 from netboard.recording.importing.table_import import Imported
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.services.cli import app
 
 HEAD = """\
@@ -71,11 +71,11 @@ def command(*words: str, code: int = 0) -> str:
 @pytest.mark.slow
 def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> None:
     said = command("--manifest", "study.toml", "-o", "out", "--workers", "2")
-    assert "4 imported, 0 were there, 0 failed" in said
+    assert "4 imported, 0 already there, 0 failed" in said
     found = {path.name: path.read_bytes() for path in Path("out").iterdir()}
     assert len(found) == 4
     for name in found:
-        assert check(Path("out") / name).grade is Grade.SOUND
+        assert check(Path("out") / name).severity is Severity.SOUND
     with Recording(next(Path("out").glob("S01_D02_block02_*.mcap"))) as one:
         config = one.config_text
         assert one.ticks()["left_sent_z"][10] == pytest.approx(0.01 * np.sin(0.03), abs=1e-6)
@@ -84,8 +84,8 @@ def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> No
     for line in ('study = "theirs"', 'participant_b = "P02b"', 'force = "none"', "trials = 30", "target_width = 0.07"):
         assert line in config
     next(Path("out").glob("S01_D01_block01_*")).unlink()
-    assert "1 imported, 3 were there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
-    assert "0 imported, 4 were there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
+    assert "1 imported, 3 already there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
+    assert "0 imported, 4 already there, 0 failed" in command("--manifest", "study.toml", "-o", "out")
     kept = {name: data for name, data in found.items() if "D01_block01" not in name}
     assert {name: (Path("out") / name).read_bytes() for name in kept} == kept
 
@@ -147,7 +147,7 @@ def test_a_table_that_turns_out_bad_late_does_not_keep_the_others_from_being_imp
     with Path("D01/b2.csv").open("a") as file:
         file.write("0,0,0,0\n")
     said = command("--manifest", "study.toml", "-o", "out", code=1)
-    assert "3 imported, 0 were there, 1 failed" in said
+    assert "3 imported, 0 already there, 1 failed" in said
     assert "line 13 (D01/b2.csv): D01/b2.csv: line 20012, column time" in said
     assert sorted(path.suffix for path in Path("out").iterdir()) == [".mcap"] * 3
 
@@ -166,7 +166,7 @@ def test_a_worker_that_is_killed_leaves_whole_recordings_only_and_the_rest_for_a
     with pytest.raises(NetboardError, match=r"was killed, .* 2 of 4 recordings .* run the same command again"):
         run(plan, Path("out"), 1, quiet, killed_at_the_third)
     assert not list(Path("out").glob(f"{UNNAMED}*"))
-    assert [check(path).grade for path in Path("out").iterdir()] == [Grade.SOUND] * 2
+    assert [check(path).severity for path in Path("out").iterdir()] == [Severity.SOUND] * 2
     again = examine(study, Path("out"), quiet)
     assert (len(again.jobs), len(again.there)) == (2, 2)
 
@@ -198,7 +198,7 @@ def test_a_table_without_times_gets_them_from_its_rate(study: Path) -> None:
     [
         ((), "expected either TABLE... or --manifest"),
         (("a.csv", "--manifest", "study.toml"), "expected either TABLE... or --manifest"),
-        (("--manifest", "study.toml", "--simulate"), "found with --simulate, expected those as keys of study.toml"),
+        (("--manifest", "study.toml", "--simulate"), "found with --simulate; set these in study.toml instead"),
         (("--manifest", "none.toml"), "none.toml: cannot be read: No such file or directory"),
     ],
 )

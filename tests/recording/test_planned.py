@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from netboard.base.config import Config
-from netboard.recording.integrity.planned import plan_findings
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.journal_check import check_plan
+from netboard.recording.integrity.severity import Severity
 from netboard.recording.recovery.journal_file import journal_path
 from netboard.task.journal.entries import Header, line_of
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of, seated
@@ -38,17 +38,17 @@ def keep_journal(folder: Path, plan: Plan, config: Config, plan_digest: str = ""
 def test_a_block_as_planned_is_sound(tmp_path: Path, number: int) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, number)
-    (finding,) = plan_findings(keep_journal(tmp_path, plan, config), config)
-    assert (finding.grade, config.block.label in finding.text) == (Grade.SOUND, True)
-    assert f"block {number} of 18 is that of the plan" in finding.text
+    (finding,) = check_plan(keep_journal(tmp_path, plan, config), config)
+    assert (finding.severity, config.block.label in finding.text) == (Severity.SOUND, True)
+    assert f"block {number} of 18 agrees with the plan" in finding.text
 
 
 def test_another_block_than_planned_is_damage(tmp_path: Path) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, 4)
     other = replace(config, block=replace(config.block, first_target="random", trials=61))
-    (finding,) = plan_findings(keep_journal(tmp_path, plan, config), other)
-    assert finding.grade == Grade.DAMAGE
+    (finding,) = check_plan(keep_journal(tmp_path, plan, config), other)
+    assert finding.severity == Severity.DAMAGE
     assert "[block] trials: found 61, planned 60" in finding.text
     assert "[block] first_target: found 'random'" in finding.text
 
@@ -60,18 +60,18 @@ def test_the_short_form_of_a_pilot_run_is_sound(tmp_path: Path) -> None:
         config, session=replace(config.session, pilot=True), block=replace(config.block, trials=6, blocks=2)
     )
     short = hashlib.sha256(f"{digest(plan)} 2 6".encode()).hexdigest()
-    (finding,) = plan_findings(keep_journal(tmp_path, plan, config, short), config)
-    assert (finding.grade, "is that of the plan" in finding.text) == (Grade.SOUND, True)
+    (finding,) = check_plan(keep_journal(tmp_path, plan, config, short), config)
+    assert (finding.severity, "agrees with the plan" in finding.text) == (Severity.SOUND, True)
 
 
 def test_a_plan_that_cannot_be_proved_is_not_held_against_a_block(tmp_path: Path) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, 2)
-    (finding,) = plan_findings(tmp_path / "a.mcap", config)
+    (finding,) = check_plan(tmp_path / "a.mcap", config)
     assert "no journal beside it" in finding.text
-    (finding,) = plan_findings(keep_journal(tmp_path, plan, config, "0" * 64), config)
-    assert (finding.grade, "not made again" in finding.text) == (Grade.SOUND, True)
+    (finding,) = check_plan(keep_journal(tmp_path, plan, config, "0" * 64), config)
+    assert (finding.severity, "not compared" in finding.text) == (Severity.SOUND, True)
 
 
 def test_a_block_without_a_study_has_no_plan(tmp_path: Path) -> None:
-    assert [*plan_findings(tmp_path / "a.mcap", Config())] == []
+    assert [*check_plan(tmp_path / "a.mcap", Config())] == []

@@ -82,7 +82,7 @@ def test_what_is_kept_verifies_and_says_what_it_is(tmp_path: Path) -> None:
     rows = attempts_of(found)
     assert verify(make_stage(config), rows).identical
     report = check(tmp_path / "b.mcap", replay=True)
-    assert (report.verdict, report.ticks) == ("complete with listed losses", kept)
+    assert (report.result, report.ticks) == ("complete with listed losses", kept)
     with Recording(tmp_path / "b.mcap") as recording:
         assert recording.ticks().tobytes() == rows.tobytes()
         assert recording.metadata["source_session"] == proofs.SESSION != recording.metadata["session"]

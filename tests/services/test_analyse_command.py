@@ -35,7 +35,7 @@ def plain(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plain")
     result = analyse(study, "-o", folder / "out", "--workers", "1", "--cache", folder / "other")
     assert result.exit_code == 0, result.output
-    assert "were measured before" not in result.output
+    assert "from the cache" not in result.output
     return folder / "out"
 
 
@@ -130,8 +130,8 @@ def test_tables_are_the_same_to_the_byte_whether_they_were_kept_or_not_and_that_
     for name, words in ways.items():
         result = analyse(study, "-o", name, "--workers", "1", *words)
         assert result.exit_code == 0
-        assert ("; all of it was analysed before" in result.output) == (name == "kept")
-        assert ("; 4 were measured before" in result.output) == (name == "measured")
+        assert ("; all from the cache" in result.output) == (name == "kept")
+        assert ("; 4 from the cache" in result.output) == (name == "measured")
         assert same(Path(name), plain) > 10
     for kept in (Path("user/netboard/measures"), plain.with_name("other")):
         assert len(list(kept.glob(f"*{TABLES}"))) == 4
@@ -148,7 +148,7 @@ def test_the_paper_is_put_beside_it_if_asked(study: Path, plain: Path) -> None:
 
 def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
     Path("out").mkdir()
-    assert "out: is there already; name another --output" in refused(analyse(study, "-o", "out"))
+    assert "out: already exists; choose another --output" in refused(analyse(study, "-o", "out"))
     (broken := Path("broken")).mkdir()
     (broken / "S01.mcap").write_text("nothing")
     assert "S01.mcap: not an MCAP file" in refused(analyse(study, broken, "-o", "new", "--workers", "1"))
@@ -161,7 +161,7 @@ def test_recordings_without_attempts_are_said(tmp_path: Path) -> None:
     silent = recorded(tmp_path, two_trials()[:900])
     result = analyse(silent, "-o", "out", "--workers", "1", "--no-cache")
     assert result.exit_code == 0, result.output
-    assert f"without any attempt at a trial: 1 of these, {silent.stem} the first" in result.output
+    assert f"no attempt at a trial: 1 of these, the first is {silent.stem}" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -179,7 +179,7 @@ def test_what_cannot_be_read_is_left_out_and_listed(study: Path) -> None:
     ("words", "expected"),
     [
         (("--set", "filters.fst=1"), "[filters] fst: unknown key; did you mean fast"),
-        (("--settings", "mine.toml"), "mine.toml: no such file; make one with: netboard analyse --template"),
+        (("--settings", "mine.toml"), "mine.toml: no such file; create it with: netboard analyse --template"),
         (("--cache", "x", "--no-cache"), "--cache and --no-cache: expected one of them"),
         (("--dask", "tcp://127.0.0.1:9", "--workers", "2"), "--workers: found with --dask"),
         (("--set", "exclusions.trials=['S99/1: sneezed']"), "there is no trial 1 in 'S99'"),

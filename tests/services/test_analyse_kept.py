@@ -61,7 +61,7 @@ def test_the_second_time_nothing_is_computed_and_all_is_the_same_to_the_byte(
     with monkeypatch.context() as undone:
         undone.setattr("netboard.analysis.report.folder.write_analysis", never)
         again = analyse(study, "-o", "again")
-    assert "; all of it was analysed before" in again
+    assert "; all from the cache" in again
     assert again.splitlines()[1:-1] == first.splitlines()[1:-1]
     assert contents("again") == contents("first")
     result = CliRunner().invoke(app, ["analyse", str(study), "-o", "anew", "--workers", "1", "--no-cache"])

@@ -56,13 +56,13 @@ def test_sessions_lists_the_folder_of_the_configuration() -> None:
         assert words in result.output
     (entry,) = json.loads(runner.invoke(app, ["sessions", "--json", "--check", "--no-pilot"]).stdout)
     assert (entry["done"], entry["trials"], entry["verdict"]) == (2, 2, "complete")
-    assert "no recording that was asked for" in runner.invoke(app, ["sessions", "--dyad", "D99"]).output
+    assert "no matching recording" in runner.invoke(app, ["sessions", "--dyad", "D99"]).output
 
 
 def test_whatif_shows_then_and_now() -> None:
     result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.g=0", "--figure", "a.png"])
     assert result.exit_code == 0, result.output
-    for words in ("-> unfinished", "[mm]", "open"):
+    for words in ("-> unfinished", "[mm]", "Open loop"):
         assert words in result.output
     assert Path("a.png").stat().st_size > 10_000
     again = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--figure", "a.png"])

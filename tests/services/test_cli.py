@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 import proofs
 from netboard.base.config import Config, parse, played_sides
 from netboard.network.protocol import control
-from netboard.services import operating
 from netboard.services.cli import app
-from netboard.services.demonstration import demo_settings
+from netboard.services.control import control as control_command
+from netboard.services.demo import demo_settings
 
 runner = CliRunner()
 COMMANDS = (
@@ -65,7 +65,7 @@ def test_nothing_asked_shows_the_help() -> None:
 
 
 def test_control_takes_every_command_of_the_protocol_and_no_other() -> None:
-    taken = get_args(get_args(inspect.signature(operating.control).parameters["command"].annotation)[0])
+    taken = get_args(get_args(inspect.signature(control_command).parameters["command"].annotation)[0])
     page = (resources.files("netboard.network.protocol") / "PROTOCOL.md").read_text()
     tables = re.findall(r"^\| command \|.*\n\| ---.*\n((?:\|.*\n)+)", page, re.MULTILINE)
     listed = {
@@ -113,7 +113,7 @@ def test_init_then_check_then_show() -> None:
     assert runner.invoke(app, ["config", "init"]).exit_code == 0
     checked = runner.invoke(app, ["config", "check"])
     assert checked.exit_code == 0
-    assert checked.output.startswith("netboard.toml: in order (dyadic, 60 trials, ")
+    assert checked.output.startswith("netboard.toml: valid (dyadic, 60 trials, ")
     shown = runner.invoke(app, ["config", "show"])
     assert parse(shown.output) == Config()
 
@@ -122,7 +122,7 @@ def test_init_never_writes_over_a_file() -> None:
     Path("rig.toml").write_text("mine", encoding="utf-8")
     result = runner.invoke(app, ["config", "init", "rig.toml"])
     assert result.exit_code == 2
-    assert "rig.toml: is there already" in result.stderr
+    assert "rig.toml: already exists" in result.stderr
     assert Path("rig.toml").read_text(encoding="utf-8") == "mine"
 
 
@@ -133,7 +133,7 @@ def test_init_into_a_folder_that_is_not_there() -> None:
 
 
 def test_without_a_file_the_defaults_hold() -> None:
-    assert runner.invoke(app, ["config", "check"]).output.startswith("defaults: in order")
+    assert runner.invoke(app, ["config", "check"]).output.startswith("defaults: valid")
     assert parse(runner.invoke(app, ["config", "show"]).output) == Config()
 
 
@@ -146,7 +146,7 @@ def test_the_file_of_the_folder_is_taken_and_overridden() -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "rig.toml: no such file; make one with: netboard config init rig.toml"),
+        (None, "rig.toml: no such file; create it with: netboard config init rig.toml"),
         (b"[block]\ntrails = 4", "rig.toml: [block] trails: unknown key; did you mean trials"),
         (b"\xff\xfe", "rig.toml: cannot be read"),
     ],
@@ -217,7 +217,7 @@ def test_without_a_screen_nobody_plays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     result = runner.invoke(app, ["demo", "--play", "left"])
     assert result.exit_code == 1
-    assert "nobody can play here: there is no screen" in result.stderr
+    assert "a player needs a window, but there is no screen" in result.stderr
     assert result.stderr.count("\n") == 1
 
 
@@ -242,7 +242,7 @@ def test_a_configuration_is_checked_by_its_file_and_its_folders_are(tmp_path: Pa
     Path("rig.toml").write_text("[block]\ntrials = 6\n")
     for words in (["rig.toml"], ["-c", "rig.toml"]):
         result = runner.invoke(app, ["config", "check", *words])
-        assert (result.exit_code, result.output.partition("(")[0]) == (0, "rig.toml: in order ")
+        assert (result.exit_code, result.output.partition("(")[0]) == (0, "rig.toml: valid ")
     both = runner.invoke(app, ["config", "check", "rig.toml", "-c", "rig.toml"])
     assert (both.exit_code, "expected one of them" in both.output) == (2, True)
     Path("taken").write_text("a file")

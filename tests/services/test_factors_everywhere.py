@@ -30,7 +30,8 @@ from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.services.info import provenance_table
-from netboard.services.studies import check, load
+from netboard.services.plan import check_study
+from netboard.services.studies import load_study
 from netboard.task.plans.blocks import blocks_of, shortened
 from netboard.task.studies.study import parse_study
 
@@ -99,7 +100,7 @@ def shown(item: Any) -> str:
 
 
 def test_the_plan_is_checked_with_its_factors_and_roles(capsys: pytest.CaptureFixture[str]) -> None:
-    assert check(Config(), load(str(FILE)), "mine", 1, 2) == 0
+    check_study(Config(), load_study(str(FILE)), "mine", 1, 2)
     said = capsys.readouterr().out
     assert "4 blocks, 32 trials, 1 practice block with 2 trials" in said
     assert "factor mass: light (0.02 kg), heavy (0.05 kg); numeric, between blocks" in said

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
+from netboard.nodes.server.planned import Planned, Wanted
 from netboard.services.cli import app
-from netboard.services.planned import Planned, Wanted
-from netboard.services.studies import load
+from netboard.services.studies import load_study
 from netboard.task.plans.plan import digest, plan_of
 from netboard.task.studies import library
 from netboard.task.studies.study import paper_study, parse_study
@@ -63,13 +63,13 @@ def test_everything_as_json() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", library.NAMES)
 def test_built_in_studies_are_in_order(name: str) -> None:
-    assert f"{name}: in order (1 session, " in run(f"check {name} --dyads 60")
+    assert f"{name}: valid (1 session, " in run(f"check {name} --dyads 60")
     assert name in run("list")
 
 
 def test_another_order_of_a_study() -> None:
-    assert load("paper:abba").taken() == ("abba",)
-    assert load("paper:paper,dyadic_first").taken() == ("paper", "dyadic_first")
+    assert load_study("paper:abba").taken() == ("abba",)
+    assert load_study("paper:paper,dyadic_first").taken() == ("paper", "dyadic_first")
     assert "order abba" in run("show --study paper:abba")
     assert 'order: found "abab", expected one of paper' in run("check paper:abab", 2)
 
@@ -77,7 +77,7 @@ def test_another_order_of_a_study() -> None:
 def test_a_study_whose_counts_do_not_meet_is_refused() -> None:
     Path("study.toml").write_text(UNEVEN, encoding="utf-8")
     refused = run("check study.toml", 2)
-    assert "the study is refused" in refused
+    assert "the study is not valid" in refused
     assert "dyad 2, participant B, duo: trials are not even: a 60 in 1 blocks, b 120 in 2 blocks" in refused
     assert "and 10 more like these" in refused
     assert "Trials of each participant" in refused
@@ -89,7 +89,7 @@ def test_a_study_that_contradicts_the_rig_is_refused() -> None:
     refused = run("check study.toml", 2)
     assert refused.count("[geometry] target_distance") == 1
     assert "dyad 1, block 1 (a): [geometry] target_distance" in refused
-    assert "in order" in run("check study.toml --set geometry.board_length=1 --set task.fall_distance=0.45")
+    assert ": valid (" in run("check study.toml --set geometry.board_length=1 --set task.fall_distance=0.45")
 
 
 def test_what_is_no_study_is_said() -> None:
@@ -121,7 +121,7 @@ def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
 
 @pytest.mark.slow
 def test_a_session_that_was_begun_before_is_said_when_the_server_starts(capsys: pytest.CaptureFixture[str]) -> None:
-    planned = Planned(Config(), Wanted("pilot", 1))
+    planned = Planned(Config(), load_study("pilot"), Wanted("pilot", 1))
     planned.begun()
     assert capsys.readouterr().out == ""
     planned.path.parent.mkdir()

@@ -23,7 +23,7 @@ from netboard.benchmarks.harness.results import Part, show
 from netboard.devices.contract.device import Reading
 from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.listing import Backend, Listed, Listing
+from netboard.devices.setup.listing import BackendState, Listed, Listing
 from netboard.devices.setup.words import (
     findings_table,
     identified_table,
@@ -33,8 +33,8 @@ from netboard.devices.setup.words import (
 )
 from netboard.network.protocol.codec import decode
 from netboard.nodes.operator.status_table import status_tables
+from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import Sheet
-from netboard.services import rehearsal, simulate
 from netboard.services.cli import app
 from netboard.services.info import quality_table
 from netboard.task.studies import library
@@ -51,7 +51,7 @@ ESTIMATE = (0.0421, 0.0013)
 UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
 DATA = Path(__file__).parent.parent / "data"
 RUNNER = CliRunner()
-assert simulate.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
+assert rehearsal.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
 
 SHEET = Sheet("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
 SHEETS = [
@@ -68,7 +68,7 @@ LISTING = Listing(
         ),
         Listed("Falcon", "", "0403:cb48", "usb 2-1", ("pyusb", "hidapi"), ("/dev/bus/usb/002/003",)),
     ),
-    backends=(Backend("openhaptics", ADVICE), Backend("falcon", "")),
+    backends=(BackendState("openhaptics", ADVICE), BackendState("falcon", "")),
     remarks=(),
 )
 FINDINGS = [Finding(f"timer slack of process {k}", "yellow", "50 us, expected 1 us", ADVICE) for k in range(3)]
@@ -144,7 +144,7 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         printing(rehearsal.table_of(SHEETS)),
         printing(quality_table(VERDICTS)),
         printing(listing_tables(LISTING)),
-        printing(findings_table("This machine", FINDINGS)),
+        printing(findings_table("This computer", FINDINGS)),
         printing(identified_table("Touch", Identified(*[ESTIMATE] * 6, 1e-5, 0.05, 7))),
         printing(placement_table("Touch", Placement())),
         printing(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),

@@ -87,10 +87,10 @@ def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
     writer.abandon()
     result = runner.invoke(app, ["recover", "S01.mcap.part", "other.mcap.part", "-o", "whole.mcap"])
     assert result.exit_code == 2
-    assert "--output names one file" in result.stderr
+    assert "--output: names one file" in result.stderr
     assert not Path("whole.mcap").exists()
 
 
 def test_a_folder_with_nothing_to_recover_is_said(tmp_path: Path) -> None:
     result = runner.invoke(app, ["recover", str(tmp_path)])
-    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing unfinished in it\n")
+    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing to recover in this folder\n")

@@ -8,9 +8,9 @@ import pytest
 
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
+from netboard.nodes.rehearsal import session as rehearsal
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
-from netboard.services import rehearsal
 
 
 def blocks(trials: int = 1) -> list[Config]:
@@ -22,7 +22,7 @@ def blocks(trials: int = 1) -> list[Config]:
 
 @pytest.mark.slow
 def test_a_table_tells_what_came_of_the_blocks(capsys: pytest.CaptureFixture[str]) -> None:
-    assert rehearsal.main(blocks(), 1, 1, folder=None) == 0
+    assert rehearsal.rehearse_blocks(blocks(), 1, 1, folder=None) == 0
     said = capsys.readouterr().out
     assert "alone" in said
     assert "2 blocks, 2 successful trials" in said
@@ -31,7 +31,7 @@ def test_a_table_tells_what_came_of_the_blocks(capsys: pytest.CaptureFixture[str
 
 @pytest.mark.slow
 def test_recordings_are_whole_and_json_names_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert rehearsal.main(blocks(), 1, 1, folder=tmp_path / "new", as_json=True) == 0
+    assert rehearsal.rehearse_blocks(blocks(), 1, 1, folder=tmp_path / "new", as_json=True) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["ticks"] == sum(block["ticks"] for block in told["blocks"])
     assert told["real_time_factor"] > 0
@@ -40,4 +40,4 @@ def test_recordings_are_whole_and_json_names_them(tmp_path: Path, capsys: pytest
             assert verify_recording(recording).checked == block["ticks"]
     assert len(list((tmp_path / "new").iterdir())) == 2
     with pytest.raises(NetboardError, match="block01"):
-        rehearsal.main(blocks(), 1, 1, folder=tmp_path / "new")
+        rehearsal.rehearse_blocks(blocks(), 1, 1, folder=tmp_path / "new")

@@ -70,10 +70,10 @@ def test_a_process_that_ends_takes_the_others_with_it(
             stopped.append(names)
             return super().stop(*names)
 
-    monkeypatch.setattr(up, "Launcher", Watched)
-    monkeypatch.setattr(up, "speak", lambda name: None)
+    monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", Watched)
+    monkeypatch.setattr("netboard.base.process.speak", lambda name: None)
     patient = ["agent", "--side", "left", "--set", "network.port=1025"]
     with caplog.at_level(logging.INFO):
-        assert up.main({"server": [words], "left agent": patient}) == code
+        assert up.supervise({"server": [words], "left agent": patient}) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
     assert stopped[:4] == [(), ("left agent",), ("server",), ()]

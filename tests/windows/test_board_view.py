@@ -111,7 +111,7 @@ def test_blank_leaves_nothing_of_the_board(app, board):
 def test_a_screenshot_is_written_once(app, board, tmp_path):
     from PySide6.QtGui import QImage
 
-    from netboard.windows.participant.widget import screenshot
+    from netboard.windows.participant.window import screenshot
 
     view, _ = board
     view.show_picture(compose(VIEW))
@@ -119,7 +119,7 @@ def test_a_screenshot_is_written_once(app, board, tmp_path):
     screenshot(view, path)
     assert QImage(str(path)).width() == 840
     before = path.read_bytes()
-    with pytest.raises(NetboardError, match="never overwrites"):
+    with pytest.raises(NetboardError, match="does not overwrite"):
         screenshot(view, path)
     assert path.read_bytes() == before
 

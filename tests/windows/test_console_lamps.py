@@ -7,13 +7,14 @@ import pytest
 from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
 
 from netboard.base.config import SIDES, Config
-from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, REPLAY_OF, Status
+from netboard.network.protocol import control
+from netboard.network.protocol.control import REPLAY_COMMANDS, REPLAY_OF, Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import LACKING, STOP
 from netboard.windows.operator import words
-from netboard.windows.operator.changes import Memory, Recent, minutes_left
-from netboard.windows.operator.commands import RELEASING, STOP_KEYS, WISHES, refusal
-from netboard.windows.operator.lamps import SESSION_LAMPS, Level, limits_of, session_lamps, shout
+from netboard.windows.operator.changes import Recent, StatusHistory, minutes_left
+from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
+from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.words import Tone
 
@@ -72,9 +73,9 @@ def test_where_all_is_well_all_lamps_are_good() -> None:
         ("Sample", Level.WATCH, "20 ms old", {"age": 0.02}),
         ("Drops", Level.WATCH, "3 drops", {"missed": 3}),
         ("Drops", Level.BAD, "500 drops", {"missed": 500}),
-        ("Force", Level.WATCH, "CLAMP +0.31 N", {"bits": int(Safeguard.CLAMPED)}),
-        ("Force", Level.WATCH, "SLEW +0.31 N", {"bits": int(Safeguard.SLEWED)}),
-        ("Force", Level.WATCH, "CLIP +0.31 N", {"clamped": 900}),
+        ("Force", Level.WATCH, "AT LIMIT +0.31 N", {"bits": int(Safeguard.CLAMPED)}),
+        ("Force", Level.WATCH, "SLEW LIMIT +0.31 N", {"bits": int(Safeguard.SLEWED)}),
+        ("Force", Level.WATCH, "LIMITED +0.31 N", {"clamped": 900}),
         ("Safety", Level.BAD, "STOPPED", {"bits": int(Safeguard.STOPPED | Safeguard.STALE)}),
         ("Safety", Level.BAD, "too fast", {"bits": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
         ("Safety", Level.WATCH, "arming", {"bits": int(Safeguard.RAMPING | Safeguard.ARMED)}),
@@ -89,7 +90,7 @@ def test_what_is_wrong_at_a_station_is_said(name: str, level: Level, said: str, 
 def test_loops_are_judged_by_what_is_stable() -> None:
     for late, level in ((0.002, Level.GOOD), (0.005, Level.WATCH), (0.009, Level.BAD), (math.nan, Level.OFF)):
         status = replace(RUNNING, loops=(("agent.left", late, 0.0085),))
-        assert of(station_lamps(status, NONE, "left", LIMITS), "Loop").level is level
+        assert of(station_lamps(status, NONE, "left", LIMITS), "Latency").level is level
 
 
 def test_a_side_that_is_awaited_is_missing_and_another_is_not_needed() -> None:
@@ -100,18 +101,18 @@ def test_a_side_that_is_awaited_is_missing_and_another_is_not_needed() -> None:
 
 
 def test_lost_messages_of_late_count_and_old_ones_do_not() -> None:
-    memory = Memory()
+    history = StatusHistory()
     now = replace(RUNNING, links=(RUNNING.links[0], UNARMED_LINK))
-    recent = memory.remember(100.0, now)
+    recent = history.add(100.0, now)
     assert recent.lost == {"agent.left": 0, "agent.right": 0}
     more = replace(now, links=(RUNNING.links[0], (*UNARMED_LINK[:8], 45)), late_ticks=7)
-    recent = memory.remember(104.0, more)
+    recent = history.add(104.0, more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (4, 4)
     assert "4 drops" in of(station_lamps(more, recent, "right", LIMITS), "Drops").words
     for second in range(105, 130):
-        recent = memory.remember(float(second), more)
+        recent = history.add(float(second), more)
     assert (recent.lost["agent.right"], recent.late_ticks) == (0, 0)
-    assert memory.remember(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
+    assert history.add(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
 
 
 def test_minutes_left_on_the_disk() -> None:
@@ -123,14 +124,14 @@ def test_minutes_left_on_the_disk() -> None:
 
 
 def test_the_growth_of_a_recording_is_remembered() -> None:
-    memory = Memory()
+    history = StatusHistory()
     for second in range(11):
         grown = (("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
-        recent = memory.remember(float(second), replace(RUNNING, recordings=grown))
+        recent = history.add(float(second), replace(RUNNING, recordings=grown))
     assert recent.minutes == pytest.approx(12.0)
     lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
     assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
-    assert math.isnan(memory.remember(12.0, replace(RUNNING, recordings=())).minutes)
+    assert math.isnan(history.add(12.0, replace(RUNNING, recordings=())).minutes)
 
 
 def test_running_but_not_recording_is_shouted() -> None:
@@ -138,23 +139,23 @@ def test_running_but_not_recording_is_shouted() -> None:
     for phase in ("levelling", "running", "holding", "succeeded", "failed"):
         for recordings in ((), stalled):
             status = replace(RUNNING, phase=phase, recordings=recordings)
-            assert "NOT RECORDING" in shout(status, 0.0, NONE, False)
+            assert "NOT RECORDING" in alarm(status, 0.0, NONE, False)
             assert of(session_lamps(status, 0.0, NONE, LIMITS), "Recording").level is Level.BAD
-    assert shout(RUNNING, 0.0, NONE, False) == ""
-    assert shout(replace(IDLE, recordings=()), 0.0, NONE, False) == ""
+    assert alarm(RUNNING, 0.0, NONE, False) == ""
+    assert alarm(replace(IDLE, recordings=()), 0.0, NONE, False) == ""
     two = replace(RUNNING, recordings=(*RUNNING.recordings, *stalled))
-    assert shout(two, 0.0, NONE, False) == ""
+    assert alarm(two, 0.0, NONE, False) == ""
     assert of(session_lamps(two, 0.0, NONE, LIMITS), "Recording").level is Level.WATCH
 
 
 def test_what_else_is_shouted() -> None:
-    assert "NO WORD" in shout(RUNNING, 0.9, NONE, False)
-    assert "FULL IN 4" in shout(RUNNING, 0.0, Recent(minutes=4.2), False)
-    assert "EMERGENCY STOP" in shout(STATES["stopped"], 0.0, NONE, False)
-    assert "TAKE THE STYLUSES" in shout(None, math.inf, NONE, True)
-    assert shout(None, math.inf, NONE, False) == ""
+    assert "NO REPLY" in alarm(RUNNING, 0.9, NONE, False)
+    assert "FULL IN 4" in alarm(RUNNING, 0.0, Recent(minutes=4.2), False)
+    assert "EMERGENCY STOP" in alarm(STATES["stopped"], 0.0, NONE, False)
+    assert "LET GO" in alarm(None, math.inf, NONE, True)
+    assert alarm(None, math.inf, NONE, False) == ""
     ended = STATES["finished"]
-    assert shout(ended, 5.0, NONE, False) == ""
+    assert alarm(ended, 5.0, NONE, False) == ""
     assert words.headline(ended, 5.0).words == "SESSION OVER"
 
 
@@ -168,7 +169,7 @@ def test_the_server_is_silent_within_a_second() -> None:
 
 def test_late_ticks_of_now_count() -> None:
     for recently, level in ((0, Level.GOOD), (3, Level.WATCH), (21, Level.BAD)):
-        assert of(session_lamps(RUNNING, 0.0, Recent(late_ticks=recently), LIMITS), "Late ticks").level is level
+        assert of(session_lamps(RUNNING, 0.0, Recent(late_ticks=recently), LIMITS), "Deadline misses").level is level
 
 
 def test_no_consent_is_wrong_except_in_a_pilot() -> None:
@@ -209,7 +210,7 @@ def test_what_to_do_next() -> None:
     assert "F3" in words.advice(STATES["unopened"], "").words
     assert "F1" in words.advice(IDLE, "").words
     assert "agent.right, the logger" in words.advice(STATES["waiting"], "").words
-    assert words.advice(STATES["paused"], "").words.endswith("lost; go on: F7")
+    assert words.advice(STATES["paused"], "").words.endswith("lost; resume: F7")
     assert "pause after this trial" in words.advice(STATES["holding"], "").words
     assert "Ctrl+R" in words.advice(STATES["stopped"], "").words
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
@@ -227,14 +228,14 @@ def test_attempts_in_words() -> None:
 
 
 def test_every_key_is_there_once_and_every_command_exists() -> None:
-    rows = [*WISHES, RELEASING]
-    keys = [wish.key for wish in rows] + [*STOP_KEYS]
+    rows = [*COMMANDS, RELEASING]
+    keys = [command.key for command in rows] + [*STOP_KEYS]
     assert len(set(keys)) == len(keys)
-    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", *REPLAY_COMMANDS}
+    assert {command.name for command in rows} | {STOP} == set(control.COMMANDS) - {"stop", *REPLAY_COMMANDS}
 
 
 def possible(status: Status | None, own: str = "me") -> set[str]:
-    return {wish.name for wish in (*WISHES, RELEASING) if not refusal(wish, status, own)}
+    return {command.name for command in (*COMMANDS, RELEASING) if not refusal(command, status, own)}
 
 
 def test_what_makes_sense_when() -> None:
@@ -253,7 +254,7 @@ def test_what_makes_sense_when() -> None:
 
 def test_who_watches_may_take_and_note() -> None:
     assert possible(STATES["watched"], "me") == {"take", "note"}
-    reason = refusal(WISHES[0], STATES["watched"], "me")
+    reason = refusal(COMMANDS[0], STATES["watched"], "me")
     assert "lab2:4711" in reason
     assert "T" in reason
     assert "take" not in possible(STATES["watched"], "lab2:4711")
@@ -264,10 +265,10 @@ def test_a_replay_cannot_be_taken_for_a_live_session_and_alarms_nobody() -> None
     assert words.banner(replay).words.startswith("REPLAY")
     assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "the looks of real sessions and pilots"
     assert words.advice(replay, "lab0:5550").words == replay.notice
-    assert "may command a replay" in words.commander(replay, "me").words
+    assert "may control a replay" in words.commander(replay, "me").words
     assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {Level.OFF}
-    assert shout(replay, 0.0, NONE, unconfirmed=True) == ""
-    assert "NO WORD FROM THE SERVER" in shout(replay, 60.0, NONE, unconfirmed=False)
+    assert alarm(replay, 0.0, NONE, unconfirmed=True) == ""
+    assert "NO REPLY FROM THE SERVER" in alarm(replay, 60.0, NONE, unconfirmed=False)
     assert possible(replay) == possible(replace(replay, phase="idle")) == {"pause", "resume", "next", "end"}
 
 

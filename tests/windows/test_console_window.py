@@ -11,7 +11,7 @@ from netboard.base.config import Config
 from netboard.base.process import NAME
 from netboard.network.transport import sockets
 from netboard.nodes.ports.emergency import RELEASE, STOP
-from netboard.windows.operator.commands import RELEASING, WISHES, refusal
+from netboard.windows.operator.commands import COMMANDS, RELEASING, refusal
 from netboard.windows.operator.lamps import Level, limits_of
 
 pytestmark = pytest.mark.slow
@@ -36,12 +36,12 @@ def until(app, true: Callable[[], object], seconds: float = PATIENCE) -> None:
 
 
 class Table:
-    """A window, its desk, and the server, all turned by Qt."""
+    """A window, its client, and the server, all turned by Qt."""
 
     def __init__(self, app, server: ConsoleServer, context: sockets.Context) -> None:
         from PySide6.QtCore import QTimer
 
-        from netboard.windows.operator.client import Desk
+        from netboard.windows.operator.client import ConsoleClient
         from netboard.windows.operator.window import ConsoleWindow
 
         self.app, self.server = app, server
@@ -52,7 +52,7 @@ class Table:
         self.turns = QTimer(interval=1)
         self.turns.timeout.connect(server.turn)
         self.turns.start()
-        self.desk = Desk(config, context, self.window)
+        self.client = ConsoleClient(config, context, self.window)
 
     def until(self, true: Callable[[], object]) -> None:
         until(self.app, true)
@@ -90,19 +90,19 @@ def table(app, server: ConsoleServer):
         made.until(lambda: made.window.state.status is not None and app.focusWindow() is not None)
         yield made
         made.turns.stop()
-        made.desk.leave()
+        made.client.leave()
         made.window.show_state(replace(made.window.state, status=None))
         made.window.close()
 
 
 KEYS = [
     (
-        wish.key,
-        wish.name,
-        next(state for state in STATES if not refusal(wish, replace(STATES[state], outcomes=1), NAME)),
+        command.key,
+        command.name,
+        next(state for state in STATES if not refusal(command, replace(STATES[state], outcomes=1), NAME)),
     )
-    for wish in (*WISHES, RELEASING)
-    if wish.name not in ("open", "note")
+    for command in (*COMMANDS, RELEASING)
+    if command.name not in ("open", "note")
 ]
 
 
@@ -114,9 +114,9 @@ def test_a_key_sends_its_command(
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
     table.server.attempts = attempts(1)
     table.show(state)
-    table.window.fill_in(False)
+    table.window.show_form(False)
     table.press(key)
-    if next(wish for wish in (*WISHES, RELEASING) if wish.name == name).twice:
+    if next(command for command in (*COMMANDS, RELEASING) if command.name == name).twice:
         table.replied("once more")
         assert table.server.said() == []
         table.press(key)
@@ -125,14 +125,14 @@ def test_a_key_sends_its_command(
 
 
 def test_a_button_does_what_its_key_does(table: Table) -> None:
-    button = next(button for button in table.window.bar.buttons if button.wish.name == "pause")
+    button = next(button for button in table.window.bar.buttons if button.command.name == "pause")
     button.click()
     table.heard("pause")
 
 
 def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 2**62)  # however slow this machine is
-    end = next(button for button in table.window.bar.buttons if button.wish.name == "end")
+    end = next(button for button in table.window.bar.buttons if button.command.name == "end")
     end.click()
     end.click()
     table.replied("once more")
@@ -145,12 +145,12 @@ def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table, monkeypatc
 
 def test_what_makes_no_sense_is_not_sent_and_said(table: Table) -> None:
     table.press("F7")
-    assert table.window.reply.text() == "Resume: not while running"
+    assert table.window.reply.text() == "Resume: not possible while running"
     table.show("watched")
     table.press("F7")
-    assert "lab2:4711 commands: press T" in table.window.reply.text()
+    assert "lab2:4711 is in command: press T" in table.window.reply.text()
     table.press("T")
-    table.until(lambda: table.window.commander.text() == "You command")
+    table.until(lambda: table.window.commander.text() == "You are in command")
     table.press("F7")
     table.heard("resume")
 
@@ -166,7 +166,7 @@ def test_a_refusal_is_shown_with_its_reason(table: Table) -> None:
 @pytest.mark.daily(8)
 def test_the_emergency_stop_works_in_every_state(table: Table, state: str, key: str) -> None:
     table.show(state)
-    table.window.fill_in(False)
+    table.window.show_form(False)
     table.press(key)
     table.heard(STOP)
     table.until(lambda: table.window.headline.text() == "STOPPED")
@@ -210,10 +210,10 @@ def test_its_button_stops_when_it_is_pressed_and_before_it_is_let_go(table: Tabl
 def test_a_stop_that_is_not_confirmed_is_shouted_and_sent_again(table: Table) -> None:
     table.server.silent = True
     table.press("Esc")
-    table.until(lambda: "TAKE THE STYLUSES" in table.window.alarm.text())
+    table.until(lambda: "LET GO" in table.window.alarm.text())
     table.server.silent = False
     table.heard(STOP)
-    table.until(lambda: "TAKE THE STYLUSES" not in table.window.alarm.text())
+    table.until(lambda: "LET GO" not in table.window.alarm.text())
 
 
 def test_a_stop_is_released_by_who_presses_twice(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -305,13 +305,13 @@ def test_a_repeat_names_the_trial_that_is_marked(table: Table) -> None:
 
 
 def test_a_silent_server_is_red_within_a_second(table: Table) -> None:
-    lamp = table.window.session.lights[0]
+    lamp = table.window.session.widgets[0]
     table.until(lambda: lamp.lamp.level is Level.GOOD)
     table.server.silent = True
     table.until(lambda: lamp.lamp.level is Level.BAD)
     assert table.window.headline.text() == "LINK LOST"
-    assert "NO WORD" in table.window.alarm.text()
-    assert {light.lamp.level for light in table.window.stations.columns["left"]} == {Level.OFF}
+    assert "NO REPLY" in table.window.alarm.text()
+    assert {widget.lamp.level for widget in table.window.stations.columns["left"]} == {Level.OFF}
     table.server.silent = False
     table.until(lambda: lamp.lamp.level is Level.GOOD)
     assert table.window.headline.text() == "RUNNING"
@@ -343,7 +343,7 @@ def test_the_strips_show_the_last_ten_seconds(app) -> None:
     times, heights = strips._lines[0][0].getData()
     assert np.isnan(heights).sum() == 1
     assert np.all(np.diff(times) > 0)
-    strips.take([point(5)], anew=True)
+    strips.take([point(5)], restart=True)
     strips.redraw()
     assert len(strips._lines[0][0].getData()[0]) == 1
     strips.take([point(5_000)])

@@ -130,7 +130,7 @@ def test_a_board_that_does_not_fit_is_said(rig, caplog):
     rig.client.own = replace(rig.client.own, mm_per_pixel=0.3)
     rig.serve()
     rig.welcome(replace(Config(), geometry=WIDE))
-    assert "the window is 252 mm wide and the board needs 920 mm" in caplog.text
+    assert "the window is 252 mm wide but the board needs 920 mm" in caplog.text
 
 
 def test_views_that_show_nothing_new_are_not_painted(rig):
@@ -216,7 +216,7 @@ def test_the_first_picture_is_taken_and_the_display_stops(app, tmp_path):
     picture = tmp_path / "left.png"
     run_display(free_port(), picture)
     assert picture.stat().st_size > 1000
-    with pytest.raises(NetboardError, match="never overwrites"):
+    with pytest.raises(NetboardError, match="does not overwrite"):
         run_display(free_port(), picture)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.base.config import Config
-from netboard.windows.participant.motion import MOST_TICKS, heard
+from netboard.windows.participant.motion import MOST_TICKS, motion_after
 
 CONFIG = Config()
 MS = 1_000_000
@@ -22,7 +22,7 @@ def moved(*views, travel=TRAVEL):
     for changes in views:
         view = replace(VIEW, **changes)
         view = replace(view, sent_ns=view.tick * MS)
-        motion = heard(motion, view, view.sent_ns + travel)
+        motion = motion_after(motion, view, view.sent_ns + travel)
     return motion
 
 
@@ -50,14 +50,14 @@ def test_what_moves_is_carried_on_for_one_interval_and_then_taken_back():
 def test_a_view_that_was_held_up_is_not_taken_for_a_slow_hand():
     motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
     late = replace(VIEW, tick=116, z=0.016, sent_ns=116 * MS)
-    motion = heard(motion, late, 121 * MS + TRAVEL)
+    motion = motion_after(motion, late, 121 * MS + TRAVEL)
     assert at(motion, 121).z == pytest.approx(0.021, abs=1e-5)
 
 
 def test_the_clock_of_another_server_is_taken_over():
     motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
     other = replace(VIEW, tick=116, z=0.016, sent_ns=10**15)
-    assert heard(motion, other, 130 * MS).origin_ns == 130 * MS - 10**15
+    assert motion_after(motion, other, 130 * MS).origin_ns == 130 * MS - 10**15
 
 
 @pytest.mark.parametrize("change", [{"phase": "levelling"}, {"trial": 5}, {"target": -0.15}, {"failures": 2}])

@@ -159,5 +159,5 @@ def test_a_recording_is_played_until_stopped_or_photographed(app, tmp_path):
     picture = tmp_path / "replay.png"
     run(reels, "left", lambda: False, picture=picture, at=0.7)
     assert picture.stat().st_size > 1000
-    with pytest.raises(NetboardError, match="never overwrites"):
+    with pytest.raises(NetboardError, match="does not overwrite"):
         run(reels, "left", lambda: False, picture=picture)

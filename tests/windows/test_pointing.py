@@ -17,7 +17,7 @@ class Pointed:
     """A window of a size, whose player's height is followed."""
 
     def __init__(self, app, size=(840, 480), keys=False):
-        from netboard.windows.participant.pointing import Pointing
+        from netboard.windows.participant.playing import Pointing
         from netboard.windows.participant.window import BoardWindow
 
         self.app = app

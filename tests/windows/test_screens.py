@@ -70,7 +70,7 @@ def test_a_rest_counts_down_in_whole_seconds(rest, countdown):
 
 def test_who_has_nothing_to_do_may_rest():
     picture = shown(phase="away", z=0.0, p=None, left=None, block=3, blocks=18)
-    assert (picture.headline, picture.counter) == ("You can rest", "Block 3 of 18   Trial 4 of 60")
+    assert (picture.headline, picture.counter) == ("You can rest", "Block 3 of 18")
     assert not picture.board
     assert shown(phase="away", rest=30.0).detail == "0:30"
 

@@ -41,10 +41,10 @@ def test_a_list_of_ones_own_is_read(tmp_path):
     ("changes", "message"),
     [
         ({"paused": None}, "words.toml: paused: missing"),
-        ({"posed": "x"}, "words.toml: posed: unknown word"),
+        ({"posed": "x"}, "words.toml: posed: unknown text"),
         ({"paused": ""}, "paused: found '', expected a text"),
-        ({"trial": "Trial"}, "trial: found 'Trial', expected {trial} and {trials} in braces"),
-        ({"paused": "Paused {why}"}, "expected nothing in braces"),
+        ({"trial": "Trial"}, "trial: found 'Trial', expected {trial} and {trials} placeholders"),
+        ({"paused": "Paused {why}"}, "expected no placeholders"),
         ({"paused": "Paused {"}, "paused: found 'Paused {'"),
     ],
 )

@@ -14,7 +14,7 @@ CATCH_UP_TICKS = 20
 
 
 def now_ns() -> int:
-    """Monotonic time of this machine [ns]."""
+    """Return the monotonic time of this machine [ns]."""
     return time.monotonic_ns()
 
 
@@ -34,7 +34,7 @@ class Pacer:
         self.moved_ns = 0
 
     def shift(self, span_ns: int) -> None:
-        """Let this and all later ticks be later by so much; earlier if it is negative [ns]."""
+        """Shift this and all later ticks by a duration; negative for earlier [ns]."""
         self.due_ns += span_ns
 
     def wait(self) -> int:

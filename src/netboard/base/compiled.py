@@ -1,11 +1,11 @@
-"""How kernels are compiled: `kernel` turns a scalar function into strict machine code that is kept between runs.
+"""Compilation of kernels: `kernel` compiles a scalar function to strict machine code and caches it between runs.
 
 Strict means IEEE arithmetic as written: no contraction, no reordering, so that the same input gives the same bits on
 every machine and with the compiler switched off.
 
-Numba renews a kept kernel when its own file has changed, but not when a kernel it calls has changed in another file: it
-would silently go on with the old code. So the kernels of every state of the package's source have a folder of their
-own, and the folders of other states are removed after a day: a process that was started before may still need one.
+Numba recompiles a cached kernel when its own file has changed, but not when a kernel that it calls has changed in
+another file; it would silently run the old code. Therefore each version of the package's source has its own cache
+folder. Folders of other versions are removed after a day, because a running process may still use one.
 """
 
 import hashlib
@@ -29,16 +29,16 @@ A = TypeVar("A")
 PREFIX = "kernels-"
 
 UNUSED_S = 24 * 3600.0
-"""Kernels of another state of the source that nobody has added to for so long are removed [s]."""
+"""Age at which an unchanged cache folder of another source version is removed [s]."""
 
 
 def _choose_folder() -> None:
-    """Tell numba where to keep kernels, in this process and those it starts; a folder the user has chosen stays."""
+    """Set Numba's cache folder for this process and its children, unless the user has set one."""
     package = Path(__file__).parents[1]
     state = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         state.update(source.read_bytes())
-    # A service of systemd has a cache of its own (CacheDirectory=), and may write nothing into the package.
+    # A systemd service has its own cache (CacheDirectory=), and may not write into the package.
     given = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
     folder = Path(given or package / "__pycache__") / f"{PREFIX}{state.hexdigest()[:16]}"
     chosen = os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
@@ -46,7 +46,7 @@ def _choose_folder() -> None:
         for other in folder.parent.glob(f"{PREFIX}*"):
             if time.time() - other.stat().st_mtime > UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
-    # Numba read the environment when it was imported, which may have been by someone else.
+    # Numba read the environment when it was imported, possibly before this module.
     numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
 
 
@@ -54,33 +54,32 @@ _choose_folder()
 
 
 def folder() -> Path:
-    """Where what is compiled on this machine is kept."""
+    """Return the cache folder of compiled code."""
     return Path(os.environ["NUMBA_CACHE_DIR"])
 
 
 STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite.
 
-Numba lets a kernel inherit what it does not say itself from the first caller that it is compiled for, and keeps it so
-for every other: each option is said.
+A kernel inherits unset options from the first caller that it is compiled for, and Numba keeps that version for all
+callers. Therefore each option is set.
 """
 
 INLINED: dict[str, Any] = {**STRICT, "forceinline": True}
 """The same, compiled into every caller."""
 
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"contract"}}
-"""A product and a sum may be rounded once, as one (fused multiply-add), which not every machine does. Nothing else is
-let go: a sum keeps its order, and what is not finite is still found out."""
+"""Permits fused multiply-add, which not every machine has, and nothing else: sums keep their order, and non-finite
+values are still detected."""
 
 LOOSE: dict[str, Any] = {**FAST, "forceinline": True}
 """The same, compiled into every caller."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function on its first call, or take it from those kept. It never raises: x / 0 is infinite.
+    """Compile a function on its first call, or load it from the cache. It never raises: x / 0 is infinite.
 
-    What a function made within another one finds there (numbers, named tuples of them) are constants to the compiler:
-    what they make needless falls away.
+    Numbers and named tuples in the closure of a function are compile-time constants, and dead code is removed.
 
     Parameters
     ----------
@@ -93,36 +92,36 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function into every kernel that calls it, so that what it need not compute there falls away."""
+    """Compile a function into every kernel that calls it, so that dead code is removed there."""
     compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(function)
     return compiled
 
 
 def fast(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function as `kernel` does, with fused multiply-adds: never for what must verify to the bit.
+    """Compile a function as `kernel` does, with fused multiply-adds; never for code that must verify to the bit.
 
     Parameters
     ----------
     function : callable
-        As for `kernel`; what it calls is as strict as it was, but for what `loosened` makes.
+        As for `kernel`. Kernels that it calls stay strict, except those from `loosened`.
     """
     compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(function)
     return compiled
 
 
 _CHOICES: dict[Any, Callable[..., object]] = {}
-"""What `specialised` was given for each function."""
+"""Selection function that `specialised` registered for each function."""
 
 
 def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Callable[P, R]:
-    """Compile a function as `kernel` does, with kernels made at run time in the place of those that it names.
+    """Compile a function as `kernel` does, with kernels made at run time in place of those that it names.
 
-    Numba keeps it under a name of its own for each of what those were made with: their constants.
+    Numba caches it under a name that depends on the constants of these kernels.
 
     Parameters
     ----------
     **kernels : callable
-        Kernels, by the name of what the function's module has in their place.
+        Kernels, by the name that they replace in the module of the function.
     """
     texts = {name: getattr(found, "py_func", found) for name, found in kernels.items()}
     made_with = {name: [cell.cell_contents for cell in text.__closure__ or ()] for name, text in texts.items()}
@@ -133,12 +132,12 @@ def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Call
 
 
 def specialised(function: Callable[..., object]) -> Callable[[Callable[..., object]], None]:
-    """Let the decorated function choose, by the types of the arguments, what is compiled in place of a plain one.
+    """Let the decorated function select, by the types of the arguments, the code compiled in place of a function.
 
     Parameters
     ----------
     function : callable
-        Plain Python; what it does, the chosen text must do in the same order.
+        Plain Python; the selected code must perform the same operations in the same order.
 
     Returns
     -------
@@ -156,14 +155,14 @@ def specialised(function: Callable[..., object]) -> Callable[[Callable[..., obje
 
 
 def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P, R]:
-    """Return the text of a strict kernel, and of all that it calls, compiled anew for a `fast` one.
+    """Return a copy of a strict kernel, and of all that it calls, for use in a `fast` one.
 
-    So the equations are written once. It is compiled into its caller, and kept with that.
+    So each equation is written once. The copy is compiled into its caller, and cached with it.
 
     Parameters
     ----------
     instead : mapping of callable to callable
-        What to call in place of some of the functions that it calls.
+        Replacements for functions that it calls.
     """
     done = dict(instead)
 
@@ -184,14 +183,14 @@ def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P
 
 
 def _copied(text: Any, again: Callable[[Any], Any]) -> FunctionType:
-    """Return the same text with other functions under the names that it uses."""
+    """Return a copy of a function with replaced globals and closure."""
     known = {name: again(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
     cells = tuple(CellType(again(cell.cell_contents)) for cell in text.__closure__ or ())
     return FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
 
 
 def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Callable[[Any], Any]) -> None:
-    """Let numba choose for the copy as for the function, and copy what was chosen."""
+    """Register the selection of a function for its copy."""
 
     def chosen(*arguments: Any) -> Any:
         text = choose(*arguments)
@@ -203,20 +202,20 @@ def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Call
 
 
 def borrowed(array: A) -> A:
-    """Return the same array for use in a kernel that does not count who holds it: counting costs more than a step.
+    """Return the array without reference counting inside a kernel, where counting would cost more than a step.
 
-    Every tuple made of an array, and every function given that tuple, would count up and down, 5 ns each.
+    Every tuple with an array, and every call with that tuple, would update the count, 5 ns each.
 
     Parameters
     ----------
     array : ndarray
-        An argument of the kernel: its caller holds it for as long as the kernel runs.
+        An argument of the kernel; its caller keeps it alive while the kernel runs.
     """
     return array
 
 
 def _uncounted(context: Any, array: Any) -> Any:
-    """Write the array's structure without its owner."""
+    """Write the structure of the array without its memory owner."""
 
     def write(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         made = cgutils.create_struct_proxy(array)(target, builder, arguments[0])

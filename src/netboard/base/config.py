@@ -1,4 +1,4 @@
-"""The configuration: one TOML text for rig and experiment, checked and turned into frozen dataclasses.
+"""Configuration: one TOML text for rig and experiment, validated and parsed into frozen dataclasses.
 
 Every default is the paper's. Every quantity is in SI units and says so in its metadata, from which error messages, the
 commented template of ``netboard config init`` and the documentation are made. An unknown key, a wrong type or a value
@@ -61,7 +61,7 @@ ADAPTER: TypeAdapter[Config] = TypeAdapter(Config)
 
 
 def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = ()) -> Config:
-    """Check a TOML text and turn it into a `Config`.
+    """Validate a TOML text and parse it into a `Config`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = (
     source : str
         Name of the file, for error messages.
     overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the text.
+        Settings as ``table.key=value`` that take precedence over those of the text.
 
     Returns
     -------
@@ -102,13 +102,13 @@ def resolve(config: Config) -> str:
     Returns
     -------
     str
-        TOML text with every key; `parse` makes of it an equal configuration, to the last bit.
+        TOML text with every key; `parse` returns an equal configuration, to the last bit.
     """
     return write(config)
 
 
 def template() -> str:
-    """Write the defaults with a comment at every key, as a file to start from.
+    """Write the defaults with a comment at every key, as a template.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def template() -> str:
 
 
 def played_sides(config: Config) -> tuple[Side, ...]:
-    """Which sides are played in their display's window.
+    """Return the sides that are played in their display's window.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def played_sides(config: Config) -> tuple[Side, ...]:
 
 
 def digest(config: Config) -> str:
-    """Fingerprint of a configuration: equal configurations have equal fingerprints.
+    """Return the hash of a configuration; equal configurations have equal hashes.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def digest(config: Config) -> str:
 
 
 def contradictions(config: Config) -> Iterator[str]:
-    """Find keys that are right each by itself and wrong together.
+    """Find keys that are valid by themselves and contradict each other.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def contradictions(config: Config) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     yield from of_scene(config.physics)
     yield from of_block(config.block)

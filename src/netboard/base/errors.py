@@ -15,11 +15,11 @@ force, an aborted trial) is a value, an event or a counter, never an exception.
 
 
 class NetboardError(Exception):
-    """Base of everything netboard raises on purpose."""
+    """Base of all exceptions that netboard raises deliberately."""
 
 
 class ConfigError(NetboardError):
-    """The configuration is wrong; the message names file, table and key, and what was expected."""
+    """The configuration is invalid; the message names file, table, key and the expected value."""
 
 
 class DeviceError(NetboardError):
@@ -27,11 +27,11 @@ class DeviceError(NetboardError):
 
 
 class DeviceNotFound(DeviceError):
-    """No such device, or its driver is missing."""
+    """The device or its driver is missing."""
 
 
 class DeviceLost(DeviceError):
-    """The device answered before and does not any more."""
+    """The device has stopped answering."""
 
 
 class DeviceTimeout(DeviceError, TimeoutError):
@@ -39,7 +39,7 @@ class DeviceTimeout(DeviceError, TimeoutError):
 
 
 class WireError(NetboardError):
-    """A peer sent something the protocol does not allow."""
+    """A peer violated the protocol."""
 
 
 class RecordingError(NetboardError):

@@ -1,4 +1,4 @@
-"""What the doctor finds: for each thing looked at a colour, what was found, and what to do about it."""
+"""Findings of the doctor: colour, observation and advice for each check."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,7 @@ class Finding:
 
 
 def text_of(path: Path) -> str:
-    """Text of one of the system's files, stripped; empty where it is not there or not for us to read."""
+    """Return the text of a system file, stripped; empty if it is missing or may not be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

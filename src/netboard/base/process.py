@@ -1,8 +1,8 @@
-"""What a process owes its machine and its operator: it stops when asked, keeps a steady loop, says what it does.
+"""Process set-up: clean stop on signals, real-time scheduling, systemd notifications, logging.
 
-Real time is asked for in one place, `prepare`, with priorities from one table, `Priority`. Nothing here is fatal: what
-a system does not offer or allow is said in one line, and the process goes on without it. docs/how-to/real-time.md
-says what each thing is for and how to permit it.
+`prepare` is the only place that requests real-time features, with priorities from the table `Priority`. Nothing here is
+fatal: a feature that the system does not offer or allow is logged in one line, and the process continues without it.
+docs/how-to/real-time.md explains each feature and how to permit it.
 """
 
 import ctypes
@@ -29,37 +29,37 @@ if sys.platform != "win32":
 
 _STOP_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(signal, name))
-"""What asks a process to stop cleanly, on one system or another."""
+"""Signals that request a clean stop, on any system."""
 
 NAME = f"{platform.node()}:{os.getpid()}"
-"""How this process is told from all others, for peers and people."""
+"""Identity of this process: host and process number."""
 
 SELDOM_S = 1.0
-"""What may happen any number of times is said this often [s]."""
+"""Interval between log lines of a repeated event [s]."""
 
 OK, OFF = "ok", "off"
-"""What came of something asked for: granted, or not asked for. Anything else is why it was refused."""
+"""Result of a request: granted, or not requested; any other text is the reason of a refusal."""
 
-MCL_CURRENT, MCL_FUTURE = 1, 2
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 """Flags of mlockall on Linux."""
 
 PR_SET_TIMERSLACK = 29
-"""prctl on Linux: how late a sleeping thread may be woken, to wake others with it."""
+"""Linux prctl option: how late the kernel may wake a sleeping thread to coalesce timers."""
 
 AWAKE = Path("/dev/cpu_dma_latency")
-"""While a process holds this open, no core sleeps so deep that waking takes longer than what was written to it."""
+"""Linux PM QoS: while this file is open, cores use only sleep states with at most the written wake-up latency."""
 
 AWAKE_US = 2
-"""The lightest sleep of a core is left within this; 0 would let every idle core spin, hot, at the others' cost [us]."""
+"""Largest wake-up latency; it permits the lightest sleep state, while 0 would make idle cores spin [us]."""
 
 ALIVE_S = 1.0
-"""What started a process is told so often that it is alive [s]."""
+"""Interval of watchdog messages to the supervisor [s]."""
 
 SUPERVISOR = "NOTIFY_SOCKET"
-"""In the environment of a process that shall tell what started it how it is: where."""
+"""Environment variable with the address of the supervisor's socket (sd_notify)."""
 
 WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
-"""Set in the environment of a process that shall not outlive the one that started it."""
+"""Environment variable of a process that stops when its parent ends."""
 
 log = logging.getLogger(__name__)
 
@@ -67,9 +67,9 @@ log = logging.getLogger(__name__)
 class Priority(IntEnum):
     """SCHED_FIFO priorities of netboard's loops; no others are in use.
 
-    The server goes before the agents, because both wait for it. ZeroMQ's own threads go before their loop, by
-    `IO_ABOVE`: what a loop sends is then on its way at once, not after the rest of the tick, even where both share a
-    core. Logger, displays and all else are scheduled as usual. Interrupt threads of a PREEMPT_RT kernel have 50.
+    The server precedes the agents, because both wait for it. ZeroMQ's threads precede their loop by `IO_ABOVE`, so that
+    messages leave at once and not after the rest of the tick, even on a shared core. Logger, displays and all others
+    have normal scheduling. Interrupt threads of a PREEMPT_RT kernel have 50.
     """
 
     AGENT = 50
@@ -77,21 +77,21 @@ class Priority(IntEnum):
 
 
 IO_ABOVE = 5
-"""By how much the priority of ZeroMQ's threads is above that of the loop they serve [1]."""
+"""Priority of ZeroMQ's threads above that of their loop [1]."""
 
 
 PLACES = ("server", "left", "right")
-"""The loops of a rig, in the order in which they get CPUs of their own, from the last one down."""
+"""Loops of a rig, in the order in which they get CPUs of their own, from the highest CPU number down."""
 
 AUTO = "auto"
 
 PRIORITY = "priority"
 _granted: dict[str, int] = {}
-"""What `prepare` was granted for the loop of this process."""
+"""Priority that `prepare` was granted for the loop of this process."""
 
 
 class Supervisor:
-    """What started this process and watches over it, where that is systemd or speaks as it does (sd_notify)."""
+    """Supervisor of this process: systemd, or any other that uses sd_notify."""
 
     def __init__(self) -> None:
         address = os.environ.get(SUPERVISOR, "")
@@ -100,7 +100,7 @@ class Supervisor:
         self._ready = False
 
     def alive(self) -> None:
-        """Say that the loop is alive, once a second however often it is called; the first time, that it is ready."""
+        """Report that the process is ready, then that it is alive, at most once a second."""
         if not self._address:
             return
         now = time.monotonic()
@@ -109,17 +109,17 @@ class Supervisor:
             self._ready = self._tell("WATCHDOG=1" if self._ready else "READY=1") or self._ready
 
     def stopping(self) -> None:
-        """Say that the process is about to end."""
+        """Report that the process is stopping."""
         if self._address:
             self._tell("STOPPING=1")
 
     def _tell(self, words: str) -> bool:
-        """Say something without waiting, and tell whether it was taken; to what is gone, nothing more is said."""
+        """Send a message without blocking; return whether it was accepted. Stop sending when the supervisor is gone."""
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
                 to.setblocking(False)
                 to.sendto(words.encode(), self._address)
-        except BlockingIOError:  # it has not yet heard what was said before
+        except BlockingIOError:  # the socket is full
             return False
         except OSError as error:
             log.warning("cannot tell %s %s (%s)", self._address, words, error.strerror)
@@ -129,10 +129,10 @@ class Supervisor:
 
 
 class Stopping:
-    """While entered, turns stop signals into an answer instead of an interruption: ``stopping()`` tells.
+    """Context in which a stop signal sets a flag instead of interrupting; calling the instance returns the flag.
 
-    A second signal does not wait for a clean end: it interrupts as usual. Every loop asks again and again, so whoever
-    asks is alive, and what started the process is told so.
+    A second signal interrupts as usual. Every loop polls the flag, so each call also reports to the supervisor that the
+    process is alive.
     """
 
     def __init__(self) -> None:
@@ -142,7 +142,7 @@ class Stopping:
         self._supervisor = Supervisor()
 
     def __call__(self) -> bool:
-        """Whether the process has been asked to stop, or has lost the parent it shall not outlive."""
+        """Return whether a stop was requested, or the parent process has ended."""
         stop = self._asked or (self._parent is not None and os.getppid() != self._parent)
         if not stop:
             self._supervisor.alive()
@@ -170,10 +170,9 @@ class Stopping:
 
 
 def steady_loop() -> None:
-    """Begin a steady loop: with the priority that `prepare` was granted, and without pauses of Python's own.
+    """Start a real-time loop: with the priority that `prepare` was granted, and without garbage collection.
 
-    What exists now is never collected again, and no collection interrupts the loop. The thread switch interval is
-    shortened too, so that a library's thread cannot hold the loop up for 5 ms.
+    The thread switch interval is shortened, so that a thread of a library cannot delay the loop by 5 ms.
     """
     gc.collect()
     gc.freeze()
@@ -184,10 +183,10 @@ def steady_loop() -> None:
 
 
 def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
-    """Ask the machine for what a steady loop needs, before anything else is made; say what was refused.
+    """Request the real-time features of a loop, before anything else is created; log refusals.
 
-    Scheduling is tried here and begins with `steady_loop`: making ready, which may take a minute of compiling, must
-    not hold up the rest of the machine.
+    Scheduling is tested here and starts with `steady_loop`, because compiling may take a minute and must not block the
+    rest of the machine.
 
     Parameters
     ----------
@@ -197,7 +196,7 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        What came of each: `OK`, `OFF`, or why it was refused.
+        Result of each request: `OK`, `OFF`, or the reason of a refusal.
     """
     asked: dict[str, Callable[[], None] | None] = {
         "scheduling": partial(_schedule, priority) if wanted.scheduling else None,
@@ -212,10 +211,10 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
 
 
 def cpus_for(loop: str, wanted: Realtime) -> str:
-    """CPUs for one of the `PLACES`, as `prepare` wants them.
+    """Return the CPUs for one of the `PLACES`, for `prepare`.
 
-    By itself a loop gets one CPU, with ZeroMQ's thread: they hand each other every message, and another CPU has to be
-    woken for that. The agents leave the choice to the system where there is not one for each loop of a rig.
+    By default a loop shares one CPU with ZeroMQ's thread, because waking another CPU for each message takes longer.
+    Agents leave the choice to the system if there is not one CPU for each loop.
     """
     cpus = wanted.server_cpus if loop == PLACES[0] else wanted.agent_cpus
     if cpus != AUTO:
@@ -226,12 +225,12 @@ def cpus_for(loop: str, wanted: Realtime) -> str:
 
 
 def io_priority(came: dict[str, str], priority: int) -> int | None:
-    """SCHED_FIFO priority of ZeroMQ's threads for what came of `prepare`; None to leave them as they are."""
+    """Return the SCHED_FIFO priority of ZeroMQ's threads, by the results of `prepare`; None for normal scheduling."""
     return priority + IO_ABOVE if came["scheduling"] == OK else None
 
 
 def make_way(wanted: Realtime) -> None:
-    """Stay off the CPUs that are set aside for server and agents, where others are left; for all who may wait."""
+    """Leave the CPUs reserved for server and agents, if there are others; for processes without deadlines."""
     if taken := ",".join(cpus for cpus in (wanted.server_cpus, wanted.agent_cpus) if cpus not in {"", AUTO}):
         _tried("cpus", partial(_stay_off, taken))
 
@@ -249,7 +248,7 @@ def cpu_set(cpus: str) -> set[int]:
 
 
 def _tried(what: str, ask: Callable[[], None]) -> str:
-    """Ask for something; a refusal is said and not fatal."""
+    """Make a request; log a refusal, which is not fatal."""
     try:
         ask()
     except OSError as error:
@@ -259,13 +258,13 @@ def _tried(what: str, ask: Callable[[], None]) -> str:
 
 
 def _only_on(*systems: str) -> None:
-    """Refuse what other systems do not offer."""
+    """Raise an error on other systems."""
     if sys.platform not in systems:
         raise OSError(errno.ENOSYS, f"not offered on {sys.platform}")
 
 
 def _schedule(priority: int) -> None:
-    """Ask for SCHED_FIFO for this thread, from the beginning of its loop on."""
+    """Request SCHED_FIFO for this thread, from the start of its loop on."""
     _only_on("linux")
     _fifo(priority)
     os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
@@ -273,41 +272,44 @@ def _schedule(priority: int) -> None:
 
 
 def _fifo(priority: int) -> None:
-    """Schedule this thread in real time; what it starts begins as usual (ZeroMQ's thread asks for itself)."""
+    """Set SCHED_FIFO for this thread; threads that it starts have normal scheduling (ZeroMQ's set their own)."""
     os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
 def _stay_on(cpus: str) -> None:
-    """Keep this thread, and those it starts from now on, on some CPUs."""
+    """Restrict this thread, and those it starts from now on, to these CPUs."""
     _only_on("linux")
     os.sched_setaffinity(0, cpu_set(cpus))
 
 
 def _stay_off(cpus: str) -> None:
-    """Keep this thread, and those it starts from now on, off some CPUs, if others are left."""
+    """Exclude these CPUs for this thread and those it starts from now on, if others are left."""
     _only_on("linux")
     if others := os.sched_getaffinity(0) - cpu_set(cpus):
         os.sched_setaffinity(0, others)
 
 
 def _lock_memory() -> None:
-    """Ask that no page of this process is ever taken out of memory, now or later."""
+    """Lock all pages that this process uses in memory, now and later.
+
+    Pages that it never uses are not loaded: most of the compiler's library, and of the threads' stacks.
+    """
     _only_on("linux")
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
         # It might be enough for now; but beyond it, asking for more memory would fail in the middle of a session.
         raise OSError(errno.ENOMEM, f"the limit is {limit / 1e6:.0f} MB, expected none")
-    _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE))
+    _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT))
 
 
 def _wake_in_time() -> None:
-    """Ask to be woken exactly when due, not up to 50 us later; matters only without real-time scheduling."""
+    """Set the timer slack to its minimum; the default is 50 us. It matters only without real-time scheduling."""
     _only_on("linux")
     _libc(lambda libc: libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0))
 
 
 def _keep_awake() -> None:
-    """Keep every core from sleeping deep until this process ends: the file stays open."""
+    """Disable deep sleep states of all cores until this process ends, by keeping the file open."""
     _only_on("linux")
     handle = os.open(AWAKE, os.O_WRONLY)
     os.write(handle, AWAKE_US.to_bytes(4, sys.byteorder))
@@ -321,19 +323,19 @@ def _libc(call: Callable[[ctypes.CDLL], int]) -> None:
 
 
 def peak_memory() -> float:
-    """Most memory that this process has ever held, in bytes; NaN where the system does not say [1]."""
+    """Return the peak memory of this process, in bytes; NaN if the system does not report it [1]."""
     status = Path("/proc/self/status")
     lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
     return next((float(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")), float("nan"))
 
 
 def speak(name: str) -> None:
-    """Let log lines go to standard error, each with the name of the process."""
+    """Log to standard error, with the name of the process in each line."""
     logging.basicConfig(level=logging.INFO, format=f"%(relativeCreated)8d ms  {name}  %(message)s", force=True)
 
 
 class Seldom:
-    """Says what may happen any number of times: at once, and then once a second at most, with the number of times."""
+    """Logs a repeated event at once, then at most once a second, with the number of times."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -341,7 +343,7 @@ class Seldom:
         self._said = -SELDOM_S
 
     def say(self, text: str) -> None:
-        """Say it, or only count it."""
+        """Log the event, or only count it."""
         self._times += 1
         now = time.monotonic()
         if now - self._said >= SELDOM_S:

@@ -1,4 +1,4 @@
-"""Tables on a terminal: the one place that makes them.
+"""Tables on a terminal; no other module makes any.
 
 A row can be told from every other row at any width. The columns that identify a row come first and are never cut: not
 shortened with an ellipsis, and folded only where they alone are wider than the terminal. Numbers are never broken. Text
@@ -16,28 +16,28 @@ from rich.table import Table
 from rich.text import Text
 
 Cell = str | Text
-"""What is in a cell: plain text, in which brackets are brackets, or styled text."""
+"""Content of a cell: plain text without markup, or styled text."""
 
 GAP = 2
 """Spaces between columns."""
 
 NARROWEST = 24
-"""Text is not wrapped to fewer characters than this."""
+"""Smallest width to which text is wrapped, in characters."""
 
 WIDEST_NAMES = 2 / 3
-"""Columns that identify a row are folded only where they would take more than this share of the terminal."""
+"""Columns that identify a row are wrapped only if they take more than this share of the terminal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """The head of a column, and whether its cells are numbers, which stand to the right and are not wrapped."""
+    """Heading of a column, and whether it holds numbers, which are right-aligned and not wrapped."""
 
     heading: str
     number: bool = False
 
 
 def numbers(*headings: str) -> tuple[Column, ...]:
-    """Columns of numbers."""
+    """Return columns of numbers."""
     return tuple(Column(heading, number=True) for heading in headings)
 
 
@@ -68,12 +68,12 @@ class FittedTable:
         self._styles.append(style)
 
     def end_section(self) -> None:
-        """Leave a blank line before the next row."""
+        """Insert a blank line before the next row."""
         self._sections.add(len(self.rows))
 
     @property
     def names(self) -> int:
-        """How many columns identify a row: the first ones by which all rows differ, or only the first if none do."""
+        """Return how many leading columns identify a row; 1 if no number of them does."""
         for count in range(1, len(self.columns)):
             if len({tuple(cell.plain for cell in row[:count]) for row in self.rows}) == len(self.rows):
                 return count
@@ -92,7 +92,7 @@ class FittedTable:
             yield Text(self.caption, "italic")
 
     def _groups(self, limits: Sequence[tuple[int, int]], width: int) -> Iterator[list[int]]:
-        """Which columns stand side by side."""
+        """Return the groups of columns that fit side by side."""
         names = list(range(self.names))
         group = list(names)
         for place in range(len(names), len(self.columns)):
@@ -103,7 +103,7 @@ class FittedTable:
         yield group
 
     def _limits(self, width: int) -> list[tuple[int, int]]:
-        """Least and natural widths of all columns on a terminal."""
+        """Return minimal and natural widths of all columns."""
         limits = [self._limits_of(place) for place in range(len(self.columns))]
         names = self.names
         room = round(width * WIDEST_NAMES)
@@ -114,7 +114,7 @@ class FittedTable:
         return limits
 
     def _limits_of(self, place: int) -> tuple[int, int]:
-        """Least and natural width of a column."""
+        """Return minimal and natural width of a column."""
         column, heading = self.columns[place], self.columns[place].heading if self.header else ""
         head = max((cell_len(word) for word in heading.split()), default=1)
         most = max([head, *(cell_len(line) for row in self.rows for line in row[place].plain.splitlines())])
@@ -122,7 +122,7 @@ class FittedTable:
         return (most if column.number else max(head, min(most, NARROWEST))), whole
 
     def _table(self, group: Sequence[int], widths: Sequence[int]) -> Table:
-        """The table of some columns."""
+        """Return the table of some columns."""
         table = Table(
             box=box.SIMPLE_HEAD,
             show_edge=False,
@@ -142,12 +142,12 @@ class FittedTable:
 
 
 def _least(limits: Sequence[tuple[int, int]]) -> int:
-    """How wide columns side by side are at least."""
+    """Return the minimal width of columns side by side."""
     return sum(least for least, _ in limits) + GAP * (len(limits) - 1)
 
 
 def _widths(limits: Sequence[tuple[int, int]], width: int) -> list[int]:
-    """Widths of columns side by side: as wide as their cells if that fits, else the wide ones less."""
+    """Return the widths of columns side by side: natural if they fit, else with wide ones reduced."""
     spare = width - GAP * (len(limits) - 1)
     for cap in range(spare, 0, -1):
         widths = [max(least, min(most, cap)) for least, most in limits]

@@ -21,7 +21,10 @@ from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceLost, DeviceNotFound
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
-from netboard.devices.contract.usb_ids import SPACEMOUSE
+from netboard.devices.contract.registry import BACKENDS
+
+SPACEMOUSE = BACKENDS["spacemouse"].usb
+"""USB ids and names of the models."""
 
 FULL_SCALE = 350
 """Approximate axis value at the end of the travel [1]."""

@@ -6,22 +6,40 @@ the refractory time has passed. The action is one ballistic submovement of each 
 moves it towards its neutral height. With one hand, the controller expects the partner to mirror most of its tilting and
 to share its lifting, unless the force on its hand shows otherwise. In a bimanual block it moves both hands.
 
-Rule 1: the inputs are `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
+`decide` is the controller as one kernel over records; `Brain` runs it for one live participant.
+
+Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
 Rule 2: time is an argument and the random generator is passed in, so that results are reproducible.
 """
 
-from dataclasses import dataclass
-from math import radians
+from dataclasses import fields
+from math import exp, inf, isnan, log1p, nan, radians, sqrt
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.config import Side
+from netboard.base.compiled import inlined, kernel
+from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.partner import SIGN, partner_height, partner_seen
-from netboard.participants.senses import BALL_FREE, Glimpse, Percept, Senses, Wander
-from netboard.participants.submovement import Submovement
+from netboard.participants.partner import partner_height, partner_seen
+from netboard.participants.senses import (
+    LEVELLING,
+    NOISE_TIME,
+    PERCEPT,
+    SEEN,
+    SENSES,
+    Glimpse,
+    force_at,
+    is_free,
+    look,
+    take,
+    wander,
+    write_glimpse,
+)
+from netboard.participants.submovement import Submovement, minimum_jerk
 
 THINK_EVERY = 0.010
 """Interval between two decisions [s]."""
@@ -52,24 +70,394 @@ thousand could never be exceeded. As only an action draws a new one, the partici
 LEVEL_MARGIN = 0.7
 """Share of the levelling limits above which a participant corrects tilt or height [1]."""
 
+INTENTS = 64
+"""Submovements that a participant can have in mind at once [1]."""
 
-@dataclass(frozen=True, slots=True)
-class _Intent:
-    """An intended submovement: its expected effect until it becomes visible.
+_SCENE = ("M", "ball", "g", "l", "k_h", "k_s")
 
-    Attributes
+PERSON = np.dtype(
+    [
+        *((field.name, "<f8") for field in fields(Participant)),
+        *((name, "<f8") for name in _SCENE),  # constants of the scene; `ball` is the ball's mass, 0 without one [SI]
+        ("level_angle", "<f8"),  # tilt and height within which the board counts as level [rad, m]
+        ("level_height", "<f8"),
+        ("hands", "<i8"),  # 1: left, 2: right, 3: both
+    ]
+)
+"""Constants of a participant: its own, and what it knows of scene and task."""
+
+INTENT = np.dtype(
+    [
+        ("side", "<i8"),  # 0: left, 1: right
+        ("start", "<f8"),  # [s]
+        ("duration", "<f8"),  # [s]
+        ("displacement", "<f8"),  # without motor noise [m]
+        ("turn", "<f8"),  # part of it that tilts the board; the rest lifts it [m]
+        ("echo", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
+    ]
+)
+"""An intended submovement: its expected effect until it becomes visible."""
+
+MOVE = np.dtype([("side", "<i8"), ("start", "<f8"), ("duration", "<f8"), ("displacement", "<f8")])
+"""A new submovement [s, s, m]."""
+
+MIND = np.dtype(
+    [
+        ("senses", SENSES),
+        ("percept", PERCEPT),
+        ("intents", INTENT, (INTENTS,)),
+        ("intent_count", "<i8"),
+        ("touch", "<f8"),  # present error of a height inferred from force [m]
+        ("thought", "<f8"),  # time of the last decision [s]
+        ("ready", "<f8"),  # earliest time of the next action [s]
+        ("threshold", "<f8"),  # tilt error that triggers the next submovement [rad]
+        ("phase", "<f8"),  # phase seen at the last decision
+    ]
+)
+"""State of a controller."""
+
+
+def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
+    """Pack the constants of a participant for the kernels.
+
+    Parameters
     ----------
-    move : Submovement
-        The movement without motor noise.
-    turn : float
-        Part of the displacement that tilts the board; the rest lifts it [m].
-    echo : float
-        Expected displacement of the partner's hand in the opposite direction, which tilts the board too [m].
-    """
+    person : Participant
+        Parameters of the participant.
+    physics : Physics
+        Constants of the scene, which the participant knows.
+    task : Task
+        Rules of the task, which the participant knows.
+    sides : tuple of {"left", "right"}
+        Hands of the participant: one in a dyad, both in a bimanual block.
 
-    move: Submovement
-    turn: float
-    echo: float
+    Returns
+    -------
+    ndarray of PERSON, shape (1,)
+        The packed record.
+    """
+    if not sides or len(set(sides)) != len(sides):
+        raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
+    packed = np.zeros(1, PERSON)
+    for field in fields(Participant):
+        packed[field.name] = getattr(person, field.name)
+    for name in ("M", "g", "l", "k_h", "k_s"):
+        packed[name] = getattr(physics, name)
+    packed["ball"] = physics.m if physics.balls else 0.0
+    packed["level_angle"], packed["level_height"] = radians(task.level_angle_deg), task.level_height
+    packed["hands"] = sum(1 << SIDES.index(side) for side in sides)
+    return packed
+
+
+@kernel
+def awake(mind: Any, k: Any, rng: np.random.Generator) -> None:
+    """Begin: draw the first noises and the first threshold.
+
+    Parameters
+    ----------
+    mind : record of MIND
+        The state, changed in place.
+    k : record of PERSON
+        The constants.
+    rng : numpy.random.Generator
+        Source of the participant's variability.
+    """
+    senses = mind["senses"]
+    senses["noise_p"] = k["position_noise"] * rng.standard_normal()
+    senses["noise_v"] = k["velocity_noise"] * rng.standard_normal()
+    senses["noise_theta"] = radians(k["tilt_noise_deg"]) * rng.standard_normal()
+    mind["touch"] = k["haptic_noise"] * rng.standard_normal()
+    mind["thought"] = mind["ready"] = -inf
+    mind["threshold"] = _draw_threshold(k, rng)
+
+
+@kernel
+def decide(
+    mind: Any, k: Any, rng: np.random.Generator, now: float, glimpse: Any, felt: float, moves: NDArray[Any]
+) -> int:
+    """Take in display and force, and decide. The caller keeps the interval `THINK_EVERY` between two calls.
+
+    Parameters
+    ----------
+    mind : record of MIND
+        The state, changed in place.
+    k : record of PERSON
+        The constants.
+    rng : numpy.random.Generator
+        Source of the participant's variability.
+    now : float
+        Present time, later than in the previous call [s].
+    glimpse : record of SEEN
+        Newest glimpse of the participant's own display; its time is NaN before the first.
+    felt : float
+        Vertical force on the participant's hand, + = up; NaN without haptic feedback, and with two hands [N].
+    moves : ndarray of MOVE, shape (2,)
+        New submovements, written.
+
+    Returns
+    -------
+    int
+        Number of new submovements; 0 most of the time.
+    """
+    dt = min(now - mind["thought"], 1.0)
+    mind["thought"] = now
+    senses, seen = mind["senses"], mind["percept"]
+    take(senses, now, glimpse, felt)
+    mind["touch"] = wander(mind["touch"], k["haptic_noise"], TOUCH_TIME, dt, rng.standard_normal())
+    senses["noise_p"] = wander(senses["noise_p"], k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
+    senses["noise_v"] = wander(senses["noise_v"], k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
+    tilt_noise = radians(k["tilt_noise_deg"])
+    senses["noise_theta"] = wander(senses["noise_theta"], tilt_noise, NOISE_TIME, dt, rng.standard_normal())
+    if not look(senses, now - k["visual_delay"], seen):
+        return 0
+    _notice(mind, k, rng)
+    _forget(mind, seen["time"] - _lag(k))
+    if now < mind["ready"]:
+        return 0
+    if seen["phase"] == LEVELLING:
+        return _level(mind, k, rng, now, moves)
+    if is_free(seen["phase"]):
+        return _play(mind, k, rng, now, moves)
+    return 0
+
+
+@inlined
+def _lag(k: Any) -> float:
+    """Return the delay from a planned movement to the hand: two muscle lags and the lag of the arm [s]."""
+    return float(2.0 * k["muscle_lag"] + k["arm_damping"] / k["arm_stiffness"])
+
+
+@inlined
+def _notice(mind: Any, k: Any, rng: np.random.Generator) -> None:
+    """Wait for a reaction time once the release of the ball is seen."""
+    phase = mind["percept"]["phase"]
+    if is_free(phase) and not is_free(mind["phase"]):
+        reaction = k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
+        mind["ready"] = mind["percept"]["time"] + reaction
+    mind["phase"] = phase
+
+
+@inlined
+def _forget(mind: Any, shown: float) -> None:
+    """Forget the intents whose whole effect has been seen."""
+    intents, kept = mind["intents"], 0
+    for i in range(mind["intent_count"]):
+        intent = intents[i]
+        if _done(intent, shown) < 1.0:
+            if kept < i:
+                to = intents[kept]
+                to["side"], to["start"], to["duration"] = intent["side"], intent["start"], intent["duration"]
+                to["displacement"], to["turn"], to["echo"] = intent["displacement"], intent["turn"], intent["echo"]
+            kept += 1
+    mind["intent_count"] = kept
+
+
+@inlined
+def _done(intent: Any, when: float) -> float:
+    """Return the share of a submovement that is commanded at a time [1]."""
+    return minimum_jerk((when - intent["start"]) / intent["duration"])
+
+
+@inlined
+def _draw_threshold(k: Any, rng: np.random.Generator) -> float:
+    """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
+    spread = sqrt(log1p(k["threshold_cv"] ** 2))
+    drawn = k["threshold_deg"] * exp(spread * rng.standard_normal())
+    return radians(min(drawn, LARGEST_THRESHOLD * k["max_tilt_deg"]))
+
+
+@inlined
+def _play(mind: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+    """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
+    expected = _expected_tilt(mind, k, now)
+    error = _wanted_tilt(mind, k, expected) - expected
+    if abs(error) <= mind["threshold"]:
+        return 0
+    lift = -k["centring"] * _height(mind, k)
+    return _act(mind, k, rng, now, error, lift, moves)
+
+
+@inlined
+def _wanted_tilt(mind: Any, k: Any, expected: float) -> float:
+    """Return the tilt that takes the predicted ball to the target: the PD law [rad]."""
+    if k["g"] == 0.0:
+        return 0.0
+    ball, speed = _foresee(mind, k, expected)
+    most = radians(k["max_tilt_deg"])
+    wanted = (k["kp"] * (ball - mind["percept"]["target"]) + k["kd"] * speed) / k["g"]
+    return float(min(max(wanted, -most), most))
+
+
+@inlined
+def _foresee(mind: Any, k: Any, expected: float) -> tuple[float, float]:
+    """Predict the ball `lookahead` visual delays after it was seen, without new actions [m, m/s]."""
+    seen = mind["percept"]
+    dt = k["lookahead"] * k["visual_delay"] / FORESIGHT_STEPS
+    ball, speed = seen["p"], seen["v"]
+    for step in range(FORESIGHT_STEPS):
+        share = _share_done(mind, k, seen["time"] + (step + 0.5) * dt)
+        pull = -k["g"] * (seen["theta"] + share * (expected - seen["theta"]))
+        ball += speed * dt + pull * dt * dt / 2.0
+        speed += pull * dt
+    return ball, speed
+
+
+@inlined
+def _share_done(mind: Any, k: Any, when: float) -> float:
+    """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
+    lag = _lag(k)
+    left = done = 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        size = abs(intent["turn"])
+        before = _done(intent, mind["percept"]["time"] - lag)
+        left += size * (1.0 - before)
+        done += size * (_done(intent, when - lag) - before)
+    return done / left if left > 0.0 else 1.0
+
+
+@inlined
+def _expected_tilt(mind: Any, k: Any, now: float) -> float:
+    """Return the tilt of the board once all movements under way are complete [rad]."""
+    lever, theta = 2.0 * k["l"], mind["percept"]["theta"]
+    if k["hands"] == 3:
+        return float(theta + (_under_way(mind, k, 1) - _under_way(mind, k, 0)) / lever)
+    side = k["hands"] - 1
+    sign = 2.0 * side - 1.0
+    own = _under_way(mind, k, side)
+    when = mind["percept"]["time"] - _lag(k)
+    echo = 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        echo += intent["echo"] * (1.0 - _done(intent, when))
+    likely = own - _turning(mind, k, side) - echo
+    other = _other_rise(mind, k, now, side, likely)
+    return float(theta + sign * own / lever - sign * other / lever)
+
+
+@inlined
+def _under_way(mind: Any, k: Any, side: int) -> float:
+    """Return the remaining displacement of an own hand from where it was seen [m]."""
+    when, rise = mind["percept"]["time"] - _lag(k), 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        if intent["side"] == side:
+            rise += intent["displacement"] * (1.0 - _done(intent, when))
+    return rise
+
+
+@inlined
+def _turning(mind: Any, k: Any, side: int) -> float:
+    """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
+    when, rise = mind["percept"]["time"] - _lag(k), 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        if intent["side"] == side:
+            rise += intent["turn"] * (1.0 - _done(intent, when))
+    return rise
+
+
+@inlined
+def _other_rise(mind: Any, k: Any, now: float, side: int, guess: float) -> float:
+    """Estimate the displacement of the partner's hand since it was seen: a guess, corrected by the force [m]."""
+    then = now - k["haptic_delay"]
+    late, early = force_at(mind["senses"], then), force_at(mind["senses"], then - FELT_SPAN)
+    shown = _own_height(mind, side)
+    unknown = isnan(late) or isnan(early) or isnan(shown)
+    if unknown or k["haptic_gain"] == 0.0 or k["k_s"] == 0.0:
+        return guess
+    sign = 2.0 * side - 1.0
+    before = _partner_at(mind, k, then - FELT_SPAN, early, side)
+    height = _partner_at(mind, k, then, late, side)
+    felt = height + (height - before) / FELT_SPAN * FELT_AHEAD + mind["touch"]
+    rise = felt - partner_seen(shown, mind["percept"]["theta"], sign, k["l"])
+    return float((1.0 - k["haptic_gain"]) * guess + k["haptic_gain"] * rise)
+
+
+@inlined
+def _partner_at(mind: Any, k: Any, when: float, force: float, side: int) -> float:
+    """Return the height of the partner's hand at a time, inferred from the force then [m]."""
+    seen = mind["percept"]
+    own = _own_height(mind, side) + _moved(mind, k, side, when)
+    return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)
+
+
+@inlined
+def _moved(mind: Any, k: Any, side: int, when: float) -> float:
+    """Return the displacement of an own hand from where it was seen to a later time [m]."""
+    lag, rise = _lag(k), 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        if intent["side"] == side:
+            progress = _done(intent, when - lag) - _done(intent, mind["percept"]["time"] - lag)
+            rise += intent["displacement"] * progress
+    return rise
+
+
+@inlined
+def _own_height(mind: Any, side: int) -> float:
+    """Return the height of an own hand as seen; NaN if it is hidden [m]."""
+    return float(mind["percept"]["left"] if side == 0 else mind["percept"]["right"])
+
+
+@inlined
+def _height(mind: Any, k: Any) -> float:
+    """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
+    total, count = 0.0, 0
+    for side in range(2):
+        shown = _own_height(mind, side)
+        if k["hands"] & (1 << side) and not isnan(shown):
+            lifting = _under_way(mind, k, side) - _turning(mind, k, side)
+            total += shown - (2.0 * side - 1.0) * k["l"] * mind["percept"]["theta"] + lifting
+            count += 1
+    return total / count if count > 0 else mind["percept"]["z"]
+
+
+@inlined
+def _level(mind: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+    """Write the submovements that level the board at its neutral height; none if it is level."""
+    error, height = -_expected_tilt(mind, k, now), _height(mind, k)
+    tilted, off = abs(error) > LEVEL_MARGIN * k["level_angle"], abs(height) > LEVEL_MARGIN * k["level_height"]
+    if not tilted and not off:
+        return 0
+    count = _act(mind, k, rng, now, error if tilted else 0.0, -height if off else 0.0, moves)
+    mind["ready"] = now + moves[count - 1]["duration"] + _lag(k) + k["visual_delay"]
+    return count
+
+
+@kernel
+def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
+    """Write one submovement of each own hand that tilts and lifts the board [rad, m]; return how many."""
+    mind["threshold"] = _draw_threshold(k, rng)
+    duration = k["movement_time"] * exp(k["movement_cv"] * rng.standard_normal())
+    scale = 1.0 + k["amplitude_cv"] * rng.standard_normal()
+    wait = uneven = 0.0
+    late = -1
+    if k["hands"] == 3:
+        late = int(rng.integers(0, 2))
+        wait = abs(k["bimanual_async"] * rng.standard_normal())
+        uneven = k["bimanual_amplitude_cv"] / 2.0 * rng.standard_normal()
+    trust = min(max(k["partner_noise"] * rng.standard_normal(), -1.0), 1.0)
+    count = 0
+    for side in range(2):
+        if not k["hands"] & (1 << side):
+            continue
+        sign = 2.0 * side - 1.0
+        share = sign * k["l"] * turn
+        start = now + (wait if side == late else 0.0)
+        if mind["intent_count"] == INTENTS:
+            raise ValueError("a simulated participant has too many submovements in mind")
+        intent = mind["intents"][mind["intent_count"]]
+        intent["side"], intent["start"], intent["duration"] = side, start, duration
+        intent["displacement"], intent["turn"] = share + lift, share
+        intent["echo"] = MIRROR * share * (1.0 + trust)
+        mind["intent_count"] += 1
+        move = moves[count]
+        move["side"], move["start"], move["duration"] = side, start, duration
+        move["displacement"] = (share + lift) * scale * (1.0 + sign * uneven)
+        count += 1
+    mind["ready"] = now + k["refractory"]
+    return count
 
 
 class Brain:
@@ -97,20 +485,12 @@ class Brain:
         sides: tuple[Side, ...],
         rng: np.random.Generator,
     ) -> None:
-        if not sides or len(set(sides)) != len(sides):
-            raise ValueError(f"a brain moves one hand or two different ones, not {sides}")
-        self._person = person
-        self._physics = physics
-        self._task = task
-        self._sides = sides
+        self.person = pack_person(person, physics, task, sides)
+        self.mind = np.zeros(1, MIND)
         self._rng = rng
-        self._senses = Senses(person, rng)
-        self._touch = Wander(person.haptic_noise, TOUCH_TIME, rng)
-        self._intents: list[_Intent] = []
-        self._thought = -np.inf
-        self._ready = -np.inf
-        self._threshold = self._draw_threshold()
-        self._phase = ""
+        self._glimpse = np.zeros(1, SEEN)
+        self._moves = np.zeros(2, MOVE)
+        awake(self.mind[0], self.person[0], rng)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Run `think` if `THINK_EVERY` has passed since the last decision; may be called at any rate.
@@ -129,7 +509,7 @@ class Brain:
         tuple of Submovement
             New submovements; empty most of the time.
         """
-        return () if now - self._thought < THINK_EVERY else self.think(now, glimpse, felt)
+        return () if now - self.mind[0]["thought"] < THINK_EVERY else self.think(now, glimpse, felt)
 
     def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Take in display and force, and decide. The caller keeps the interval `THINK_EVERY` between two calls.
@@ -148,181 +528,11 @@ class Brain:
         tuple of Submovement
             New submovements; empty most of the time.
         """
-        dt = min(now - self._thought, 1.0)
-        self._thought = now
-        self._senses.take(now, glimpse, felt)
-        self._touch.step(dt)
-        seen = self._senses.look(now, dt)
-        if seen is None:
-            return ()
-        self._notice(seen)
-        self._intents = [i for i in self._intents if i.move.progress(seen.glimpse.time - self._lag) < 1.0]
-        if now < self._ready:
-            return ()
-        match seen.glimpse.phase:
-            case "levelling":
-                return self._level(now, seen)
-            case "running" | "holding":
-                return self._play(now, seen)
-            case _:
-                return ()
-
-    @property
-    def _lag(self) -> float:
-        """Delay from a planned movement to the hand: two muscle lags and the lag of the arm [s]."""
-        p = self._person
-        return 2.0 * p.muscle_lag + p.arm_damping / p.arm_stiffness
-
-    def _notice(self, seen: Percept) -> None:
-        """Wait for a reaction time once the release of the ball is seen."""
-        phase = seen.glimpse.phase
-        if phase in BALL_FREE and self._phase not in BALL_FREE:
-            p = self._person
-            reaction = p.reaction_time * max(0.0, 1.0 + REACTION_CV * float(self._rng.standard_normal()))
-            self._ready = seen.glimpse.time + reaction
-        self._phase = phase
-
-    def _draw_threshold(self) -> float:
-        """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
-        p = self._person
-        spread = float(np.sqrt(np.log1p(p.threshold_cv**2)))
-        drawn = p.threshold_deg * float(np.exp(spread * self._rng.standard_normal()))
-        return radians(min(drawn, LARGEST_THRESHOLD * p.max_tilt_deg))
-
-    def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
-        """Return the submovements that steer the ball; none if the tilt error is below the threshold."""
-        expected = self._expected_tilt(now, seen)
-        error = self._wanted_tilt(seen, expected) - expected
-        if abs(error) <= self._threshold:
-            return ()
-        lift = -self._person.centring * self._height(seen)
-        return self._act(now, error, lift)
-
-    def _wanted_tilt(self, seen: Percept, expected: float) -> float:
-        """Return the tilt that takes the predicted ball to the target: the PD law [rad]."""
-        p, g = self._person, self._physics.g
-        if g == 0.0:
-            return 0.0
-        ball, speed = self._foresee(seen, expected)
-        most = radians(p.max_tilt_deg)
-        return min(max((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most), most)
-
-    def _foresee(self, seen: Percept, expected: float) -> tuple[float, float]:
-        """Predict the ball `lookahead` visual delays after it was seen, without new actions [m, m/s]."""
-        p = self._person
-        dt = p.lookahead * p.visual_delay / FORESIGHT_STEPS
-        ball, speed = seen.p, seen.v
-        for k in range(FORESIGHT_STEPS):
-            share = self._share_done(seen, seen.glimpse.time + (k + 0.5) * dt)
-            pull = -self._physics.g * (seen.theta + share * (expected - seen.theta))
-            ball += speed * dt + pull * dt * dt / 2.0
-            speed += pull * dt
-        return ball, speed
-
-    def _share_done(self, seen: Percept, when: float) -> float:
-        """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
-        shown = seen.glimpse.time - self._lag
-        moves = [(abs(i.turn), i.move) for i in self._intents]
-        going = [(size, m.progress(shown), m.progress(when - self._lag)) for size, m in moves]
-        left = sum(size * (1.0 - before) for size, before, _ in going)
-        return sum(size * (then - before) for size, before, then in going) / left if left > 0.0 else 1.0
-
-    def _expected_tilt(self, now: float, seen: Percept) -> float:
-        """Return the tilt of the board once all movements under way are complete [rad]."""
-        lever = 2.0 * self._physics.l
-        own = {side: self._under_way(side, seen) for side in self._sides}
-        tilt = seen.theta + sum(SIGN[side] * rise for side, rise in own.items()) / lever
-        if len(self._sides) == 2:
-            return tilt
-        (side,) = self._sides
-        when = seen.glimpse.time - self._lag
-        echo = sum(i.echo * (1.0 - i.move.progress(when)) for i in self._intents)
-        likely = own[side] - self._turning(side, seen) - echo
-        other = self._other_rise(now, seen, side, likely)
-        return tilt - SIGN[side] * other / lever
-
-    def _under_way(self, side: Side, seen: Percept) -> float:
-        """Return the remaining displacement of an own hand from where it was seen [m]."""
-        when = seen.glimpse.time - self._lag
-        moves = [i.move for i in self._intents if i.move.side == side]
-        return sum(m.displacement * (1.0 - m.progress(when)) for m in moves)
-
-    def _turning(self, side: Side, seen: Percept) -> float:
-        """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
-        when = seen.glimpse.time - self._lag
-        return sum(i.turn * (1.0 - i.move.progress(when)) for i in self._intents if i.move.side == side)
-
-    def _other_rise(self, now: float, seen: Percept, side: Side, guess: float) -> float:
-        """Estimate the displacement of the partner's hand since it was seen: a guess, corrected by the force [m]."""
-        p, physics = self._person, self._physics
-        then = now - p.haptic_delay
-        late, early = self._senses.force(then), self._senses.force(then - FELT_SPAN)
-        if late is None or early is None or p.haptic_gain == 0.0 or physics.k_s == 0.0:
-            return guess
-        shown = self._own_height(seen, side)
-        if shown is None:
-            return guess
-        heights = []
-        for when, force in ((then - FELT_SPAN, early), (then, late)):
-            own = shown + self._moved(side, seen, when)
-            ball = seen.p + seen.v * (when - seen.glimpse.time)
-            heights.append(partner_height(force, own, ball, side, physics))
-        rate = (heights[1] - heights[0]) / FELT_SPAN
-        felt = heights[1] + rate * FELT_AHEAD + self._touch.value
-        rise = felt - partner_seen(shown, seen.theta, side, physics)
-        return (1.0 - p.haptic_gain) * guess + p.haptic_gain * rise
-
-    def _moved(self, side: Side, seen: Percept, when: float) -> float:
-        """Return the displacement of an own hand from where it was seen to a later time [m]."""
-        shown = seen.glimpse.time - self._lag
-        moves = [i.move for i in self._intents if i.move.side == side]
-        return sum(m.displacement * (m.progress(when - self._lag) - m.progress(shown)) for m in moves)
-
-    @staticmethod
-    def _own_height(seen: Percept, side: Side) -> float | None:
-        """Return the height of an own hand as seen [m]."""
-        return seen.glimpse.left if side == "left" else seen.glimpse.right
-
-    def _height(self, seen: Percept) -> float:
-        """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
-        heights = []
-        for side in self._sides:
-            shown = self._own_height(seen, side)
-            if shown is not None:
-                lifting = self._under_way(side, seen) - self._turning(side, seen)
-                heights.append(shown - SIGN[side] * self._physics.l * seen.theta + lifting)
-        return sum(heights) / len(heights) if heights else seen.glimpse.z
-
-    def _level(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
-        """Return the submovements that level the board at its neutral height; none if it is level."""
-        task = self._task
-        error = -self._expected_tilt(now, seen)
-        height = self._height(seen)
-        tilted = abs(error) > LEVEL_MARGIN * radians(task.level_angle_deg)
-        off = abs(height) > LEVEL_MARGIN * task.level_height
-        if not tilted and not off:
-            return ()
-        moves = self._act(now, error if tilted else 0.0, -height if off else 0.0)
-        self._ready = now + moves[-1].duration + self._lag + self._person.visual_delay
-        return moves
-
-    def _act(self, now: float, turn: float, lift: float) -> tuple[Submovement, ...]:
-        """Return one submovement of each own hand that tilts and lifts the board [rad, m]."""
-        p = self._person
-        self._threshold = self._draw_threshold()
-        duration = p.movement_time * float(np.exp(p.movement_cv * self._rng.standard_normal()))
-        scale = 1.0 + p.amplitude_cv * float(self._rng.standard_normal())
-        both = len(self._sides) == 2
-        late = self._rng.choice(self._sides) if both else ""
-        wait = abs(p.bimanual_async * float(self._rng.standard_normal())) if both else 0.0
-        uneven = p.bimanual_amplitude_cv / 2.0 * float(self._rng.standard_normal()) if both else 0.0
-        trust = float(np.clip(p.partner_noise * self._rng.standard_normal(), -1.0, 1.0))
-        moves = []
-        for side in self._sides:
-            share = SIGN[side] * self._physics.l * turn
-            start = now + (wait if side == late else 0.0)
-            echo = MIRROR * share * (1.0 + trust)
-            self._intents.append(_Intent(Submovement(side, start, duration, share + lift), share, echo))
-            moves.append(Submovement(side, start, duration, (share + lift) * scale * (1.0 + SIGN[side] * uneven)))
-        self._ready = now + p.refractory
-        return tuple(moves)
+        write_glimpse(glimpse, self._glimpse)
+        force = nan if felt is None else felt
+        mind, person, shown = self.mind[0], self.person[0], self._glimpse[0]
+        count = decide(mind, person, self._rng, now, shown, force, self._moves)
+        return tuple(
+            Submovement(SIDES[move["side"]], float(move["start"]), float(move["duration"]), float(move["displacement"]))
+            for move in self._moves[:count]
+        )

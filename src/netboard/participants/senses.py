@@ -5,13 +5,15 @@ Rule 2: nothing after ``now - delay`` is known yet.
 Rule 3: the ball's velocity is not displayed; it is estimated from the positions seen.
 """
 
-from collections import deque
 from dataclasses import dataclass
-from math import exp, sqrt
+from math import exp, isnan, nan, sqrt
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.base.tables.simulated import Participant
+from netboard.base.compiled import inlined, kernel
+from netboard.task.trials.state_machine import Phase
 
 NOISE_TIME = 0.2
 """Correlation time of perceptual noise [s]."""
@@ -22,8 +24,15 @@ VELOCITY_SPAN = 0.05
 MEMORY = 1.0
 """Time for which glimpses and forces are kept [s]."""
 
-BALL_FREE = ("running", "holding")
-"""Phases in which the ball is free, as a view names them."""
+ROOM = 128
+"""Glimpses and forces that are kept at most; a participant takes one each `THINK_EVERY` [1]."""
+
+LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
+"""Phases of a trial that a participant tells apart."""
+
+_PHASES = {phase.name.lower(): int(phase) for phase in Phase}
+NO_PHASE = -1
+"""Phase of a view for somebody who has nothing to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,171 +67,215 @@ class Glimpse:
     right: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Percept:
-    """What is perceived of a `Glimpse`.
+SEEN = np.dtype([(name, "<f8") for name in ("time", "phase", "z", "theta", "p", "target", "left", "right")])
+"""A `Glimpse` as kernels see it: NaN for what is not shown; the phase is the number of a `Phase`, or `NO_PHASE`."""
 
-    Attributes
-    ----------
-    glimpse : Glimpse
-        The glimpse shown one visual delay ago.
-    theta : float
-        Perceived tilt [rad].
-    p : float
-        Perceived ball position; 0 without a ball [m].
-    v : float
-        Perceived ball velocity; 0 while the ball is fixed [m/s].
-    """
+FELT = np.dtype([("time", "<f8"), ("force", "<f8")])
+"""A force on the hand, + = up; NaN without haptic feedback [s, N]."""
 
-    glimpse: Glimpse
-    theta: float
-    p: float
-    v: float
+NOISES = ("noise_p", "noise_v", "noise_theta")
+
+SENSES = np.dtype(
+    [
+        ("seen", SEEN, (ROOM,)),
+        ("felt", FELT, (ROOM,)),
+        ("first_seen", "<i8"),  # place of the oldest glimpse [1]
+        ("seen_count", "<i8"),
+        ("first_felt", "<i8"),
+        ("felt_count", "<i8"),
+        *((name, "<f8") for name in NOISES),  # present perceptual noise of ball, its velocity and tilt [m, m/s, rad]
+    ]
+)
+"""What a participant remembers of display and force."""
+
+PERCEPT = np.dtype([*((name, SEEN[name]) for name in SEEN.names or ()), ("v", "<f8")])
+"""What is perceived: the glimpse shown one visual delay ago, with noise, and the ball's velocity [m/s]."""
 
 
-class Wander:
-    """Coloured Gaussian noise (Ornstein-Uhlenbeck).
+def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
+    """Write a glimpse for the kernels; without one its time is NaN.
 
     Parameters
     ----------
+    glimpse : Glimpse or None
+        The glimpse.
+    place : ndarray of SEEN, shape (1,)
+        Where to write it.
+    """
+    if glimpse is None:
+        place["time"] = nan
+        return
+    shown = (glimpse.p, glimpse.left, glimpse.right)
+    p, left, right = (nan if value is None else value for value in shown)
+    phase = _PHASES.get(glimpse.phase, NO_PHASE)
+    place[0] = (glimpse.time, phase, glimpse.z, glimpse.theta, p, glimpse.target, left, right)
+
+
+@inlined
+def is_free(phase: float) -> bool:
+    """Return whether the ball is free in a phase.
+
+    Parameters
+    ----------
+    phase : float
+        Number of a `Phase` [1].
+    """
+    return _RUNNING <= phase <= _HOLDING
+
+
+@inlined
+def wander(value: float, deviation: float, time: float, dt: float, normal: float) -> float:
+    """Advance coloured Gaussian noise (Ornstein-Uhlenbeck).
+
+    Parameters
+    ----------
+    value : float
+        Present value, in the unit of the quantity that the noise is added to.
     deviation : float
-        Standard deviation, in the unit of the quantity that the noise is added to.
+        Standard deviation, in the same unit.
     time : float
         Correlation time [s].
-    rng : numpy.random.Generator
-        Source of randomness.
+    dt : float
+        Elapsed time [s].
+    normal : float
+        Standard normal number [1].
+
+    Returns
+    -------
+    float
+        New value.
     """
-
-    def __init__(self, deviation: float, time: float, rng: np.random.Generator) -> None:
-        self._deviation = deviation
-        self._time = time
-        self._rng = rng
-        self.value = deviation * float(rng.standard_normal())
-
-    def step(self, dt: float) -> float:
-        """Advance the noise in time.
-
-        Parameters
-        ----------
-        dt : float
-            Elapsed time [s].
-
-        Returns
-        -------
-        float
-            New value [unit of the deviation].
-        """
-        keep = exp(-dt / self._time)
-        kick = self._deviation * sqrt(1.0 - keep * keep)
-        self.value = keep * self.value + kick * float(self._rng.standard_normal())
-        return self.value
+    keep = exp(-dt / time)
+    return keep * value + deviation * sqrt(1.0 - keep * keep) * normal
 
 
-class Senses:
-    """Vision and force perception of one simulated participant.
+@kernel
+def take(senses: Any, now: float, glimpse: Any, felt: float) -> None:
+    """Store what the display shows and what the hand feels now.
 
     Parameters
     ----------
-    person : Participant
-        Delays and noise of the participant.
-    rng : numpy.random.Generator
-        Source of the noise.
+    senses : record of SENSES
+        The memory, changed in place.
+    now : float
+        Present time [s].
+    glimpse : record of SEEN
+        Newest glimpse; its time is NaN if nothing has been displayed yet.
+    felt : float
+        Vertical force on the participant's hand, + = up; NaN without haptic feedback [N].
     """
-
-    def __init__(self, person: Participant, rng: np.random.Generator) -> None:
-        self._person = person
-        self._seen: deque[Glimpse] = deque()
-        self._felt: deque[tuple[float, float]] = deque()
-        self._p = Wander(person.position_noise, NOISE_TIME, rng)
-        self._v = Wander(person.velocity_noise, NOISE_TIME, rng)
-        self._theta = Wander(float(np.radians(person.tilt_noise_deg)), NOISE_TIME, rng)
-
-    def take(self, now: float, glimpse: Glimpse | None, felt: float | None) -> None:
-        """Store what the display shows and what the hand feels now.
-
-        Parameters
-        ----------
-        now : float
-            Present time [s].
-        glimpse : Glimpse or None
-            Newest glimpse; None if nothing has been displayed yet.
-        felt : float or None
-            Vertical force on the participant's hand, + = up; None without haptic feedback [N].
-        """
-        if glimpse is not None and (not self._seen or glimpse.time > self._seen[-1].time):
-            self._seen.append(glimpse)
-        if felt is None:
-            self._felt.clear()
-        else:
-            self._felt.append((now, felt))
-        while self._seen and self._seen[0].time < now - MEMORY and len(self._seen) > 1:
-            self._seen.popleft()
-        while self._felt and self._felt[0][0] < now - MEMORY:
-            self._felt.popleft()
-
-    def look(self, now: float, dt: float) -> Percept | None:
-        """Return what is perceived of the display now.
-
-        Parameters
-        ----------
-        now : float
-            Present time [s].
-        dt : float
-            Time since the last call [s].
-
-        Returns
-        -------
-        Percept or None
-            Percept of the glimpse shown one visual delay ago; None if there was none.
-        """
-        dp, dv, dtheta = self._p.step(dt), self._v.step(dt), self._theta.step(dt)
-        reached = self._reached(now - self._person.visual_delay)
-        if not reached:
-            return None
-        g = reached[0]
-        if g.p is None:
-            return Percept(g, g.theta + dtheta, 0.0, 0.0)
-        if g.phase not in BALL_FREE:
-            return Percept(g, g.theta + dtheta, g.p + dp, 0.0)
-        return Percept(g, g.theta + dtheta, g.p + dp, _velocity(reached) + dv)
-
-    def force(self, when: float) -> float | None:
-        """Return the force on the participant's hand at a time in the past.
-
-        Parameters
-        ----------
-        when : float
-            A time at least one haptic delay ago [s].
-
-        Returns
-        -------
-        float or None
-            Force on the hand, + = up; None if none was rendered then [N].
-        """
-        for time, felt in reversed(self._felt):
-            if time <= when:
-                return felt
-        return None
-
-    def _reached(self, until: float) -> list[Glimpse]:
-        """Return the glimpses up to a time, as far back as `VELOCITY_SPAN` before the newest, newest first."""
-        reached: list[Glimpse] = []
-        for g in reversed(self._seen):
-            if g.time <= until:
-                if reached and reached[0].time - g.time > VELOCITY_SPAN:
-                    break
-                reached.append(g)
-        return reached
+    seen, count = senses["seen"], senses["seen_count"]
+    newest = seen[(senses["first_seen"] + count - 1) % ROOM]["time"]
+    if not isnan(glimpse["time"]) and (count == 0 or glimpse["time"] > newest):
+        if count == ROOM:
+            senses["first_seen"] = (senses["first_seen"] + 1) % ROOM
+            count -= 1
+        place = seen[(senses["first_seen"] + count) % ROOM]
+        place["time"], place["phase"] = glimpse["time"], glimpse["phase"]
+        place["z"], place["theta"] = glimpse["z"], glimpse["theta"]
+        place["p"], place["target"] = glimpse["p"], glimpse["target"]
+        place["left"], place["right"] = glimpse["left"], glimpse["right"]
+        count += 1
+    while count > 1 and seen[senses["first_seen"]]["time"] < now - MEMORY:
+        senses["first_seen"] = (senses["first_seen"] + 1) % ROOM
+        count -= 1
+    senses["seen_count"] = count
+    _feel(senses, now, felt)
 
 
-def _velocity(seen: list[Glimpse]) -> float:
-    """Return the velocity of the free ball from its last positions, newest first; 0 with only one [m/s]."""
-    last = seen[0]
-    first = last
-    for g in seen:
-        if g.phase not in BALL_FREE:
+@inlined
+def _feel(senses: Any, now: float, felt: float) -> None:
+    """Store the force on the hand; without haptic feedback, forget all forces."""
+    forces, count = senses["felt"], senses["felt_count"]
+    if isnan(felt):
+        senses["felt_count"] = 0
+        return
+    if count == ROOM:
+        senses["first_felt"] = (senses["first_felt"] + 1) % ROOM
+        count -= 1
+    place = forces[(senses["first_felt"] + count) % ROOM]
+    place["time"], place["force"] = now, felt
+    count += 1
+    while count > 0 and forces[senses["first_felt"]]["time"] < now - MEMORY:
+        senses["first_felt"] = (senses["first_felt"] + 1) % ROOM
+        count -= 1
+    senses["felt_count"] = count
+
+
+@kernel
+def look(senses: Any, until: float, percept: Any) -> bool:
+    """Perceive the display as it was at a time, with the present perceptual noise.
+
+    Parameters
+    ----------
+    senses : record of SENSES
+        The memory.
+    until : float
+        One visual delay ago [s].
+    percept : record of PERCEPT
+        The percept, written.
+
+    Returns
+    -------
+    bool
+        Whether anything was displayed then.
+    """
+    seen, first = senses["seen"], senses["first_seen"]
+    last = senses["seen_count"] - 1
+    while last >= 0 and seen[(first + last) % ROOM]["time"] > until:
+        last -= 1
+    if last < 0:
+        return False
+    g = seen[(first + last) % ROOM]
+    percept["time"], percept["phase"], percept["z"] = g["time"], g["phase"], g["z"]
+    percept["target"], percept["left"], percept["right"] = g["target"], g["left"], g["right"]
+    percept["theta"] = g["theta"] + senses["noise_theta"]
+    percept["p"] = percept["v"] = 0.0
+    if not isnan(g["p"]):
+        percept["p"] = g["p"] + senses["noise_p"]
+        if is_free(g["phase"]):
+            percept["v"] = _velocity(senses, last) + senses["noise_v"]
+    return True
+
+
+@inlined
+def _velocity(senses: Any, last: int) -> float:
+    """Return the velocity of the free ball from its positions within `VELOCITY_SPAN`; 0 with only one [m/s]."""
+    seen, first = senses["seen"], senses["first_seen"]
+    end = seen[(first + last) % ROOM]
+    begin = end
+    place = last
+    while place >= 0:
+        g = seen[(first + place) % ROOM]
+        if end["time"] - g["time"] > VELOCITY_SPAN or not is_free(g["phase"]):
             break
-        first = g
-    if first.p is None or last.p is None or last.time <= first.time:
+        begin = g
+        place -= 1
+    if end["time"] <= begin["time"] or isnan(begin["p"]):
         return 0.0
-    return (last.p - first.p) / (last.time - first.time)
+    return float((end["p"] - begin["p"]) / (end["time"] - begin["time"]))
+
+
+@kernel
+def force_at(senses: Any, when: float) -> float:
+    """Return the force on the participant's hand at a time in the past.
+
+    Parameters
+    ----------
+    senses : record of SENSES
+        The memory.
+    when : float
+        A time at least one haptic delay ago [s].
+
+    Returns
+    -------
+    float
+        Force on the hand, + = up; NaN if none was rendered then [N].
+    """
+    forces, first = senses["felt"], senses["first_felt"]
+    place = senses["felt_count"] - 1
+    while place >= 0:
+        if forces[(first + place) % ROOM]["time"] <= when:
+            return float(forces[(first + place) % ROOM]["force"])
+        place -= 1
+    return nan

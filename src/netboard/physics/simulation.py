@@ -1,8 +1,7 @@
-"""A scene moved by recorded hands, offline: arrays in, arrays out. It knows no file, no clock and no trial.
+"""Offline simulation of a scene under recorded hands: arrays in, arrays out, without files, clocks and trials.
 
-No step crosses a sample or a row of the result: between two of them each drive is one polynomial, and a method keeps
-its order. What is computed depends on nothing but the arguments: the same hands give the same bits, alone and in a
-batch.
+No step crosses a sample or an output row: between two of them each drive is one polynomial, so a method keeps its
+order. The result is a pure function of the arguments: the same hands give the same bits, alone and in a batch.
 """
 
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.methods.catalogue import METHODS, NUMBER
@@ -23,32 +22,32 @@ from netboard.physics.scene.linear import board_matrix
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
 from netboard.physics.stability.step_matrix import is_stable
 
-MOST_ROWS, MOST_STEPS, MOST_TABLES = 100_000_000, 2_000_000_000, 200
-"""Most rows of a result, steps of a run (many minutes of them), and lengths of step of a method with tables [1]."""
+MAX_ROWS, MAX_STEPS, MAX_TABLES = 100_000_000, 2_000_000_000, 200
+"""Limits of output rows, of steps of a run (many minutes), and of step sizes of a method with tables [1]."""
 
-TRUE_METHOD = "dop853"
-"""The automatic choice, in steps that leave it an error of less than 1e-9 of what moves, fast transients included."""
+REFERENCE_METHOD = "dop853"
+"""Method of the automatic choice; its relative error is below 1e-9, fast transients included."""
 
-LONGEST_STEP, SHORTEST_STEP = 0.005, 2e-6
-GENTLE, STIFF = 0.25, 2.0
-"""Its steps are at most LONGEST_STEP, and GENTLE over the fastest rate of the scene. Where that would be shorter than
-SHORTEST_STEP, STIFF is enough: there, what is fast is over before the next row [s, 1]."""
+MAX_STEP, MIN_STEP = 0.005, 2e-6
+ACCURATE_STIFFNESS, STABLE_STIFFNESS = 0.25, 2.0
+"""Limits of its steps. The fastest rate times the step is at most ACCURATE_STIFFNESS; where that step would be shorter
+than MIN_STEP, STABLE_STIFFNESS suffices, because fast transients end before the next row [s, 1]."""
 
 _CHUNK = 20_000
 
 
 @dataclass(frozen=True)
 class Steps:
-    """How a run is stepped.
+    """Integration method and step size of a run.
 
     Attributes
     ----------
     method : str
         Name of the method.
     longest : float
-        No step is longer than this; infinite for whole intervals between samples and rows [s].
+        Largest step; infinite for whole intervals between samples and rows [s].
     substeps : int
-        Equal steps that each interval is done in, at the least [1].
+        Smallest number of equal steps per interval [1].
     fastest : float
         The fastest rate of the scene: the largest modulus of the board's eigenvalues [1/s].
     """
@@ -61,7 +60,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Motion:
-    """What the hands made of the scene.
+    """Result of a simulation.
 
     Attributes
     ----------
@@ -72,11 +71,11 @@ class Motion:
     forces : ndarray of float64, shape (n, 2)
         Forces of the left and of the right hand on the board, + = up; the hands feel their opposites [N].
     steps : Steps
-        How it was stepped.
+        Integration method and step size.
     count : int
-        How many steps there were [1].
+        Number of steps [1].
     longest : float
-        The longest of them [s].
+        The longest step [s].
     """
 
     t: NDArray[np.float64]
@@ -88,19 +87,19 @@ class Motion:
 
 
 def choose_steps(physics: Physics, free: bool = True, method: str = "auto", substeps: int = 1) -> Steps:
-    """Choose how a scene is stepped.
+    """Choose integration method and step size of a scene.
 
     Parameters
     ----------
     physics : Physics
         The scene.
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
     method : str
-        Name of a method, which takes each interval in as many steps as asked for; "auto" for one that is as good as
-        exact, in as many as it needs.
+        Name of a method, which takes `substeps` steps per interval; "auto" for a reference solution with as many steps
+        as it needs.
     substeps : int
-        Equal steps that each interval is done in, at the least [1].
+        Smallest number of equal steps per interval [1].
 
     Returns
     -------
@@ -110,25 +109,29 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
     Raises
     ------
     ConfigError
-        If there is no such method, or not for this scene.
+        If the method does not exist or does not suit the scene.
     """
-    # Of the board alone: what balls add to its inertia only makes it slower.
+    # Board alone: the inertia of balls only makes it slower.
     parts = parts_of(physics, free)._replace(lagrangian=False)
     fastest = float(np.abs(np.linalg.eigvals(board_matrix(parts, pack_scene(physics)[0]))).max())
+    fastest = max(fastest, friction_rate(physics) if free else 0.0)
     if method == "auto":
-        longest = LONGEST_STEP
+        longest = MAX_STEP
         if fastest > 0.0:
-            longest = min(longest, max(GENTLE / fastest, min(STIFF / fastest, SHORTEST_STEP)))
-        return Steps(TRUE_METHOD, longest, substeps, fastest)
+            longest = min(longest, max(ACCURATE_STIFFNESS / fastest, min(STABLE_STIFFNESS / fastest, MIN_STEP)))
+        return Steps(REFERENCE_METHOD, longest, substeps, fastest)
     if method not in NUMBER:
         raise ConfigError(f'method: found "{method}", expected auto or one of {", ".join(NUMBER)}')
-    if method == "exact" and parts.tilts:
-        raise ConfigError('method: found "exact", which is for boards that cannot tilt (physics.board = "level")')
+    if method == "exact" and (parts.tilts or parts.resisted):
+        raise ConfigError(
+            'method: found "exact", which is for boards that cannot tilt (physics.board = "level") and balls without '
+            "friction"
+        )
     return Steps(method, np.inf, substeps, fastest)
 
 
 def check_start(physics: Physics, start: State, free: bool) -> None:
-    """Check that a scene can be in a state.
+    """Check that a state is possible for a scene.
 
     Parameters
     ----------
@@ -137,12 +140,12 @@ def check_start(physics: Physics, start: State, free: bool) -> None:
     start : tuple of float
         The state [SI].
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
 
     Raises
     ------
     ConfigError
-        If it cannot.
+        If it is not.
     """
     if len(start) != state_length(physics):
         raise ConfigError(f"p0, v0: found {len(start) // 2 - 2} balls, expected {physics.balls} (physics.balls)")
@@ -170,7 +173,7 @@ def simulate(
     steps: Steps | None = None,
     progress: Callable[[float], object] = lambda share: None,
 ) -> Motion:
-    """Move a scene by hands, from their first sample to their last.
+    """Simulate a scene under hands, from their first sample to their last.
 
     Parameters
     ----------
@@ -181,15 +184,15 @@ def simulate(
     start : tuple of float
         The state at the first sample [SI].
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
     hold : str
-        How a hand moves between its samples, one of `netboard.physics.hands.sampled.HOLDS`.
+        Motion of a hand between samples, one of `netboard.physics.hands.sampled.INTERPOLATIONS`.
     dt : float
-        Time from row to row of the result [s].
+        Interval of the output rows [s].
     steps : Steps or None
-        How it is stepped; None for the automatic choice.
+        Method and step size; None for the automatic choice.
     progress : callable
-        Gets the share that is done, now and then [1].
+        Called with the completed share [1].
 
     Returns
     -------
@@ -199,7 +202,7 @@ def simulate(
     Raises
     ------
     ConfigError
-        If the start does not fit the scene, there is too much to do, or the state does not stay finite.
+        If the initial state does not fit the scene, a limit is exceeded, or the state becomes non-finite.
     """
     check_start(physics, start, free)
     steps = steps or choose_steps(physics, free)
@@ -225,17 +228,17 @@ def simulate(
     return Motion(line.times, states, forces, steps, int(grid.counts.sum()), longest)
 
 
-def is_held(motion: Motion, physics: Physics, free: bool = True) -> bool:
-    """Tell whether the method holds the scene, in theory and about the level board; if not, a result is worth nothing.
+def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) -> bool:
+    """Tell whether the method was stable for the linearised scene; if not, the result is invalid.
 
     Parameters
     ----------
     motion : Motion
         The result.
     physics : Physics
-        The scene that it is of.
+        Its scene.
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
     """
     matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
     return is_stable(motion.steps.method, matrix, motion.longest, matrix)
@@ -262,40 +265,41 @@ def columns_of(motion: Motion) -> dict[str, NDArray[np.float64]]:
 
 
 def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = True) -> dict[str, NDArray[np.float64]]:
-    """Say where the energy of a result is, and what it went through since the first row.
+    """Return stored energies and the work of each flow since the first row.
 
     Parameters
     ----------
     motion : Motion
         The result, with "hermite".
     hands : Hands
-        The styluses that it is of.
+        Its styluses.
     physics : Physics
-        The scene that it is of.
+        Its scene.
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
 
     Returns
     -------
     dict of str to ndarray of float64, shape (n,)
         E_ and the fields of `netboard.physics.scene.energy.Stored`, W_ and those of
-        `netboard.physics.scene.energy.Flows`: but for the error, and for what stops take, the sum of all E less that of
-        all W stays what it is [J].
+        `netboard.physics.scene.energy.Flows` (W_friction only with friction of balls). Except for the integration error
+        and impacts at stops, the sum of all E less that of all W is constant [J].
     """
     parts, scene, held = parts_of(physics, free), pack_scene(physics), hold_hands(hands, "hermite")
     styluses = styluses_along(held, np.rint(motion.t * held.scale).astype(np.int64))
     stored = stored_along(motion.states, styluses, parts, scene)
     works = work_along(motion.t, motion.states, styluses, parts, scene)
     columns = {f"E_{name}": stored[:, i] for i, name in enumerate(Stored._fields)}
-    return {**columns, **{f"W_{name}": works[:, i] for i, name in enumerate(Flows._fields)}}
+    flows = [name for name in Flows._fields if name != "friction" or parts.resisted]
+    return {**columns, **{f"W_{name}": works[:, Flows._fields.index(name)] for name in flows}}
 
 
-# --- time --------------------------------------------------------------------------------------------------------
+# --- steps --------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Timeline:
-    """Rows of the result and knots: times, in ticks, of rows and of samples."""
+    """Output rows, and knots: the times of rows and samples, in ticks."""
 
     scale: float
     knots: NDArray[np.int64]
@@ -304,14 +308,14 @@ class _Timeline:
 
 
 def _make_timeline(held: Held, dt: float) -> _Timeline:
-    """Lay out samples and rows."""
+    """Merge the times of samples and rows."""
     samples, scale = held.ticks, held.scale
     span = samples[-1] - samples[0]
     if not 100.0 <= dt * scale <= span + 0.5:
         raise ConfigError(f"dt: found {dt:g}, expected from {100.0 / scale:g} s to the {span / scale:g} s of the hands")
     count = np.floor(span / (dt * scale) + 1e-6) + 1
-    if count > MOST_ROWS:
-        raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MOST_ROWS:.3g}")
+    if count > MAX_ROWS:
+        raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MAX_ROWS:.3g}")
     rows = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)
     rows = np.minimum(rows, samples[-1])
     knots = np.concatenate((rows, samples[samples <= rows[-1]]))
@@ -321,31 +325,31 @@ def _make_timeline(held: Held, dt: float) -> _Timeline:
 
 
 def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> Grid:
-    """Lay out the steps."""
+    """Divide the intervals into steps."""
     lengths = np.diff(line.knots) / line.scale
     counts = np.maximum(np.ceil(lengths / steps.longest - 1e-6), steps.substeps)
-    if counts.sum() > MOST_STEPS:
+    if counts.sum() > MAX_STEPS:
         raise ConfigError(
             f"method: {steps.method} needs {counts.sum():.3g} steps for a scene this quick ({steps.fastest:.3g} /s), "
-            f"expected at most {MOST_STEPS:.3g}; choose another, such as etdrk4, or shorter hands"
+            f"expected at most {MAX_STEPS:.3g}; choose another, such as etdrk4, or shorter hands"
         )
     tabled = METHODS[NUMBER[steps.method]].tables(scene[0], parts, length, 1e-3).size > 0
     kinds = len(np.unique(lengths / counts)) if tabled else 1
-    if kinds > MOST_TABLES:
+    if kinds > MAX_TABLES:
         raise ConfigError(
             f"method: {steps.method} needs a table for each length of step, and samples and rows make {kinds} of them, "
-            f"expected at most {MOST_TABLES}; choose another method, such as auto or rk4"
+            f"expected at most {MAX_TABLES}; choose another method, such as auto or rk4"
         )
     return make_grid(steps.method, lengths, counts.astype(np.int64), parts, length, scene)
 
 
 def _cut(grid: Grid, first: int, last: int) -> Grid:
-    """Return some of the steps."""
+    """Return a section of the steps."""
     return Grid(grid.lengths[first:last], grid.counts[first:last], grid.kinds[first:last], grid.tables)
 
 
 def _check_finite(states: NDArray[np.float64], times: NDArray[np.float64], steps: Steps, longest: float) -> None:
-    """Refuse a state that is not finite."""
+    """Raise an error if a state is not finite."""
     lost = np.flatnonzero(~np.isfinite(states).all(axis=1))
     if len(lost):
         raise ConfigError(

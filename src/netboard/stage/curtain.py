@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.experiment import Block
 from netboard.base.tick import TICK
@@ -153,3 +154,69 @@ def view_of(
         blocks=curtain.blocks,
         rest=rest,
     )
+
+
+CURTAIN = np.dtype(
+    [
+        ("away", "<i8"),  # 1: this station has nothing to do
+        ("ball", "<i8"),  # 1: there is a ball
+        ("left", "<i8"),  # 1: the left hand is shown
+        ("right", "<i8"),
+        ("target_distance", "<f8"),  # [m]
+    ]
+)
+"""What one station may see, for the kernels."""
+
+_AT = {name: place for place, name in enumerate(TICK.names or ())}
+_PHASE, _TARGET, _Z, _THETA, _P, _LEFT, _RIGHT = (
+    _AT[name] for name in ("phase", "target", "z", "theta", "p", "left_used_z", "right_used_z")
+)
+
+
+def pack_curtain(curtain: Curtain, station: Side) -> NDArray[Any]:
+    """Pack for the kernels what one station may see.
+
+    Parameters
+    ----------
+    curtain : Curtain
+        Who may see what.
+    station : {"left", "right"}
+        The station.
+
+    Returns
+    -------
+    ndarray of CURTAIN, shape (1,)
+        The packed record.
+    """
+    packed = np.zeros(1, CURTAIN)
+    packed["away"], packed["ball"] = station in curtain.away, curtain.ball
+    for side in SIDES:
+        packed[side] = not curtain.dyadic or station == side
+    packed["target_distance"] = curtain.target_distance
+    return packed
+
+
+@kernel
+def glimpse(curtain: Any, words: Any, numbers: Any, when: float, shown: Any) -> None:
+    """Write what one station sees of a tick, as in its `view_of`, for a simulated participant.
+
+    Parameters
+    ----------
+    curtain : record of CURTAIN
+        What the station may see.
+    words : ndarray of int64, shape (n,)
+        The row of the tick as words.
+    numbers : ndarray of float64, shape (n,)
+        The same memory as numbers.
+    when : float
+        Time of display [s].
+    shown : record of netboard.participants.senses.SEEN
+        What is seen, written; NaN for what is hidden.
+    """
+    away = curtain["away"]
+    shown["time"], shown["phase"] = when, -1 if away else words[_PHASE]
+    shown["z"], shown["theta"] = 0.0 if away else numbers[_Z], 0.0 if away else numbers[_THETA]
+    shown["p"] = numbers[_P] if curtain["ball"] and not away else np.nan
+    shown["target"] = 0.0 if away else words[_TARGET] * curtain["target_distance"]
+    shown["left"] = numbers[_LEFT] if curtain["left"] and not away else np.nan
+    shown["right"] = numbers[_RIGHT] if curtain["right"] and not away else np.nan

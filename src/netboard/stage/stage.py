@@ -1,12 +1,12 @@
-"""The stage: physics and trial machine composed into one tick. The only place that composes them.
+"""One tick of an experiment: the physics and the trial state machine, composed here and nowhere else.
 
-`advance` is a pure function: from the state at a tick, the stylus samples used and the operator's command it makes the
-forces, the event and the state at the next tick. It reads no clock, opens no socket, draws nothing and logs nothing.
-The server runs it live, ``netboard replay --verify`` runs it over a recording and must get the same bits, and
+`Stage.advance` is a pure function. From the state at a tick, the stylus samples and the operator's command it computes
+the forces, the event and the state at the next tick. It reads no clock, opens no socket, draws nothing and logs
+nothing. The server runs it live, ``netboard replay --verify`` runs it over a recording and must get the same bits, and
 simulations run it as fast as the machine allows.
 
-A tick is one row of `TICK`: what went in, the state it found, and what came out. The state in row k+1 is what
-`advance` made of row k, so any row can start a verification.
+A tick is one row of `TICK`: its inputs, the state before it, and its outputs. The state in row k+1 is the result of row
+k, so a verification can start at any row.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,26 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require
 from netboard.base.tick import STATE, TICK, TICK_SECONDS
 from netboard.physics.arithmetic.vectors import State, calm
-from netboard.physics.hands.extrapolation import later, moving, reached, resting
+from netboard.physics.hands.extrapolation import (
+    ACCELERATION_HORIZON,
+    VELOCITY_HORIZON,
+    later,
+    moving,
+    reached,
+    resting,
+)
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.scene.models import coupling, stopped
 from netboard.physics.scene.parameters import SCENE, Parts, pack_scene, parts_of
-from netboard.physics.scene.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt, scale_in
+from netboard.physics.scene.rendering import (
+    RENDERING,
+    Rendering,
+    force_on_hand,
+    is_catch,
+    pack_rendering,
+    rendering_of,
+    scale_in,
+)
 from netboard.physics.stability.method_choice import Choice, choose
 from netboard.task.trials.state_machine import (
     ACTION,
@@ -45,28 +60,22 @@ from netboard.task.trials.state_machine import (
     wished,
 )
 
-VELOCITY_REACH = 0.010
-"""A stylus sample is extrapolated by its velocity over at most this time [s]."""
+MIN_SAMPLE_INTERVAL = 0.25e-3
+"""Samples closer than this give no acceleration: their difference in velocity is noise [s]."""
 
-ACCELERATION_REACH = 0.005
-"""Its acceleration counts for at most this time, and is known only from samples at most so far apart [s]."""
+MAX_STYLUS_SPEED = 10.0
+"""A faster sample is implausible and ignored [m/s]."""
 
-SHORTEST_GAP = 0.25e-3
-"""Two samples closer than this tell no acceleration: what their velocities differ by is noise [s]."""
+MAX_TILT = 1.5
+"""A larger tilt of the board is a fault: styluses within their range cannot cause it [rad]."""
 
-FASTEST = 10.0
-"""No hand that holds a stylus is faster: a sample that says so is wrong, and counts as none [m/s]."""
+MAX_STYLUS_ACCELERATION = 50.0
+"""Estimated accelerations are clipped to this magnitude [m/s2]."""
 
-UPRIGHT = 1.5
-"""A board that stands upright is a fault: hands within their range cannot bring it there [rad]."""
+KNOWN_EXTRAPOLATIONS = ("zoh", "cv", "ca")
+"""Extrapolations that the kernels implement; their number is their place."""
 
-LARGEST_ACCELERATION = 50.0
-"""No hand that holds a stylus is quicker: what is measured beyond it counts as this [m/s2]."""
-
-HOLDS = ("zoh", "cv", "ca")
-"""How a stylus moves after its last sample; a hold's number is its place."""
-
-require("the extrapolation in netboard/stage/stage.py", HOLDS, EXTRAPOLATIONS)
+require("the extrapolation in netboard/stage/stage.py", KNOWN_EXTRAPOLATIONS, EXTRAPOLATIONS)
 
 # Plain integers: what numba folds into the kernel below.
 _NONE, _FAULT, _REPEAT, _VETO = int(Cause.NONE), int(Cause.FAULT), int(Cause.REPEAT), int(Cause.VETO)
@@ -78,10 +87,10 @@ _EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.P
 
 @inlined
 def _slope(vz: float, stamp_ns: int, seen_vz: float, seen_ns: int) -> float:
-    """Return the acceleration of a stylus from its two newest samples; 0 if they are too close, or too far apart."""
+    """Return the acceleration of a stylus from its two newest samples; 0 if these are too close or too far apart."""
     gap = (stamp_ns - seen_ns) * 1e-9
-    if SHORTEST_GAP <= gap <= ACCELERATION_REACH:
-        return min(max((vz - seen_vz) / gap, -LARGEST_ACCELERATION), LARGEST_ACCELERATION)
+    if MIN_SAMPLE_INTERVAL <= gap <= ACCELERATION_HORIZON:
+        return min(max((vz - seen_vz) / gap, -MAX_STYLUS_ACCELERATION), MAX_STYLUS_ACCELERATION)
     return 0.0
 
 
@@ -89,13 +98,13 @@ def _slope(vz: float, stamp_ns: int, seen_vz: float, seen_ns: int) -> float:
 def _used(
     live: int, z: float, vz: float, az: float, age: float, last: float, limit: float, hold: int
 ) -> tuple[float, float, float]:
-    """Return a stylus at the tick: height, rate, acceleration; the last height, at rest, without a sample."""
+    """Return height, rate and acceleration of a stylus at the tick; without a sample the last height, at rest."""
     if live == 0:
         return last, 0.0, 0.0
     if hold == 1:
         az = 0.0
     if hold != 0:
-        z, vz = reached(z, vz, az, age, ACCELERATION_REACH, VELOCITY_REACH)
+        z, vz = reached(z, vz, az, age, ACCELERATION_HORIZON, VELOCITY_HORIZON)
     if abs(z) > limit:
         return limit if z > 0.0 else -limit, 0.0, 0.0
     return z, vz, az
@@ -103,9 +112,9 @@ def _used(
 
 @kernel
 def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Take the left stylus into the state and the row: a compiled record knows its fields by constant names only."""
+    """Update state and row from the left stylus. Records have constant field names in kernels: one for each side."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
-    live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
+    live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
     if live and stamp_ns != s["left_seen_ns"]:
         s["left_az"] = _slope(vz, stamp_ns, s["left_seen_vz"], s["left_seen_ns"])
         s["left_seen_ns"], s["left_seen_vz"] = stamp_ns, vz
@@ -117,9 +126,9 @@ def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
 
 @kernel
 def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Take the right stylus into the state and the row."""
+    """Update state and row from the right stylus."""
     z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
-    live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
+    live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
     if live and stamp_ns != s["right_seen_ns"]:
         s["right_az"] = _slope(vz, stamp_ns, s["right_seen_vz"], s["right_seen_ns"])
         s["right_seen_ns"], s["right_seen_vz"] = stamp_ns, vz
@@ -131,7 +140,7 @@ def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
 
 @inlined
 def _drives(row: Any, hold: int, scene: Any) -> State:
-    """Return the drives of both hands through the tick, as polynomials of the time."""
+    """Return the drives of both hands during the tick, as polynomials in time."""
     left_z, left_vz, right_z, right_vz = (
         row["left_used_z"],
         row["left_used_vz"],
@@ -147,8 +156,8 @@ def _drives(row: Any, hold: int, scene: Any) -> State:
 
 
 @inlined
-def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Felt, numbers: Any, scene: Any) -> None:
-    """Write the forces of the couplings, and those that the hands are to feel."""
+def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Rendering, numbers: Any, scene: Any) -> None:
+    """Write the forces of the couplings and the commanded forces."""
     x = (s["z"], s["vz"], s["theta"], s["omega"])
     on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
     row["left_coupling"], row["right_coupling"] = on_left, on_right
@@ -174,7 +183,7 @@ def _place_ball(s: Any, rules: Any) -> None:
 
 @kernel
 def _act(s: Any, action: int, rules: Any) -> None:
-    """Carry out the machine's action on the state."""
+    """Apply an action of the trial state machine to the state."""
     if action == _RELEASE:
         s["run_ticks"] = 0
     elif action == _MARK:
@@ -204,7 +213,7 @@ def _act(s: Any, action: int, rules: Any) -> None:
 
 @kernel
 def _count(s: Any, rules: Any) -> None:
-    """Count this tick: for the block, since the release, level, inside the target."""
+    """Update the tick counters: of the block, since the release, while level, inside the target."""
     phase = s["phase"]
     if is_active(phase):
         s["block_ticks"] += 1
@@ -219,7 +228,7 @@ def _count(s: Any, rules: Any) -> None:
 
 @kernel
 def _move(s: Any, cause: int, rules: Any) -> int:
-    """Take the machine's edge for a cause and return the cause; without an edge do nothing and return 0."""
+    """Take the transition for a cause and return the cause; return 0 if there is none."""
     phase = s["phase"]
     if not HAS_EDGE[phase, cause]:
         return _NONE
@@ -230,7 +239,7 @@ def _move(s: Any, cause: int, rules: Any) -> int:
 
 @kernel
 def _decide(s: Any, command: int, rules: Any) -> int:
-    """Run the trial machine on the state; return the cause of the edge taken, 0 for none."""
+    """Run the trial state machine; return the cause of the transition taken, 0 for none."""
     _count(s, rules)
     phase = s["phase"]
     cause = _move(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
@@ -244,8 +253,8 @@ def _decide(s: Any, command: int, rules: Any) -> int:
 
 @inlined
 def _settle(s: Any, x: State) -> bool:
-    """Take over the state of board and ball; put them at rest and return False if no board could be like that."""
-    sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= UPRIGHT
+    """Store the state of board and ball; if it is implausible, put them at rest and return False."""
+    sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= MAX_TILT
     if sound:
         s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
     else:
@@ -257,27 +266,29 @@ _STATE_NAMES = tuple(STATE.names or ())
 
 
 def _keep(row: Any, s: Any) -> None:
-    """Copy the state found to its place in the row."""
+    """Copy the state into the row."""
     for name in _STATE_NAMES:
         row[name] = s[name]
 
 
 @specialised(_keep)
 def _keep_compiled(row: Any, s: Any) -> Any:
-    """Write the same out, field by field."""
+    """Write one assignment for each field."""
     made: dict[str, Any] = {}
     exec("def keep(row, s):\n" + "".join(f"    row[{name!r}] = s[{name!r}]\n" for name in _STATE_NAMES), made)
     return made["keep"]
 
 
 @cache
-def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Felt) -> Callable[..., None]:
-    """Compile the ticks for a kind of block: its method, its parts while the ball rolls and while not, its forces."""
+def _make_ticks(
+    METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Rendering
+) -> Callable[..., None]:
+    """Compile the ticks of a kind of block: method, scene with the ball free and fixed, and commanded forces."""
     STEP = TICK_SECONDS / SUBSTEPS
 
     @kernel
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
-        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["felt"]
+        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["rendering"]
         limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
         place = first % len(rows)
@@ -312,30 +323,30 @@ SETTINGS = np.dtype(
         ("balls", "<i8"),  # 1: there is a ball
     ]
 )
-"""What the stage itself needs to know of the block: one record."""
+"""Settings of the stage itself: one record."""
 
-BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("felt", FELT), ("settings", SETTINGS)])
-"""Everything the ticks of a block go by: one record."""
+BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("rendering", RENDERING), ("settings", SETTINGS)])
+"""All parameters of the ticks of a block: one record."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """The rules of one block, packed for the kernels. Holds no state: that is passed in and handed back.
+    """The parameters of one block, packed for the kernels. It holds no state: callers pass it in.
 
     Attributes
     ----------
     book : ndarray of BOOK, shape (1,)
-        The scene, the rules of the trial, what is felt, and the rest.
+        Scene, rules of the trial, commanded forces, settings.
     choice : Choice
-        How the scene is stepped, and why.
+        Integration method, with the reason.
     tables : ndarray of float64, shape (2, k, 6, 6)
-        What its method needs for a ball that rolls, and for one that is fixed [SI].
+        Tables of the method for a free ball and for a fixed one [SI].
     ticks : callable
         The compiled ticks.
     first_target : int
         Side of the first target, that of trial 1: -1 left, +1 right [1].
     delay : int
-        A hand is told a force so many ticks later [1].
+        Delay of the commanded force, in ticks [1].
     """
 
     book: NDArray[Any]
@@ -355,25 +366,25 @@ class Stage:
         extra: int = 0,
         block_ticks: int = 0,
     ) -> NDArray[Any]:
-        """State before the first tick: the board at its static rest would be reached in 50 ms, so it starts flat.
+        """Return the state before the first tick, with a level board, which settles in 50 ms.
 
-        A block that is resumed begins in its middle: with a trial and an attempt that have not begun.
+        A resumed block starts in the middle, with a trial and an attempt that have not begun.
 
         Parameters
         ----------
         trial, attempt : int
-            Numbers of the trial and of the attempt at it that come first [1].
+            Numbers of the first trial and attempt [1].
         successes, failures : int
             Successful trials and failed attempts so far [1].
         extra : int
-            Trials that operators have added so far [1].
+            Trials added by operators so far [1].
         block_ticks : int
-            Ticks that the block has taken so far [1].
+            Ticks of the block so far [1].
 
         Returns
         -------
         ndarray of STATE, shape (1,)
-            The state, to be moved on by `advance`.
+            The state, which `advance` updates.
         """
         state = np.zeros(1, STATE)
         state["phase"] = Phase.IDLE
@@ -386,28 +397,28 @@ class Stage:
         return state
 
     def advance(self, state: NDArray[Any], rows: NDArray[Any], first: int = 0, count: int = 1) -> None:
-        """Do `count` ticks.
+        """Run `count` ticks.
 
         Parameters
         ----------
         state : ndarray of STATE, shape (1,)
-            The state at the first of the ticks; moved on in place.
+            The state at the first tick; updated in place.
         rows : ndarray of TICK, shape (n,)
-            A ring of rows. The inputs of the rows are read; the state found and the outputs are written to them.
+            A ring buffer. Inputs are read from its rows; states and outputs are written to them.
         first : int
             Number of the first tick; its row is ``first % n`` [1].
         count : int
-            How many ticks [1].
+            Number of ticks [1].
         """
         self.ticks(state, rows, first, count, self.book, self.tables)
 
-    def told(self, rows: NDArray[Any], number: int) -> Any:
-        """Find the row whose forces the hands are told at a tick: that of `delay` ticks before.
+    def commanded_row(self, rows: NDArray[Any], number: int) -> Any:
+        """Return the row whose forces are commanded at a tick: that of `delay` ticks before.
 
         Parameters
         ----------
         rows : ndarray of TICK, shape (n,)
-            A ring of rows, or of their words, more of them than `delay`; those of ticks that there were not are zeros.
+            A ring buffer of rows, or of their words, longer than `delay`; rows before the first tick are zeros.
         number : int
             Number of the tick [1].
 
@@ -419,12 +430,12 @@ class Stage:
         return rows[(number - self.delay) % len(rows)]
 
     def warm(self) -> None:
-        """Compile (or load from the cache) everything `advance` needs, so that no first tick is late."""
+        """Compile `advance`, or load it from the cache, so that the first tick meets its deadline."""
         self.advance(self.initial(), np.zeros(1, TICK))
 
 
 def make_stage(config: Config) -> Stage:
-    """Pack a configuration.
+    """Pack a configuration for the kernels.
 
     Parameters
     ----------
@@ -434,12 +445,12 @@ def make_stage(config: Config) -> Stage:
     Returns
     -------
     Stage
-        The rules of its block.
+        The stage of its block.
 
     Raises
     ------
     ConfigError
-        If the live tick cannot hold the scene.
+        If no method can integrate the scene stably in ticks.
     """
     physics = config.physics
     if physics.balls > 1:
@@ -450,7 +461,7 @@ def make_stage(config: Config) -> Stage:
     book = np.zeros(1, BOOK)
     book["scene"] = pack_scene(physics)
     book["rules"] = pack_rules(config.task, config.geometry, config.block)
-    book["felt"] = pack_felt(config)
+    book["rendering"] = pack_rendering(config)
     book["settings"] = (config.task.stylus_range, physics.balls)
     choice = choose(physics, TICK_SECONDS)
     method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
@@ -460,27 +471,31 @@ def make_stage(config: Config) -> Stage:
         choice=choice,
         tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
         ticks=_make_ticks(
-            method, choice.substeps, number_of(physics.hold, HOLDS, "[physics] hold"), *kinds, felt_of(config.block)
+            method,
+            choice.substeps,
+            number_of(physics.hold, KNOWN_EXTRAPOLATIONS, "[physics] hold"),
+            *kinds,
+            rendering_of(config.block),
         ),
         first_target=first_target(config),
         delay=config.block.force_delay_ms,
     )
 
 
-def told_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
-    """Return the forces that the hands were told in a recording, before the server's gains.
+def commanded_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
+    """Return the commanded forces of a recording, before the gains of the server.
 
     Parameters
     ----------
     ticks : ndarray of TICK, shape (n,)
         The recorded ticks, in order; some may be missing.
     delay : int
-        A hand is told a force so many ticks later [1].
+        Delay of the commanded force, in ticks [1].
 
     Returns
     -------
     ndarray of float64, shape (n, 2)
-        Of the left and the right hand, + = up: 0 where the tick that it is of does not exist, or no trial is on [N].
+        For the left and the right hand, + = up; 0 in a pause, or where the undelayed tick does not exist [N].
     """
     told = np.zeros((len(ticks), 2))
     if len(ticks):
@@ -492,5 +507,5 @@ def told_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
 
 
 def _active(phases: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell of many phases whether a trial is going on."""
+    """Return for each phase whether a trial is running."""
     return np.array([is_active(int(phase)) for phase in Phase])[phases]

@@ -31,7 +31,7 @@ class View:
     trial : int
         Number of the current trial in the block, from 1 [1].
     trials : int
-        Successful trials the block asks for [1].
+        Number of successful trials that the block requires [1].
     failures : int
         Failed attempts in the block so far [1].
     completion : float or None
@@ -39,15 +39,15 @@ class View:
     best : float or None
         Best completion time of the block so far [s].
     notice : str
-        A line for the participant, a word that the display knows a line for (``again``), or empty.
+        A text for the participant, a keyword for which the display has a text (``again``), or empty.
     seq : int
-        Number of the view at its station, from 0: what is missing was never shown [1].
+        Number of the view at its station, from 0; missing numbers were never shown [1].
     share : float
-        How much of the time is over for which the board must be level, or the ball in the target; 0 to 1 [1].
+        Elapsed share of the time for which the board must be level, or the ball in the target; 0 to 1 [1].
     block, blocks : int
-        Number of the block in its plan, from 1, and how many there are [1].
+        Number of the block in its plan, from 1, and number of blocks [1].
     rest : float or None
-        What is left of the rest before the block; None without one [s].
+        Remaining rest before the block; None without one [s].
     """
 
     station: str

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QKeyEvent
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QVBoxLayout
 
-from netboard.base.errors import DeviceError, NetboardError
+from netboard.base.errors import DeviceError
 from netboard.devices.contract.device import Reading
+from netboard.windows.participant import window as windows
 from netboard.windows.participant.scene import COLOURS, Mood
-from netboard.windows.participant.widget import screenshot
-from netboard.windows.participant.window import application
 
 READ_MS, DRAW_MS = 4, 33
 """Interval between two readings, and between two redraws [ms]."""
@@ -34,10 +33,8 @@ AXES = (("x, out of the screen", "#e69f00"), ("y, right", "#56b4e9"), ("z, up", 
 """Name and colour of each axis."""
 
 
-class MonitorWindow(QWidget):
+class MonitorWindow(windows.Window):
     """A window that shows one device."""
-
-    closed = Signal()
 
     def __init__(self, read: Callable[[], Reading], title: str) -> None:
         super().__init__()
@@ -94,7 +91,6 @@ class MonitorWindow(QWidget):
         for timer in self._timers:
             timer.stop()
         super().closeEvent(event)
-        self.closed.emit()
 
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
         """Make a plot with one line per axis."""
@@ -129,20 +125,14 @@ def in_words(reading: Reading) -> str:
 
 def run(read: Callable[[], Reading], title: str, stopping: Callable[[], bool], picture: Path | None = None) -> None:
     """Show a device until the window is closed or the process is asked to stop."""
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    windows.require_new(picture)
+    windows.application()
     window = MonitorWindow(read, title)
     window.show()
-    watch = QTimer(window, interval=50)
-    watch.timeout.connect(lambda: app.quit() if stopping() else None)
-    watch.start()
-    window.closed.connect(app.quit)
-    app.exec()
-    watch.stop()
+    windows.run(window, stopping)
     if picture is not None:
         window.redraw()
-        screenshot(window, picture)
+        windows.screenshot(window, picture)
     window.close()
     if window.trouble is not None:
         raise window.trouble

@@ -19,6 +19,7 @@ from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable
 from netboard.base.config import SIDES, Config, Side
+from netboard.base.tables.forces import FORCE_WORDS
 from netboard.base.tick import TICK
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
@@ -38,7 +39,7 @@ BLOCKS = (
     words("kind", "kind of block, as in the study; empty: none"),
     words("role", "what its trials are for: practice, familiarisation, baseline or test"),
     words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
-    words("force", "what the hands felt: full, partner_only, environment_only, none or unrelated"),
+    words("force", f"what the hands felt: {FORCE_WORDS}"),
     count("haptics", "1: they felt something"),
     words("performer", "who performed: the pseudonym of the only participant, or of the dyad for both"),
     words("left_by", "who moved the left stylus; still or robot if nobody did"),

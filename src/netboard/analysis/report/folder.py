@@ -27,9 +27,9 @@ from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.analysis.topics.paper import COMPARISON, compare
 from netboard.analysis.topics.performers import PEOPLE, people_of
 from netboard.analysis.topics.result import RESULTS
-from netboard.recording.export import delimited, parquet
 from netboard.recording.export.dictionary import write_dictionary
 from netboard.recording.export.formats import Progress
+from netboard.recording.export.tabular import open_csv, open_parquet
 from netboard.recording.format.channels import Field
 
 SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
@@ -147,15 +147,15 @@ def _of_study(study: Study, name: str) -> pd.DataFrame:
 
 def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
     """Write the paths, as Parquet only, one recording after the other."""
-    with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
+    with open_parquet(folder / f"{kind.name}.parquet", kind) as put:
         for recording in study.blocks["recording"]:
             put(_columns(study.with_factors(study.paths[recording]), kind))
 
 
 def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
     """Write a table in both formats, in portions of rows."""
-    for ending, sheet in (("parquet", parquet), ("csv", delimited)):
-        with sheet.open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
+    for ending, open_sheet in (("parquet", open_parquet), ("csv", open_csv)):
+        with open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
             for first in range(0, len(frame), PORTION):
                 put(_columns(frame.iloc[first : first + PORTION], kind))
 

@@ -24,7 +24,7 @@ from netboard.analysis.measures.performance import (
 )
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import Test, sign_test
-from netboard.analysis.topics.figure import BLACK, GREEN, PINK, SKY, Picture
+from netboard.analysis.topics.figure import BLACK, GREEN, ORANGE, PINK, SKY, YELLOW, Picture
 from netboard.analysis.topics.groups import (
     QUANTITIES,
     Condition,
@@ -45,6 +45,7 @@ from netboard.analysis.topics.marks import (
     titled,
 )
 from netboard.analysis.topics.result import Result
+from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,7 +155,8 @@ def _results(found: Comparison) -> Iterator[Result]:
 
 TITLE = "Dyads and their partners alone"
 
-_FORCES = {"partner_only": SKY, "environment_only": GREEN, "unrelated": PINK}
+_FORCES = dict(zip(FORCES[2:], (SKY, GREEN, PINK, ORANGE, YELLOW), strict=False))
+"""Colours of the force conditions that are neither off nor on."""
 
 
 @styled

@@ -16,20 +16,11 @@ from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.measures.performance import trial_times
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.result import Result, kept
-from netboard.base.tables import declared
-from netboard.base.tables.declared import require
+from netboard.base.tables.forces import CONDITIONS
 from netboard.task.studies.factors import level_text
 
-FORCES = {
-    "none": "haptics off",
-    "full": "haptics on",
-    "partner_only": "partner's force",
-    "environment_only": "environment's force",
-    "unrelated": "unrelated force",
-}
+FORCES = {name: condition.label for name, condition in CONDITIONS.items()}
 """Name of each haptic condition, in display order."""
-
-require("the names of force conditions in netboard/analysis/topics/groups.py", FORCES, declared.FORCES)
 
 MOST_CONDITIONS = 6
 """Largest number of conditions in a figure, if there are factors to pool over [1]."""

@@ -32,7 +32,7 @@ from netboard.analysis.topics.figure import (
     Picture,
 )
 from netboard.analysis.topics.groups import Condition, bounded, simulated, teams
-from netboard.base.tables.declared import FORCES, require
+from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,16 +48,20 @@ MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
 _TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
 """Colours of such teams in the current figure."""
 
-_SHAPES = {
-    "none": ("o", "white", "--"),
-    "full": ("o", "", "-"),
-    "partner_only": ("^", "", "-."),
-    "environment_only": ("s", "", ":"),
-    "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
-}
-_OTHER = ("X", "", ":")
+_MARKS = (
+    ("o", "white", "--"),
+    ("o", "", "-"),
+    ("^", "", "-."),
+    ("s", "", ":"),
+    ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
+    ("v", "", (0, (1, 1))),
+    ("P", "", (0, (5, 2))),
+    ("h", "white", (0, (3, 1, 1, 1))),
+)
+_SHAPES = dict(zip(FORCES, _MARKS, strict=False))
+"""Marker, face and line of each force condition."""
 
-require("the marks of force conditions in netboard/analysis/topics/marks.py", _SHAPES, FORCES)
+_OTHER = ("X", "", ":")
 
 _TITLE = 92
 """Characters of a title over the full width of a figure [1]."""

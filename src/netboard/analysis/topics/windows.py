@@ -31,8 +31,8 @@ class Windows:
 
     @property
     def note(self) -> str:
-        """The note on first and last trials, or else the note on groups."""
-        return self.ends_note or self.group_note
+        """Both notes, each once."""
+        return "; ".join(dict.fromkeys(filter(None, (self.ends_note, self.group_note))))
 
 
 def windows_of(study: Study) -> Windows:

@@ -1,17 +1,19 @@
-"""Keys of the configuration that are right each by itself and wrong together.
+"""Contradictions between keys of the configuration that are valid by themselves.
 
-Each function finds those of some tables; `netboard.base.config.contradictions` asks them all.
+Each function checks some tables; `netboard.base.config.contradictions` calls them all.
 """
 
 from collections.abc import Iterator
 
 from netboard.base.tables.experiment import MOST_TRIALS, Block, Design, Task
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import Safety
-from netboard.base.tables.scene import Geometry, Physics
+from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
+from netboard.base.tick import TICK_SECONDS
 
 
 def of_scene(physics: Physics) -> Iterator[str]:
-    """Find parts of a scene that do not go together.
+    """Find contradictions in a scene.
 
     Parameters
     ----------
@@ -21,7 +23,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     needs: dict[str, tuple[bool, str]] = {
         "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
@@ -30,6 +32,7 @@ def of_scene(physics: Physics) -> Iterator[str]:
         "ball_height": (physics.model == "lagrangian", 'model = "lagrangian": in the paper\'s a ball is a point'),
         "b_z": (physics.board != "hinged", "a board that heaves"),
         "b_theta": (physics.board != "level", "a board that tilts"),
+        **dict.fromkeys(FRICTION, (physics.balls > 0, "balls = 1 or more")),
     }
     for key, (there, what) in needs.items():
         if getattr(physics, key) > 0 and not there:
@@ -41,12 +44,19 @@ def of_scene(physics: Physics) -> Iterator[str]:
             '[physics] ball_sign: found "printed", expected "downhill": only the paper\'s model can have a ball '
             "that rolls uphill"
         )
-    if physics.method == "exact" and physics.board != "level":
-        yield '[physics] method: found "exact", expected another one: it is for board = "level"'
+    if physics.method == "exact" and (physics.board != "level" or friction_rate(physics) > 0):
+        yield '[physics] method: found "exact", expected another one: it is for board = "level" without friction'
+    if friction_rate(physics) * TICK_SECONDS > 1.0:
+        keys = [key for key in FRICTION if getattr(physics, key) > 0]
+        found = ", ".join(f"{getattr(physics, key):g}" for key in keys)
+        yield (
+            f"[physics] {', '.join(keys)}: found {found}, which can stop a ball within a tick; "
+            f"expected at most {1.0 / (friction_rate(physics) * TICK_SECONDS):.3g} times as much"
+        )
 
 
 def of_block(block: Block) -> Iterator[str]:
-    """Find parts of a block that do not go together.
+    """Find contradictions in a block.
 
     Parameters
     ----------
@@ -56,11 +66,11 @@ def of_block(block: Block) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if block.number > block.blocks:
         yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
-    if (block.force == "unrelated") != bool(block.unrelated):
+    if CONDITIONS[block.force].recorded != bool(block.unrelated):
         wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
         yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
     if block.left != "person" and block.right != "person":
@@ -78,17 +88,17 @@ def of_block(block: Block) -> Iterator[str]:
 
 
 def of_design(design: Design) -> Iterator[str]:
-    """Find levels of factors that are not declared.
+    """Find undeclared levels of factors.
 
     Parameters
     ----------
     design : Design
-        What the block is in its study.
+        Role and factor levels of the block.
 
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     for name in design.trials:
         if name in design.factors or not design.trials[name]:
@@ -103,7 +113,7 @@ def of_design(design: Design) -> Iterator[str]:
 
 
 def of_force(block: Block, physics: Physics) -> Iterator[str]:
-    """Find what agents cannot render by themselves: they know the board's end of their coupling, and nothing more.
+    """Find force settings that agents cannot compute: they know only their own coupling.
 
     Parameters
     ----------
@@ -115,12 +125,12 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if physics.coupling_at != "both" or not block.haptics:
         return
     needs: dict[str, tuple[bool, str]] = {
-        "force": (block.force == "full", '"full" or "none"'),
+        "force": (CONDITIONS[block.force].local, " or ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].local)),
         "force_scale": (block.force_scale == 1.0, "1"),
         "force_delay_ms": (block.force_delay_ms == 0, "0"),
         "catch": (not block.catch, "none"),
@@ -136,7 +146,7 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
 
 
 def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
-    """Find sizes and distances that do not go together.
+    """Find contradictions between sizes and distances.
 
     Parameters
     ----------
@@ -150,7 +160,7 @@ def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     edge, half = geometry.board_length / 2, geometry.target_width / 2
     outer = geometry.target_distance + half
@@ -193,7 +203,7 @@ def of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
 
 
 def of_safety(safety: Safety) -> Iterator[str]:
-    """Find limits that do not go together.
+    """Find contradictions between safety limits.
 
     Parameters
     ----------
@@ -203,7 +213,7 @@ def of_safety(safety: Safety) -> Iterator[str]:
     Yields
     ------
     str
-        One sentence for each, with table, key, value and what is expected.
+        One sentence for each, with table, key, value and the expected value.
     """
     if safety.disarm_after_ms < safety.stale_after_ms + safety.fade_ms:
         yield (

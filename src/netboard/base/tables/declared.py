@@ -1,19 +1,13 @@
-"""Words that are declared once, and whatever must know all of them: it says at import what is missing.
+"""Words that are declared once, and a check at import that all code that uses them knows all of them.
 
-A word of the configuration, such as a force condition, is declared as a `Literal`. What computes with it names the
-words that it knows, and `require` compares the two, so that no unknown word falls into a branch that is for another.
+A word of the configuration, such as an extrapolation, is declared as a `Literal`. Code that computes with it lists the
+words that it knows, and `require` compares the two, so that no unknown word is treated as another one.
 """
 
 from collections.abc import Collection, Sequence
 from typing import Any, Literal, get_args, get_type_hints
 
 from netboard.base.errors import ConfigError
-
-Force = Literal["none", "full", "partner_only", "environment_only", "unrelated"]
-"""The force conditions, in the order in which they are shown; a condition's number in kernels is its place."""
-
-FORCES: tuple[Force, ...] = get_args(Force)
-"""The same as a tuple."""
 
 Extrapolation = Literal["zoh", "cv", "ca"]
 """How a stylus moves after its last sample; the number in kernels is its place."""
@@ -23,21 +17,21 @@ EXTRAPOLATIONS: tuple[Extrapolation, ...] = get_args(Extrapolation)
 
 
 def require(what: str, known: Collection[str], declared: Collection[str]) -> None:
-    """Make sure that something knows all that is declared, and nothing else.
+    """Check that code knows exactly the declared words.
 
     Parameters
     ----------
     what : str
-        What must know the words, such as a kernel or a table, and in which file it is.
+        The code, such as a kernel or a table, with its file.
     known : collection of str
-        The words that it knows.
+        The known words.
     declared : collection of str
-        The words that there are.
+        The declared words.
 
     Raises
     ------
     RuntimeError
-        If one is missing, or one too many.
+        If a word is missing or extra.
     """
     missing = [word for word in declared if word not in known]
     extra = [word for word in known if word not in declared]
@@ -47,7 +41,7 @@ def require(what: str, known: Collection[str], declared: Collection[str]) -> Non
 
 
 def words_of(table: Any, key: str) -> tuple[str, ...]:
-    """Return the words that a key of a configuration table may have.
+    """Return the possible words of a configuration key.
 
     Parameters
     ----------
@@ -60,21 +54,21 @@ def words_of(table: Any, key: str) -> tuple[str, ...]:
 
 
 def number_of(word: str, declared: Sequence[str], key: str) -> int:
-    """Return the number of a word, its place among those that are declared [1].
+    """Return the number of a word, its place in the declaration [1].
 
     Parameters
     ----------
     word : str
         The word.
     declared : sequence of str
-        All of them.
+        All declared words.
     key : str
-        Where it stands, such as ``[block] force``.
+        The key, such as ``[physics] hold``.
 
     Raises
     ------
     ConfigError
-        If it is none of them.
+        If the word is not declared.
     """
     if word not in declared:
         raise ConfigError(f'{key}: found "{word}", expected one of {", ".join(declared)}')

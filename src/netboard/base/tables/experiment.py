@@ -1,6 +1,6 @@
-"""The tables of the configuration that say what participants are asked to do, and when a trial is doubtful.
+"""Configuration tables of the experiment: session, block, design, quality rules, task.
 
-Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+Defaults are the paper's. `netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass, field
@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 from pydantic import StrictBool, StrictInt
 
 from netboard.base.settings import NO_EXTRAS, about
-from netboard.base.tables.declared import Force
+from netboard.base.tables.forces import Force
 
 MOST_TRIALS = 10_000
-"""A block has at most so many trials [1]."""
+"""Largest number of trials in a block [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Block:
     station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
     force: Annotated[
         Force,
-        about("what the hands feel: all of the board, only what the partner does, all but that, nothing, or a record"),
+        about("force condition: what haptic feedback the hands get"),
     ] = "full"
     force_scale: Annotated[float, about("what is felt is multiplied by this", "1", ge=0, le=2)] = 1.0
     force_delay_ms: Annotated[int, about("what is felt comes so much later", "ms", ge=0, le=500)] = 0

@@ -1,6 +1,6 @@
-"""The tables of the configuration that say what the rig is: network, machines, devices, windows, files.
+"""Configuration tables of the rig: network, real time, safety, devices, displays, recordings.
 
-`netboard.base.config` reads them, and says what holds for all.
+`netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass, field

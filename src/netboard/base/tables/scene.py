@@ -1,13 +1,14 @@
-"""The tables of the configuration that say what is simulated: the board, the ball, and their sizes.
+"""Configuration tables of the simulated scene: board, ball and their sizes.
 
-Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+Defaults are the paper's. `netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_type_hints
 
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.base.tables.declared import Extrapolation
+from netboard.base.tables.friction import ROLLING, VISCOUS, Friction
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,10 @@ class Physics:
         float, about("where stops turn a ball back, from the board's centre; 0: there are none", "m", ge=0, le=2)
     ] = 0.0
     restitution: Annotated[float, about("share of its speed that a stop gives back to a ball", ge=0, le=1)] = 0.0
+    b_p: Annotated[float, VISCOUS, about("viscous friction between ball and board", "N s/m", ge=0, le=100)] = 0.0
+    rolling_resistance: Annotated[
+        float, ROLLING, about("coefficient of rolling resistance of a ball: force over normal load", "1", ge=0, le=1)
+    ] = 0.0
     b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
     b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
     hold: Annotated[
@@ -81,6 +86,36 @@ class Physics:
         about("how the board is stepped; auto: whatever holds the scene, rk4 if it does; exact: for a level board"),
     ] = "auto"
     substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
+
+
+FRICTION: dict[str, Friction] = {
+    key: law
+    for key, hint in get_type_hints(Physics, include_extras=True).items()
+    for law in getattr(hint, "__metadata__", ())
+    if isinstance(law, Friction)
+}
+"""The laws of friction of a ball, by their keys; a law's number is its place."""
+
+
+def friction_rate(physics: Physics) -> float:
+    """Return the fastest rate at which friction can slow a ball relative to the board; 0 without friction.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+
+    Returns
+    -------
+    float
+        An upper bound [1/s].
+    """
+    slope = sum(law.slope(getattr(physics, key), physics.m * physics.g) for key, law in FRICTION.items())
+    mass_ratio = 1.0 / (1.0 + physics.ball_inertia)
+    mobility = mass_ratio / physics.m
+    if physics.model == "lagrangian":  # a force along the board moves the board, too
+        mobility += physics.ball_height**2 / physics.I + mass_ratio**2 / physics.M
+    return slope * mobility * physics.balls
 
 
 @dataclass(frozen=True, slots=True)

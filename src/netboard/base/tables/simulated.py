@@ -1,6 +1,6 @@
-"""The tables of the configuration that stand for what is not there: a simulated device, and a simulated person.
+"""Configuration tables of the simulated device and the simulated participant.
 
-`netboard.base.config` reads them, and says what holds for all.
+`netboard.base.config` reads the tables and gives the common rules.
 """
 
 from dataclasses import dataclass

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
-from netboard.base.tables.declared import FORCES, Force, require
+from netboard.base.tables import forces
+from netboard.base.tables.forces import FORCES, Force
 from netboard.base.tick import STATE, TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
@@ -23,7 +24,7 @@ from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
 
 Rows = NDArray[Any]
-CONDITIONS: tuple[Force, ...] = ("full", "partner_only", "environment_only", "unrelated", "none")
+CONDITIONS: tuple[Force, ...] = (*(force for force in FORCES if force != "none"), "none")
 
 TICKS, QUICK_TICKS = 4300, 2000
 """Length of the movement [1]."""
@@ -75,7 +76,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 def _config(force: Force) -> Config:
     """Return the paper's block with the ball on the left, and a force condition."""
     block = replace(Config().block, first_target="right", force=force)
-    return replace(Config(), block=replace(block, unrelated="another" if force == "unrelated" else ""))
+    return replace(Config(), block=replace(block, unrelated="another" if forces.CONDITIONS[force].recorded else ""))
 
 
 def record(config: Config, movement: Movement, count: int) -> Rows:
@@ -179,15 +180,9 @@ def residual(found: dict[Force, Rows]) -> NDArray[np.float64]:
 
 
 _COLOURS: dict[Force, str] = {
-    "full": "black",
-    "partner_only": "tab:blue",
-    "environment_only": "tab:orange",
-    "unrelated": "tab:green",
     "none": "tab:gray",
+    **dict(zip(CONDITIONS, ("black", "tab:blue", "tab:orange", "tab:green", "tab:pink", "tab:cyan"), strict=False)),
 }
-
-require("the conditions of the study in netboard/benchmarks/coupling/forces.py", CONDITIONS, FORCES)
-require("their colours in netboard/benchmarks/coupling/forces.py", _COLOURS, FORCES)
 
 
 def draw(found: dict[Force, Rows]) -> Any:
@@ -223,8 +218,7 @@ def draw(found: dict[Force, Rows]) -> Any:
             )
     handles, labels = felt[0].get_legend_handles_labels()
     figure.legend(handles, labels, fontsize=9, ncols=6, loc="outside lower center", facecolor="0.85")
-    moved.set_title(
-        "one movement, five force conditions (shaded: the board is being levelled, the ball is in its target)"
-    )
+    shading = "shaded: the board is being levelled, the ball is in its target"
+    moved.set_title(f"one movement, {len(CONDITIONS)} force conditions ({shading})")
     felt[-1].set_xlabel("time since the start of the block (s)")
     return figure

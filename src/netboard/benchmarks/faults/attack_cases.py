@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+import numpy as np
+
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.benchmarks.faults.case import Case
@@ -187,12 +189,16 @@ class Toll:
 
     Attributes
     ----------
+    variance : float
+        Variance of the number of misses, if stalls come by chance: when the machine stands still for 19 ms, 19 ticks
+        in a row are late, so it is the sum of the squares of such runs (compound Poisson) [1].
     latest : float
         The latest one [ms].
     """
 
     ticks: int
     misses: int
+    variance: float
     pauses: int
     latest: float
 
@@ -213,9 +219,13 @@ def tolls(evidence: Evidence) -> tuple[Toll, Toll, Toll]:
 
 
 def _toll(evidence: Evidence, stretches: Sequence[tuple[int, int]]) -> Toll:
-    late = [tick for start, stop in stretches for tick in between(evidence.rig.ticks, start, stop)["late_ns"].tolist()]
+    late = np.concatenate([between(evidence.rig.ticks, start, stop)["late_ns"] for start, stop in stretches])
+    missed = np.concatenate(([False], late > LATE_NS, [False]))
+    bounds = np.flatnonzero(missed[1:] != missed[:-1])
+    runs = bounds[1::2] - bounds[::2]
     pauses = sum(start <= pause.at_ns < stop for pause in evidence.rig.pauses for start, stop in stretches)
-    return Toll(len(late), sum(tick > LATE_NS for tick in late), pauses, max(late, default=0) * 1e-6)
+    latest = float(late.max(initial=0)) * 1e-6
+    return Toll(len(late), int(runs.sum()), float(np.sum(runs.astype(float) ** 2)), pauses, latest)
 
 
 def unmoved(evidence: Evidence) -> Verdict:
@@ -224,8 +234,9 @@ def unmoved(evidence: Evidence) -> Verdict:
     if "calm" not in evidence.window.facts:
         return Verdict(claim, False, "the attack was not made")
     _, aside, attacked = tolls(evidence)
-    expected = RATIO * (aside.misses + 1) * attacked.ticks / max(aside.ticks, 1)
-    good = attacked.ticks > 0 and attacked.misses <= expected + 3 * sqrt(2 * expected)
+    scale = RATIO * attacked.ticks / max(aside.ticks, 1)
+    deviation = sqrt(attacked.variance + scale**2 * (aside.variance + 1))
+    good = attacked.ticks > 0 and attacked.misses <= scale * (aside.misses + 1) + 3 * deviation
     found = f"{attacked.misses} in {attacked.ticks} ticks, {aside.misses} in {aside.ticks} with the attack on a sink"
     return Verdict(claim, good, found)
 

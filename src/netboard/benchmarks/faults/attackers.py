@@ -6,6 +6,7 @@ netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]`` says ``
 says what it did as JSON. FOLDER has the keys it comes with, if keys are in use; PORT is another server's, the sink's.
 """
 
+import errno
 import json
 import os
 import sys
@@ -151,14 +152,19 @@ def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: E
     while not stop():
         here = []
         for number, (channel, key) in enumerate(islice(whose, RENEWED), start=came):
-            socket = _client(context, config, folder, channel, key, f"{key}@guest-{number}")
+            try:
+                socket = _client(context, config, folder, channel, key, f"{key}@guest-{number}")
+            except Exception as error:
+                if getattr(error, "errno", None) != errno.EMFILE:
+                    raise
+                break  # as many as the system allows are still being closed
             role, _, side = key.partition(".")
             here.append(Connection(socket, [encode(hello(role, side))], [encode(hello(role, side))]))
         came += len(here)
         time.sleep(0.02)
         for connection in here:
             connection.turn()
-            connection.socket.close()
+            connection.socket.close(linger=0)
     return {"connections": came}
 
 

@@ -27,7 +27,7 @@ from netboard.benchmarks.faults.gathering import Evidence, Taken
 from netboard.benchmarks.harness.results import Verdict
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports import emergency
-from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.severity import Severity
 from netboard.task.trials.state_machine import Phase
 
 Check: TypeAlias = Callable[[Evidence], Verdict]
@@ -60,7 +60,7 @@ JUST_BEFORE = 6
 """Most milliseconds from handing a force to the device to the tick that records it; a sample is 3 ms old [1]."""
 
 LATELY_NS = 1_000_000_000
-_WORDS = {Grade.SOUND: "complete", Grade.LOSS: "losses", Grade.DAMAGE: "damaged"}
+_WORDS = {Severity.SOUND: "complete", Severity.LOSS: "losses", Severity.DAMAGE: "damaged"}
 TICK = TICK_NS * 1e-9
 
 
@@ -336,14 +336,14 @@ def no_damage(evidence: Evidence) -> Verdict:
         f"{report.path.name}: {finding.text}"
         for report in evidence.reports
         for finding in report.findings
-        if finding.grade == Grade.DAMAGE
+        if finding.severity == Severity.DAMAGE
     ]
     return Verdict(claim, not damage, "; ".join(damage) or f"netboard check: {verdict_of(evidence)}")
 
 
 def verdict_of(evidence: Evidence) -> str:
     """Return the worst result of `netboard check` on the recordings, in one word."""
-    return _WORDS[max((report.grade for report in evidence.reports), default=Grade.SOUND)]
+    return _WORDS[max((report.severity for report in evidence.reports), default=Severity.SOUND)]
 
 
 def neighbour_unmoved(evidence: Evidence) -> Verdict:

@@ -27,10 +27,10 @@ def main(file: Path) -> None:
     """Serve the channels until the input ends."""
     config = parse(file.read_text(encoding="utf-8"), str(file))
     network = replace(config.network, port=free_port())
-    door = keys.door(network)
-    where = channels.addresses(network, door)
-    over = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
+    authenticator = keys.make_authenticator(network)
+    where = channels.addresses(network, authenticator)
+    reader = threading.Thread(target=sys.stdin.read, daemon=True)
+    reader.start()
     with sockets.open_context(apart=True) as context:
         routers = [
             serve(context, where.listen(channel))
@@ -41,10 +41,10 @@ def main(file: Path) -> None:
             )
         ]
         print(network.port, flush=True)  # noqa: T201
-        while not over.is_set():
-            if door is not None:
-                door.attend()
-                door.news(time.monotonic_ns())
+        while reader.is_alive():
+            if authenticator is not None:
+                authenticator.answer_handshakes()
+                authenticator.reports(time.monotonic_ns())
             for router in routers:
                 for _ in range(TURN):
                     if router.receive() is None:

@@ -64,7 +64,14 @@ class Skip:
 SKIPS = (
     Skip("nothing (the full scene)", "itself"),
     Skip("ball", "m = 0", {"balls": 0}, {"m": 0.0}),
-    Skip("ball's motion", "an inertia that keeps it", {}, {"ease": 0.0, "ball_gravity": 0.0}, free=False, still=(5,)),
+    Skip(
+        "ball's motion",
+        "an inertia that keeps it",
+        {},
+        {"mass_ratio": 0.0, "ball_gravity": 0.0},
+        free=False,
+        still=(5,),
+    ),
     Skip("tilt", "I = 1e30", {"board": "level"}, {"I": HUGE}, still=(2, 3)),
     Skip("tilt", "I = 1e30, by dop853", {"board": "level"}, {"I": HUGE}, "exact", "dop853", still=(2, 3)),
     Skip("heave", "the hands carry it", {"board": "hinged"}, carried=True, still=(0, 1)),

@@ -63,10 +63,10 @@ def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float
         before = read_usage(feeder.process.pid)
         feeder.behind_ns = 0
         feeder.feed(seconds / 2, rate)
-        halfway = feeder.port.backlog / each_second
+        halfway = feeder.port.store.backlog / each_second
         feeder.feed(seconds / 2, rate)
         after = read_usage(feeder.process.pid)
-        backlog = feeder.port.backlog / each_second
+        backlog = feeder.port.store.backlog / each_second
         feeder.end()
     (path,) = (folder / "recordings").glob("*.mcap")
     with Recording(path) as recording:

@@ -26,7 +26,7 @@ from netboard.benchmarks.stability.runs import (
     telling_duration,
 )
 from netboard.physics.scene.parameters import pack_scene, parts_of
-from netboard.physics.stability.method_choice import CREEP, EXPONENTIAL
+from netboard.physics.stability.method_choice import EXPONENTIAL, GROWTH_TOLERANCE
 from netboard.physics.stability.step_matrix import (
     Matrix,
     is_stable,
@@ -111,7 +111,7 @@ def theoretical_step(physics: Physics, method: str) -> float:
     tilted = board_matrix(physics, TILT)
     good = 0.0
     for h in ladder():
-        if spectral_radius(method, tilted, h, level) > 1.0 + CREEP:
+        if spectral_radius(method, tilted, h, level) > 1.0 + GROWTH_TOLERANCE:
             return good
         good = h
     return math.inf

@@ -1,9 +1,12 @@
-"""Registry of backends: from a name in the configuration to a class.
+"""Registry of backends: one entry for each, from its name in the configuration to its class and its USB ids.
 
 A backend is imported only when it is used, so a missing vendor library does not affect the others. Other packages
-register backends in the entry-point group ``netboard.devices``.
+register backends in the entry-point group ``netboard.devices``. deploy/udev/70-netboard.rules repeats the USB ids,
+because udev cannot import them; a test compares the two.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 
@@ -14,15 +17,51 @@ from netboard.devices.contract.device import Device
 GROUP = "netboard.devices"
 """Entry-point group of third-party backends."""
 
+Ids = tuple[int, int]
+"""Vendor and product id of a USB device."""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """A built-in backend: its module and class, and the names of its USB devices."""
+
+    target: str
+    usb: Mapping[Ids, str] = field(default_factory=dict)
+
+
 BACKENDS = {
-    "falcon": "netboard.devices.falcon.device:Falcon",
-    "mouse": "netboard.devices.mouse:MouseStylus",
-    "openhaptics": "netboard.devices.touch.device:OpenHaptics",
-    "playback": "netboard.devices.simulated.playback:Playback",
-    "spacemouse": "netboard.devices.spacemouse:SpaceMouse",
-    "virtual": "netboard.devices.simulated.virtual:VirtualTouch",
+    "falcon": Backend("netboard.devices.falcon.device:Falcon", {(0x0403, 0xCB48): "Falcon"}),  # id of its FTDI chip
+    "mouse": Backend("netboard.devices.mouse:MouseStylus"),
+    "openhaptics": Backend(
+        "netboard.devices.touch.device:OpenHaptics",
+        {
+            (0x2988, 0x0302): "Touch (USB)",
+            (0x2988, 0x0304): "Touch (HID)",
+            (0x0301, 0x2988): "Touch 3D Stylus",
+        },
+    ),
+    "playback": Backend("netboard.devices.simulated.playback:Playback"),
+    "spacemouse": Backend(
+        "netboard.devices.spacemouse:SpaceMouse",
+        {
+            (0x046D, 0xC625): "SpacePilot",
+            (0x046D, 0xC626): "SpaceNavigator",
+            (0x046D, 0xC627): "SpaceExplorer",
+            (0x046D, 0xC629): "SpacePilot Pro",
+            (0x046D, 0xC62B): "SpaceMouse Pro",
+            (0x256F, 0xC62E): "SpaceMouse Wireless (cable)",
+            (0x256F, 0xC632): "SpaceMouse Pro Wireless",
+            (0x256F, 0xC633): "SpaceMouse Enterprise",
+            (0x256F, 0xC635): "SpaceMouse Compact",
+            (0x256F, 0xC638): "SpaceMouse Pro Wireless (Bluetooth)",
+            (0x256F, 0xC63A): "SpaceMouse Wireless",
+            (0x256F, 0xC641): "SpaceMouse USB",
+            (0x256F, 0xC652): "SpaceMouse (Universal Receiver)",
+        },
+    ),
+    "virtual": Backend("netboard.devices.simulated.virtual:VirtualTouch"),
 }
-"""Built-in backends: name to module and class."""
+"""Built-in backends by name."""
 
 
 def names() -> tuple[str, ...]:
@@ -35,7 +74,7 @@ def find(name: str) -> type[Device]:
     plugins = _plugins()
     if name not in BACKENDS and name not in plugins:
         raise DeviceNotFound(f"there is no device backend {name!r}; there are: {', '.join(names())}")
-    target = BACKENDS[name] if name in BACKENDS else plugins[name].value
+    target = BACKENDS[name].target if name in BACKENDS else plugins[name].value
     module, _, attribute = target.partition(":")
     try:
         backend = getattr(import_module(module), attribute)

@@ -26,13 +26,14 @@ from typing import Annotated, final
 from netboard.base.config import Config, Side
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
-from netboard.devices.contract.usb_ids import FALCON
+from netboard.devices.contract.registry import BACKENDS
 from netboard.devices.contract.velocity import Velocimeter
 from netboard.devices.falcon import firmware, ftdi, kinematics
 from netboard.devices.falcon.kinematics import CENTRE, REACH, Vector
 from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, Link
 
-NAME = "Falcon"
+((FALCON, NAME),) = BACKENDS["falcon"].usb.items()
+"""USB id and name of the device."""
 
 MAX_FORCE = 8.9
 """Peak force that the manufacturer specifies: two pounds [N]."""

@@ -4,7 +4,6 @@ On Linux the USB is read from /sys, which opens no device and needs no permissio
 asked. A device that may not be opened is listed with the udev rule that permits it.
 """
 
-import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,13 +11,10 @@ from typing import NamedTuple
 
 from netboard.base.config import Config
 from netboard.base.errors import DeviceError, DeviceNotFound
-from netboard.base.finding import text_of
-from netboard.devices.contract import plugged, registry
+from netboard.devices.contract import registry
 from netboard.devices.contract.device import Found
-from netboard.devices.contract.plugged import Plugged
-from netboard.devices.setup.usb_access import ADVICE, NAMES, device_nodes
-
-ROOT = Path("/")
+from netboard.devices.setup import usb
+from netboard.devices.setup.usb import ADVICE, NAMES, Plugged
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +45,8 @@ class Listed:
         return f"{ADVICE}\n{udev_rule(vendor, product)}"
 
 
-class Backend(NamedTuple):
-    """A device backend and its state."""
+class BackendState(NamedTuple):
+    """A device backend, and why it cannot be used."""
 
     name: str
     trouble: str
@@ -61,7 +57,7 @@ class Listing:
     """All devices and backends."""
 
     devices: tuple[Listed, ...]
-    backends: tuple[Backend, ...]
+    backends: tuple[BackendState, ...]
     remarks: tuple[str, ...]
 
 
@@ -71,35 +67,27 @@ def udev_rule(vendor: str, product: str) -> str:
     return f'SUBSYSTEM=="usb|tty|hidraw", {where}, GROUP="netboard", MODE="0660", TAG+="uaccess"'
 
 
-def listing(config: Config, root: Path = ROOT) -> Listing:
+def listing(config: Config, root: Path = usb.ROOT) -> Listing:
     """List all devices and backends."""
     devices, remarks = [], []
-    if (root / "sys/bus/usb/devices").is_dir():
-        devices = by_sysfs(root)
+    if usb.has_sysfs(root):
+        devices = [_listed(each, "/sys") for each in usb.by_sysfs(root)]
     else:
-        for name, ask in (("pyusb", plugged.by_pyusb), ("hidapi", plugged.by_hidapi)):
+        for name, ask in (("pyusb", usb.by_pyusb), ("hidapi", usb.by_hidapi)):
             devices, said = _joined_usb(devices, name, ask)
             remarks += said
     backends = []
     for name in registry.names():
         trouble, found = _ask_backend(name, config)
-        backends.append(Backend(name, trouble))
+        backends.append(BackendState(name, trouble))
         devices = joined(devices, name, found)
     return Listing(tuple(devices), tuple(backends), tuple(remarks))
 
 
-def by_sysfs(root: Path = ROOT) -> list[Listed]:
-    """List known devices in Linux's /sys, with their files that may not be opened."""
-    found = []
-    for device in sorted((root / "sys/bus/usb/devices").iterdir()):
-        vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
-        if (vendor, product) not in NAMES:
-            continue
-        nodes = [node for node in device_nodes(device, root) if node.exists()]
-        shut = tuple(str(node) for node in nodes if not os.access(node, os.R_OK | os.W_OK))
-        model, serial = NAMES[vendor, product], text_of(device / "serial")
-        found.append(Listed(model, serial, f"{vendor}:{product}", device.name, ("/sys",), shut))
-    return found
+def _listed(found: Plugged, source: str) -> Listed:
+    """Return a connected USB device as an entry of the list."""
+    usb = f"{found.vendor}:{found.product}"
+    return Listed(NAMES[found.vendor, found.product], found.serial, usb, found.place, (source,), found.shut)
 
 
 def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[Listed]:
@@ -129,17 +117,14 @@ def _joined_usb(
     except DeviceNotFound as error:
         return devices, [str(error)]
     out = list(devices)
-    for vendor, product, serial, place in shown:
-        if (vendor, product) not in NAMES:
-            continue
-        usb = f"{vendor}:{product}"
-        may_be = [i for i, each in enumerate(out) if each.usb == usb and source not in each.seen_by]
-        at = next((i for i in may_be if serial == out[i].serial or not (serial and out[i].serial)), None)
+    for new in (_listed(each, source) for each in shown if (each.vendor, each.product) in NAMES):
+        may_be = [i for i, each in enumerate(out) if each.usb == new.usb and source not in each.seen_by]
+        at = next((i for i in may_be if new.serial == out[i].serial or not (new.serial and out[i].serial)), None)
         if at is None:
-            out.append(Listed(NAMES[vendor, product], serial, usb, place, (source,)))
+            out.append(new)
         else:
             known = out[at]
-            out[at] = replace(known, serial=known.serial or serial, seen_by=(*known.seen_by, source))
+            out[at] = replace(known, serial=known.serial or new.serial, seen_by=(*known.seen_by, source))
     return out, []
 
 

@@ -1,1 +1,1 @@
-"""Devices without hardware: the virtual device, playback of a recorded stylus, imperfections."""
+"""Devices without hardware: the virtual device, and playback of a recorded stylus."""

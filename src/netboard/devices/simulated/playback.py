@@ -4,21 +4,40 @@ Use it as a partner that does not react, for rehearsals without hardware, and fo
 reading. The stylus rests at the start of the file until ``delay`` is over, and at its end afterwards. It is then no
 longer ready, so that no block continues with a partner who has stopped; with ``loop`` it starts again.
 
-Options (``agents.<side>.options``): see `Options`; the files are those of `netboard.devices.simulated.trajectory`.
+The file is a recording or a CSV file. A recording provides the stylus samples as the server received them, with
+vertical velocities; laterally it has positions only. A CSV file has the columns ``time,x,y,z`` and optionally
+``vx,vy,vz`` and ``buttons``, in any order. An invalid file raises an error with file, line and column; nothing is
+repaired silently.
+
+Options (``agents.<side>.options``): see `Options`.
 """
 
-from dataclasses import dataclass
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, isnan
 from pathlib import Path
-from typing import Annotated, Literal, final
+from typing import Annotated, Any, Literal, final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import StrictBool
 
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, DeviceNotFound
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
-from netboard.devices.simulated.trajectory import Track, read_track
+from netboard.recording.files.reader import Recording
+
+NEEDED = ("time", "x", "y", "z")
+RATES = ("vx", "vy", "vz")
+UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "buttons": "1"}
+"""Columns of a CSV file (required, optional, all) and their units."""
+
+FARTHEST = 1.0
+"""Largest plausible coordinate of a stylus [m]."""
+
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,3 +103,192 @@ class Playback(Device):
 
     def _close(self) -> None:
         self._track = None
+
+
+@dataclass(frozen=True)
+class Track:
+    """Trajectory of a stylus, in the scene's frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        Sample times, from 0, increasing [s].
+    places : ndarray, shape (n, 3)
+        Positions [m].
+    rates : ndarray, shape (n, 3)
+        Velocities; NaN along axes where they are unknown [m/s].
+    """
+
+    times: NDArray[np.float64]
+    places: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    buttons: NDArray[np.int64]
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last position [s]."""
+        return float(self.times[-1])
+
+    def scaled(self, scale: float) -> "Track":
+        """Return the trajectory scaled by a factor [1]."""
+        return replace(self, places=scale * self.places, rates=scale * self.rates)
+
+    def at(self, when: float) -> tuple[Vector, Vector, int]:
+        """Return position, velocity and buttons at a time.
+
+        Between two samples the position follows the cubic Hermite curve through both positions and velocities, and the
+        velocity is interpolated linearly. Where velocities are unknown, the position is interpolated linearly and the
+        velocity is the slope. Before the first sample and after the last one the stylus rests.
+        """
+        if when < 0.0 or when > self.duration:
+            end = 0 if when < 0.0 else -1
+            x, y, z = self.places[end].tolist()
+            return (x, y, z), (0.0, 0.0, 0.0), int(self.buttons[end])
+        k = min(int(np.searchsorted(self.times, when, side="right")), len(self.times) - 1)
+        start, end_time = self.times[k - 1 : k + 1].tolist()
+        span = end_time - start
+        share = (when - start) / span
+        ends = np.concatenate((self.places[k - 1 : k + 1], self.rates[k - 1 : k + 1])).T.tolist()
+        (x, vx), (y, vy), (z, vz) = (_between(share, span, *values) for values in ends)
+        return (x, y, z), (vx, vy, vz), int(self.buttons[k - 1])
+
+
+def _between(share: float, span: float, x: float, then: float, v: float, rate: float) -> tuple[float, float]:
+    """Interpolate position and velocity along one axis from the values at both ends [m, m/s]."""
+    slope = (then - x) / span
+    if isnan(v) or isnan(rate):
+        return x + share * (then - x), slope
+    bent = share * (1.0 - share) * span * ((1.0 - share) * (v - slope) - share * (rate - slope))
+    return x + share * (then - x) + bent, v + share * (rate - v)
+
+
+def read_track(path: Path, side: Side, trial: int) -> Track:
+    """Read a trajectory; the file suffix determines the format.
+
+    Parameters
+    ----------
+    trial : int
+        Trial of a recording; 0 for all trials [1].
+    """
+    if not path.is_file():
+        raise DeviceNotFound(f"{path}: there is no such file to play back")
+    match path.suffix.lower():
+        case ".mcap":
+            return read_recording(path, side, trial)
+        case ".csv":
+            return read_csv(path)
+    raise ConfigError(f"{path}: expected a recording (.mcap) or a .csv file to play back")
+
+
+def read_recording(path: Path, side: Side, trial: int) -> Track:
+    """Read a stylus trajectory from a recording: each sample once, at its server time.
+
+    Parameters
+    ----------
+    trial : int
+        Use only this trial, with all its attempts; 0 for all [1].
+    """
+    with Recording(path) as recording:
+        rows = recording.ticks()
+    there = sorted({int(number) for number in rows["trial"]} - {0})
+    if trial:
+        rows = rows[rows["trial"] == trial]
+    rows = rows[rows[f"{side}_live"] == 1]
+    if len(rows):
+        stamps = rows[f"{side}_stamp_ns"]
+        rows = rows[np.concatenate(([True], np.diff(np.maximum.accumulate(stamps)) > 0))]
+    if len(rows) < 2:
+        trials = f"trials {there[0]} to {there[-1]}" if there else "no trial"
+        where = f"in trial {trial}" if trial else "in it"
+        raise ConfigError(f"{path}: there is no {side} stylus {where}; the recording has {trials}")
+    return _track(rows, side)
+
+
+def _track(rows: NDArray[Any], side: Side) -> Track:
+    """Make a trajectory from rows with one sample each."""
+    unknown = np.full(len(rows), np.nan)
+    return Track(
+        (rows[f"{side}_stamp_ns"] - rows[f"{side}_stamp_ns"][0]) * 1e-9,
+        np.stack([rows[f"{side}_x"], rows[f"{side}_y"], rows[f"{side}_sent_z"]], axis=1),
+        np.stack([unknown, unknown, rows[f"{side}_sent_vz"]], axis=1),
+        rows[f"{side}_buttons"].astype(np.int64),
+    )
+
+
+def read_csv(path: Path) -> Track:
+    """Read a trajectory from a CSV file.
+
+    Raises
+    ------
+    ConfigError
+        If the file is invalid; the message gives the first error, with line and column.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            names = [name.strip() for name in next(reader, [])]
+            _check_names(path, names)
+            table = np.array(list(_numbers(path, names, reader)), np.float64)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    if len(table) < 2:
+        raise ConfigError(f"{path}: found {len(table)} positions, expected at least 2")
+    columns = dict(zip(names, table.T, strict=True))
+    unknown = np.full(len(table), np.nan)
+    return Track(
+        columns["time"] - columns["time"][0],
+        np.stack([columns[name] for name in NEEDED[1:]], axis=1),
+        np.stack([columns.get(name, unknown) for name in RATES], axis=1),
+        columns.get("buttons", np.zeros(len(table))).astype(np.int64),
+    )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    """Raise an error if the header does not name the columns."""
+    expected = f"{','.join(NEEDED)}, and {', '.join(name for name in UNITS if name not in NEEDED)} if they are known"
+    missing = [name for name in NEEDED if name not in names]
+    unknown = [name for name in names if name not in UNITS]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    problems = [f"{', '.join(those)} {what}" for those, what in ((missing, "missing"), (unknown, "unknown")) if those]
+    problems += [f"{', '.join(twice)} there twice"] if twice else []
+    if problems:
+        raise ConfigError(f"{path}: line 1: columns: {'; '.join(problems)}; expected {expected}")
+
+
+def _numbers(path: Path, names: Sequence[str], reader: Any) -> Iterator[list[float]]:
+    """Yield the rows as numbers; raise an error at the first invalid one."""
+    before = -np.inf
+    for row in reader:
+        if not row:
+            continue
+        where = f"{path}: line {reader.line_num}"
+        if len(row) != len(names):
+            raise ConfigError(f"{where}: found {len(row)} columns, expected {len(names)}")
+        values = [_number(where, name, word) for name, word in zip(names, row, strict=True)]
+        now = values[names.index("time")]
+        if now <= before:
+            raise ConfigError(
+                f"{where}, column time: found {now:.12g} after {before:.12g}, expected times that increase"
+            )
+        before = now
+        yield values
+
+
+def _number(where: str, name: str, word: str) -> float:
+    """Convert one field to a number."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = np.nan
+    if not isfinite(value):
+        found = f'"{word}"' if word.strip() else "nothing"
+        raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
+    if UNITS[name] == "m" and abs(value) > FARTHEST:
+        raise ConfigError(
+            f"{where}, column {name}: found {value:g}, expected at most {FARTHEST:g} m either way: are these mm?"
+        )
+    if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
+        raise ConfigError(
+            f"{where}, column buttons: found {value:g}, expected a bit mask, 0 or a whole number above it"
+        )
+    return value

@@ -14,7 +14,7 @@ import ctypes
 import locale
 import os
 import sys
-from ctypes import POINTER, c_char_p, c_double, c_float, c_int32, c_long, c_ubyte, c_uint16, c_uint32, c_ulong, c_void_p
+from ctypes import POINTER, c_char_p, c_double, c_int32, c_ubyte, c_uint16, c_uint32, c_ulong, c_void_p
 from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,11 +27,8 @@ STDCALL = sys.platform == "win32" and ctypes.sizeof(c_void_p) == 4
 INVALID_HANDLE = 0xFFFFFFFF
 """Handle of no device."""
 
-MAX_PRIORITY, DEFAULT_PRIORITY, MIN_PRIORITY = 65535, 32767, 0
+MAX_PRIORITY, DEFAULT_PRIORITY = 65535, 32767
 """Priorities of callbacks; within a tick, higher ones run first."""
-
-USER_STATUS_LIGHT_MASK = 7
-"""Bits of the status light that select its mode."""
 
 MOST_ERRORS = 64
 """Limit of errors taken off the stack at a time, in case the library never stops reporting [1]."""
@@ -65,32 +62,12 @@ class Error(IntEnum):
 
 
 class Parameter(IntEnum):
-    """Readable parameters of a device, some of them writable. Lengths are in mm, times in s, torques in N mm."""
+    """Parameters of a device that netboard reads or writes. Lengths are in mm."""
 
     CURRENT_BUTTONS = 0x2000
-    CURRENT_SAFETY_SWITCH = 0x2001
     CURRENT_INKWELL_SWITCH = 0x2002
-    CURRENT_ENCODER_VALUES = 0x2010
-    CURRENT_PINCH_VALUE = 0x2011
-    LAST_PINCH_VALUE = 0x2012
     CURRENT_POSITION = 0x2050
     CURRENT_VELOCITY = 0x2051
-    CURRENT_TRANSFORM = 0x2052
-    CURRENT_ANGULAR_VELOCITY = 0x2053
-    CURRENT_JACOBIAN = 0x2054
-    CURRENT_JOINT_ANGLES = 0x2100
-    CURRENT_GIMBAL_ANGLES = 0x2150
-    LAST_BUTTONS = 0x2200
-    LAST_SAFETY_SWITCH = 0x2201
-    LAST_INKWELL_SWITCH = 0x2202
-    LAST_ENCODER_VALUES = 0x2210
-    LAST_POSITION = 0x2250
-    LAST_VELOCITY = 0x2251
-    LAST_TRANSFORM = 0x2252
-    LAST_ANGULAR_VELOCITY = 0x2253
-    LAST_JACOBIAN = 0x2254
-    LAST_JOINT_ANGLES = 0x2300
-    LAST_GIMBAL_ANGLES = 0x2350
     VERSION = 0x2500
     DEVICE_MODEL_TYPE = 0x2501
     DEVICE_DRIVER_VERSION = 0x2502
@@ -99,40 +76,20 @@ class Parameter(IntEnum):
     DEVICE_FIRMWARE_VERSION = 0x2505
     MAX_WORKSPACE_DIMENSIONS = 0x2550
     USABLE_WORKSPACE_DIMENSIONS = 0x2551
-    TABLETOP_OFFSET = 0x2552
-    INPUT_DOF = 0x2553
-    OUTPUT_DOF = 0x2554
     CALIBRATION_STYLE = 0x2555
     UPDATE_RATE = 0x2600
-    INSTANTANEOUS_UPDATE_RATE = 0x2601
     NOMINAL_MAX_STIFFNESS = 0x2602
     NOMINAL_MAX_FORCE = 0x2603
     NOMINAL_MAX_CONTINUOUS_FORCE = 0x2604
-    MOTOR_TEMPERATURE = 0x2605
     SOFTWARE_VELOCITY_LIMIT = 0x2606
     SOFTWARE_FORCE_IMPULSE_LIMIT = 0x2607
     FORCE_RAMPING_RATE = 0x2608
     NOMINAL_MAX_DAMPING = 0x2609
-    NOMINAL_MAX_TORQUE_STIFFNESS = 0x2620
-    NOMINAL_MAX_TORQUE_DAMPING = 0x2621
-    NOMINAL_MAX_TORQUE = 0x2622
-    NOMINAL_MAX_CONTINUOUS_TORQUE = 0x2623
     CURRENT_FORCE = 0x2700
-    CURRENT_TORQUE = 0x2701
-    JOINT_ANGLE_REFERENCES = 0x2702
-    CURRENT_JOINT_TORQUE = 0x2703
-    CURRENT_GIMBAL_TORQUE = 0x2704
-    CURRENT_MOTOR_DAC_VALUES = 0x2750
-    LAST_FORCE = 0x2800
-    LAST_TORQUE = 0x2801
-    LAST_JOINT_TORQUE = 0x2802
-    LAST_GIMBAL_TORQUE = 0x2803
-    LAST_MOTOR_DAC_VALUES = 0x2850
-    USER_STATUS_LIGHT = 0x2900
 
 
 class Capability(IntEnum):
-    """Capabilities that can be enabled and disabled; the last three are parameters as well."""
+    """Capabilities that can be enabled and disabled; the last two are parameters as well."""
 
     FORCE_OUTPUT = 0x4000
     MAX_FORCE_CLAMPING = 0x4001
@@ -141,7 +98,6 @@ class Capability(IntEnum):
     ONE_FRAME_LIMIT = 0x4004
     SOFTWARE_VELOCITY_LIMIT = 0x2606
     SOFTWARE_FORCE_IMPULSE_LIMIT = 0x2607
-    USER_STATUS_LIGHT = 0x2900
 
 
 class Calibration(IntEnum):
@@ -160,40 +116,11 @@ class Style(IntFlag):
     CALIBRATION_INKWELL = 4
 
 
-class Button(IntFlag):
-    """Stylus buttons."""
-
-    DEVICE_BUTTON_1 = 1
-    DEVICE_BUTTON_2 = 2
-    DEVICE_BUTTON_3 = 4
-    DEVICE_BUTTON_4 = 8
-
-
-class Light(IntEnum):
-    """Modes of the status light."""
-
-    LED_STATUS_FAST_GRNYEL = 0
-    LED_STATUS_SLOW_YEL = 1
-    LED_STATUS_SLOW_GRN = 2
-    LED_STATUS_FAST_GRN = 3
-    LED_STATUS_SOLID_GRNYEL = 4
-    LED_STATUS_SOLID_YEL = 5
-    LED_STATUS_SOLID_GRN = 6
-    LED_STATUS_FAST_YEL = 7
-
-
 class After(IntEnum):
     """Return value of a callback: run again or not."""
 
     CALLBACK_DONE = 0
     CALLBACK_CONTINUE = 1
-
-
-class Wait(IntEnum):
-    """Whether to wait for the end of a callback."""
-
-    WAIT_CHECK_STATUS = 0
-    WAIT_INFINITE = 1
 
 
 class ErrorInfo(ctypes.Structure):
@@ -205,42 +132,29 @@ class ErrorInfo(ctypes.Structure):
 CALLBACK = (getattr(ctypes, "WINFUNCTYPE") if STDCALL else ctypes.CFUNCTYPE)(c_uint32, c_void_p)  # noqa: B009
 """HDSchedulerCallback."""
 
-_VALUES = {"Boolean": c_ubyte, "Integer": c_int32, "Float": c_float, "Double": c_double, "Long": c_long}
-
 PROTOTYPES: dict[str, tuple[Any, ...]] = {
     "hdInitDevice": (c_uint32, c_char_p),
     "hdDisableDevice": (None, c_uint32),
     "hdMakeCurrentDevice": (None, c_uint32),
-    "hdGetCurrentDevice": (c_uint32,),
     "hdBeginFrame": (None, c_uint32),
     "hdEndFrame": (None, c_uint32),
     "hdGetError": (ErrorInfo,),
     "hdGetErrorString": (c_char_p, c_uint32),
     "hdEnable": (None, c_uint32),
-    "hdDisable": (None, c_uint32),
     "hdIsEnabled": (c_ubyte, c_uint32),
-    **{f"hdGet{kind}v": (None, c_uint32, POINTER(value)) for kind, value in _VALUES.items()},
-    **{f"hdSet{kind}v": (None, c_uint32, POINTER(value)) for kind, value in _VALUES.items()},
+    "hdGetBooleanv": (None, c_uint32, POINTER(c_ubyte)),
+    "hdGetIntegerv": (None, c_uint32, POINTER(c_int32)),
+    "hdGetDoublev": (None, c_uint32, POINTER(c_double)),
+    "hdSetDoublev": (None, c_uint32, POINTER(c_double)),
     "hdGetString": (c_char_p, c_uint32),
     "hdCheckCalibration": (c_uint32,),
-    "hdCheckCalibrationStyle": (c_uint32,),
     "hdUpdateCalibration": (None, c_uint32),
-    "hdUpdateCalibrationMessage": (None, c_uint32),
-    "hdScaleGimbalAngles": (None, c_double, c_double, c_double, POINTER(c_double)),
-    "hdDeploymentLicense": (c_ubyte, c_char_p, c_char_p, c_char_p),
     "hdStartScheduler": (None,),
     "hdStopScheduler": (None,),
-    "hdSetSchedulerRate": (None, c_ulong),
-    "hdScheduleSynchronous": (None, CALLBACK, c_void_p, c_uint16),
     "hdScheduleAsynchronous": (c_ulong, CALLBACK, c_void_p, c_uint16),
     "hdUnschedule": (None, c_ulong),
-    "hdWaitForCompletion": (c_ubyte, c_ulong, c_uint32),
-    "hdGetSchedulerTimeStamp": (c_double,),
 }
-"""Return type and argument types of every function."""
-
-OPTIONAL = {"hdUpdateCalibrationMessage", "hdScaleGimbalAngles", "hdDeploymentLicense"}
-"""Functions that some versions lack and netboard does not call."""
+"""Return type and argument types of every function that netboard calls."""
 
 HELP = "install 3D Systems' Touch driver and OpenHaptics, or name the file in the option library; docs/how-to/touch.md"
 
@@ -280,8 +194,6 @@ class Library:
         self.ticks: ctypes.CDLL = self.calls if STDCALL else ctypes.PyDLL(path, winmode=0)
         for library in (self.calls, self.ticks):
             for name, (returns, *takes) in PROTOTYPES.items():
-                if name in OPTIONAL and not hasattr(library, name):
-                    continue
                 function = getattr(library, name)
                 function.restype, function.argtypes = returns, takes
 

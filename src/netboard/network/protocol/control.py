@@ -53,16 +53,16 @@ COMMANDS: tuple[str, ...] = get_args(CommandName)
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """An operator's command. The first operator to give one is the commander; others may watch, and stop everything.
+    """A command of an operator. The first to send one is the commander; others may watch, or trigger an emergency stop.
 
     Attributes
     ----------
     name : str
         One of ``netboard.network.protocol.control.COMMANDS``.
     argument : str
-        What some of them need: a note's text, a form, a reason; else empty.
+        Argument of the command: a note's text, a form, a reason; empty for commands without one.
     number : int
-        By which the answer is known [1].
+        Number that identifies the answer [1].
     """
 
     name: str
@@ -77,7 +77,7 @@ class Reply:
     Attributes
     ----------
     number : int
-        The command's [1].
+        Number of the command [1].
     accepted : bool
         Whether it is, or will be, carried out.
     reason : str
@@ -107,58 +107,59 @@ class Status:
     phase : str
         Phase of the trial, lower case.
     trial, trials : int
-        Current trial, and how many the block asks for [1].
+        Current trial, and number of trials that the block requires [1].
     successes, failures : int
         Trials done and attempts failed in the block [1].
     completions : tuple of float
         Completion times of the successful trials so far [s].
     late_ticks : int
-        Ticks that started more than half a tick late [1].
+        Deadline misses: ticks that started more than half a tick late [1].
     waiting_for : tuple of str
         Peers still missing.
     peers : tuple of str
-        Peers that are there.
+        Connected peers.
     notice : str
         What the operator should know, or empty.
     links : tuple of (str, str, str, float, float, float, float, float, int)
-        For each peer that is there: what it is (``agent.left``), host and process, version; time since it was heard
-        [s], shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known),
-        messages a second [Hz], messages lost [1].
+        For each connected peer: its role (``agent.left``), host and process, version; time since its last message [s],
+        shortest recent round-trip time [s], bound of its clock's error [s], its drift [1e-6] (NaN: unknown), messages a
+        second [Hz], messages lost [1].
     loops : tuple of (str, float, float)
-        For each agent that is there: what it is, the delay of its loop of late, from reading the stylus to rendering
-        what the server made of that (NaN: not known), and the largest that its device alone is stable with [s, s].
+        For each connected agent: its role, its recent sample-to-force latency, from reading the stylus to rendering the
+        force computed from it (NaN: unknown), and the largest latency with which its device is stable without a hand
+        [s, s].
     name, dyad, study : str
-        How the session is labelled.
+        Labels of the session: its name, dyad and study.
     pilot, consent : bool
         Whether it is a pilot run; whether both participants have consented.
     opened : bool
         Whether the session's form is complete, so that a block may begin and everything is recorded.
     armed : bool
-        Whether the operator lets devices have forces.
+        Whether the operator permits forces of the devices.
     commander : str
-        Console whose commands count; empty: the next one's.
+        Console whose commands are accepted; empty: the next one that commands.
     block, blocks : int
-        Number of the block in its plan, from 1, and how many there are [1].
+        Number of the block in its plan, from 1, and number of blocks [1].
     label : str
-        What people call the block.
+        Label of the block.
     condition : str
         Its configuration and force condition, in words.
     rest : float
-        What is left of the rest before the block [s].
+        Remaining rest before the block [s].
     pending : str
         What will be done after this trial or block, or empty.
     outcomes : int
-        How many attempts have been judged in this session: what `OutcomesRequest` can ask for [1].
+        Number of attempts in this session that have an outcome, which `OutcomesRequest` can request [1].
     recordings : tuple of (str, float, int, int)
-        For each logger that is there: its file, time since it brought records to disk [s]; bytes written and bytes
-        free [1].
+        For each connected logger: its file, time since it last wrote records to disk [s]; bytes written and bytes free
+        [1].
     stations : tuple of (str, float, int, float, int, int)
         For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
         second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,
         and a force at its limit [1].
     refused : tuple of (str, str, int)
-        What was refused most often since the server started: channel (``handshake``: before a peer came in), reason,
-        and how often [1].
+        Most frequent refusals since the server started: channel (``handshake``: before a peer was admitted), reason,
+        and number [1].
     """
 
     session: str
@@ -218,8 +219,8 @@ class Outcomes:
         Number of the first one [1].
     attempts : tuple of (int, int, int, str, float, str, int)
         For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``, ``skipped``,
-        or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; why it is doubtful, words
-        divided by commas, or empty; and the trial that it repeats, 0 for none [1].
+        or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; its quality flags,
+        separated by commas, or empty; and the trial that it repeats, 0 for none [1].
     """
 
     first: int
@@ -233,7 +234,7 @@ class TraceRequest:
     Attributes
     ----------
     after : int
-        Ticks after this one are wanted, as far as the server remembers: a second or so [1].
+        Ticks after this one are requested; the server keeps about one second [1].
     """
 
     after: int
@@ -247,8 +248,8 @@ class Trace:
     ----------
     points : tuple of (int, float, float, float, float, float, float, float)
         For each: tick [1]; height of the left and the right stylus and of the board's centre [m]; tilt [rad]; ball
-        position, NaN without one [m]; vertical force on the left and the right hand, as rendered,
-        NaN where not known [N].
+        position, NaN without one [m]; vertical force on the left and the right hand, as rendered, NaN where unknown
+        [N].
     """
 
     points: tuple[tuple[int, float, float, float, float, float, float, float], ...]

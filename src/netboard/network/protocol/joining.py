@@ -28,7 +28,7 @@ class Hello:
     version : str
         Version of the sender's software.
     details : dict of str
-        What else is worth recording: device model, serial number, limits.
+        Further information for the recording: device model, serial number, limits.
     """
 
     role: str
@@ -76,7 +76,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Goodbye:
-    """The sender leaves on purpose.
+    """The sender ends its connection deliberately.
 
     Attributes
     ----------

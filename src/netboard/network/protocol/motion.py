@@ -18,7 +18,7 @@ class Safeguard(IntFlag):
     ARMED
         Forces from the server are rendered.
     RAMPING
-        Armed a moment ago: they are rendered in part.
+        Armed recently: forces from the server are rendered in part.
     CLAMPED
         A force was larger than the limit.
     SLEWED
@@ -32,7 +32,7 @@ class Safeguard(IntFlag):
     DEVICE_LOST
         The device does not answer.
     WORN
-        The motors have given so much for so long that less is allowed for a while.
+        The motors have reached their limit of mean force: the force is reduced for a while.
     STOPPED
         An emergency stop at the device: no force.
     NOT_READY
@@ -71,9 +71,9 @@ class Stylus:
     safeguards : int
         `Safeguard` bits since the sample before [1].
     rendered : float
-        Vertical force handed to the device since the sample before, after all limits [N].
+        Vertical force given to the device since the sample before, after all limits [N].
     force_tick : int
-        Tick of the last `Force` or `Beat` received, -1 for none yet [1].
+        Tick of the last `Force`, `Point` or `Beat` received, -1 for none yet [1].
     force_sent_ns : int
         Its ``sent_ns``, server time: t0 of a clock probe [ns].
     force_received_ns : int
@@ -81,7 +81,8 @@ class Stylus:
     sent_ns : int
         When this message was sent: t2 of a clock probe [ns].
     loop_ns : int
-        Stylus read to the rendering of the first answer to it, for the newest such pair; 0 for none yet [ns].
+        Sample-to-force latency: from reading the stylus to rendering the first answer to that sample, for the newest
+        such pair; 0 for none yet [ns].
     """
 
     seq: int
@@ -117,7 +118,7 @@ class Force:
     force : float
         Force on the hand, + = up [N].
     lead_ns : int
-        How long before the deadline of a tick that sample arrived: what the agent sets its phase by [ns].
+        Time from the arrival of that sample to the deadline of a tick; the agent adjusts its sampling time to it [ns].
     """
 
     tick: int
@@ -134,19 +135,19 @@ class Point:
     Attributes
     ----------
     tick : int
-        Tick that it was found at [1].
+        Tick that computed it [1].
     sent_ns : int
         Server time when this was sent [ns].
     stylus_seq : int
         Newest stylus sample received, -1 for none yet [1].
     stamp_ns : int
-        The time it belongs to, on the agent's clock; 0 while the server does not know that [ns].
+        Time of the point on the agent's clock; 0 while the offset of that clock is unknown [ns].
     z : float
         Height of the point [m].
     vz : float
         Its rate [m/s].
     k : float
-        Stiffness of the coupling between stylus and point [N/m].
+        Stiffness of the virtual coupling between stylus and point [N/m].
     c : float
         Its damping [N s/m].
     lead_ns : int
@@ -218,7 +219,7 @@ class Backfill:
     first : int
         That of the request [1].
     next : int
-        The server asks on from this number; the request's `stop` if there is no more [1].
+        Number from which the server requests the rest; the request's `stop` if there is no more [1].
     rows : bytes
         Rows of `netboard.base.tick.RENDERED`, little-endian, packed: those of the samples before `next` that the agent
         still remembers, `BACKFILL_ROWS` at most.

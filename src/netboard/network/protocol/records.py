@@ -19,8 +19,8 @@ class LogRequest:
     Attributes
     ----------
     first : int
-        Number of the first record wanted; -1 for the first one that no logger has acknowledged, and to a listener for
-        the next one to come [1].
+        Number of the first record wanted; -1 for the first one that no logger has acknowledged, or, from a subscriber,
+        for the next new one [1].
     """
 
     first: int
@@ -35,7 +35,7 @@ class LogBatch:
     first : int
         Number of the first record; the rest count up from it [1].
     lost : int
-        Records before `first` that were asked for and that the ring no longer held [1].
+        Requested records before `first` that the ring buffer no longer held [1].
     records : tuple of bytes
         The encoded records.
     """
@@ -58,7 +58,7 @@ class LogAck:
     file : str
         Name of the file that is being written.
     file_bytes : int
-        How large it is, in bytes [1].
+        Its size, in bytes [1].
     """
 
     durable: int
@@ -106,9 +106,9 @@ class EventRecord:
     time_ns : int
         Server time [ns].
     name : str
-        What, in snake case.
+        What happened, in snake case.
     details : dict of str
-        Anything worth knowing.
+        Further information.
     """
 
     seq: int
@@ -186,7 +186,7 @@ class BackfillRecord:
     side : str
         ``left`` or ``right``.
     offset_ns : int
-        The agent's clock minus the server's, as estimated when it was told [ns].
+        The agent's clock minus the server's, as estimated when the agent reported [ns].
     rows : bytes
         Rows of `netboard.base.tick.RENDERED`, little-endian, packed.
     """

@@ -22,7 +22,7 @@ class Frames:
     shown : tuple of (int, int, int)
         For each frame: tick of the view, when it was received and when it was painted [1, ns, ns].
     dropped : int
-        Refreshes since the start in which a view that had been sent did not come, or a picture that was due was not
+        Refreshes since the start in which a view that had been sent did not arrive, or a picture that was due was not
         painted [1].
     """
 

@@ -16,7 +16,7 @@ from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.finding import Finding
 from netboard.base.process import OFF, OK, cpus_for
-from netboard.devices.setup import usb_access
+from netboard.devices.setup import usb
 from netboard.nodes.doctor import disk, network, software, system, timing
 
 Progress = Callable[[float], None]
@@ -100,7 +100,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             disk.speed(config.recording, effort.chunks, progress),
         ],
         "windows": lambda progress: [software.qt()],
-        "devices": lambda progress: [usb_access.devices()],
+        "devices": lambda progress: [usb.devices()],
     }
 
 

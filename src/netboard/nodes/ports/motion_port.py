@@ -155,7 +155,7 @@ class MotionPort:
         Parameters
         ----------
         told : ndarray of int64
-            Words of the row whose forces are sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
+            Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
         fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:

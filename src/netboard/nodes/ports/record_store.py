@@ -56,7 +56,7 @@ class RecordStore:
 
     @property
     def behind(self) -> bool:
-        """Whether so many records are held by nobody else that a trial must stop."""
+        """Whether a trial must stop, because only the ring holds too many records."""
         full = FULL_SHARE * self.ring.capacity if self._refusal else self.ring.capacity - self._margin // 2
         return self.ring.next - self._kept > full
 

@@ -267,7 +267,7 @@ def tell_force(words: Any, row: Any, told: Any, agents: Any, gains: Any, place: 
     Parameters
     ----------
     told : ndarray of int64
-        Words of the row whose force is sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
+        Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
     """
     words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
     words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
@@ -302,7 +302,7 @@ def send_forces(
     Parameters
     ----------
     told : ndarray of int64
-        Words of the row whose forces are sent: this tick's or an earlier one's (`netboard.stage.stage.Stage.told`).
+        Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
 
     Returns
     -------

@@ -54,7 +54,7 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     """Keep a frame of an unregistered peer for later, or only count it.
 
     The rate is limited for each name, with `Hello` counted apart from all other messages. A peer that says hello is
-    thus heard however much others send.
+    thus received however much others send.
     """
     us, them = fast[0], unregistered[0]
     size = us["size"]

@@ -1,9 +1,9 @@
 """One block with simulated participants, tick by tick and without a clock.
 
-It is a closed loop of minds, bodies and the stage. A tick runs as in the live system: both styluses are read, the stage
-runs the tick, the forces act from its deadline on, and each participant sees it one tick later. The ticks between two
-decisions are one kernel. The block starts as soon as a live one would. Rests before blocks are left out, because
-simulated participants do not get tired.
+It is a closed loop of participants, hands and the stage, in one kernel. A tick runs as in the live system: both
+styluses are read, the stage runs the tick, the forces act from its deadline on, and each participant sees it one tick
+later. The block starts as soon as a live one would. Rests before blocks are left out, because simulated participants do
+not get tired.
 
 Rule 1: the ticks depend only on the configuration and the participants, not on how many are run in one piece.
 Rule 2: the rows are those of a recording: inputs, state and outputs, and what the server would have noted beside them.
@@ -22,8 +22,8 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.nodes.rehearsal.body import LEAD_NS, STEPS, Body, fill, tell
-from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, seats_of
+from netboard.nodes.rehearsal.body import LEAD_NS, STEPS, Body, fill, plan, tell
+from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -40,6 +40,7 @@ KEPT = THINK_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
 _FINISHED = int(Phase.FINISHED)
+_TICK = (TICK.names or ()).index("tick")
 
 
 def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
@@ -53,13 +54,26 @@ def _loop(
     words: NDArray[np.int64],
     numbers: NDArray[np.float64],
     first: int,
-    count: int,
     book: Any,
     tables: Any,
     bodies: Any,
     white: Any,
+    minds: Any,
+    hands: NDArray[np.int64],
 ) -> int:
-    """Run some ticks with both bodies, or fewer if the block is over; return how many."""
+    """Run the ticks from one row on with both hands and all participants, to the end of the block at most.
+
+    Parameters
+    ----------
+    hands : ndarray of int64, shape (n,)
+        For each participant, the hand whose force it feels: 0 left, 1 right.
+
+    Returns
+    -------
+    int
+        Number of ticks [1].
+    """
+    count = len(rows) - first
     for k in range(count):
         place = first + k
         for side in range(2):
@@ -67,6 +81,15 @@ def _loop(
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             tell(bodies[side], side, words[place], numbers[place])
+        tick = words[place, _TICK]
+        if tick % THINK_TICKS == 0:
+            for which in range(len(hands)):
+                late = tick - newest_seen(minds[which], tick)
+                if late <= min(tick, THINK_TICKS):  # else it has seen that view already
+                    see(minds[which], words[place - late], numbers[place - late])
+                felt = bodies[hands[which]][5][0]["wanted"]
+                begun = think(minds[which], words[place], felt)
+                plan(bodies, minds[which][8][:begun])
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -125,11 +148,14 @@ class Rehearsal:
         )
         self._bodies: dict[Side, Body] = {"left": left, "right": right}
         self._parts = (left.parts, right.parts)
-        self._minds = [
-            (sides, Mind(config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))))
+        minds = [
+            Mind(config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))).parts
             for station, sides in seats_of(config)
             if (who := moving[sides[0]]) is not None
         ]
+        self._hands = np.array([SIDES.index(sides[0]) for _, sides in seats_of(config)], np.int64)
+        nobody = Mind(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
+        self._minds = tuple(minds) or (nobody,)  # a kernel cannot take an empty tuple
         self._last_tick = START_TICK + round(block.trials * PATIENCE / TICK_SECONDS)
         self._completions: list[float] = []
         self._ticks = 0
@@ -155,43 +181,23 @@ class Rehearsal:
         """
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
+        stage = self._stage
         over = False
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
             self._prepare(rows[KEPT:])
-            done = KEPT
-            while done < len(rows) and not over:
-                count = min(-self._ticks % THINK_TICKS + 1, len(rows) - done)
-                done = self._do(rows, words, numbers, done, count)
-                over = self._state["phase"][0] == Phase.FINISHED
-            self._given_up = bool(rows["event"][done - 1] == Cause.STOP)
-            yield rows[KEPT:done]
-
-    def _do(
-        self, rows: NDArray[Any], words: NDArray[np.int64], numbers: NDArray[np.float64], first: int, count: int
-    ) -> int:
-        """Run some ticks, with a decision after the last if one is due; return the place of the next tick."""
-        white = (self._bodies["left"].noise(count), self._bodies["right"].noise(count))
-        stage = self._stage
-        done = self._loop(self._state, rows, words, numbers, first, count, stage.book, stage.tables, self._parts, white)
-        self._ticks += done
-        if self._state["successes"][0] > len(self._completions):
-            self._completions.append(float(self._state["completion"][0]))
-        last = first + done - 1
-        if (self._ticks - 1) % THINK_TICKS == 0:
-            for sides, mind in self._minds:
-                self._think(rows, last, sides, mind)
-        return first + done
-
-    def _think(self, rows: NDArray[Any], last: int, sides: tuple[Side, ...], mind: Mind) -> None:
-        """Let a participant look, decide and move after a tick."""
-        tick = self._ticks - 1
-        late = tick - mind.shown(tick)
-        if late <= min(tick, THINK_TICKS):  # else it has seen that view already
-            mind.look(rows[last - late])
-        moves = mind.think(rows[last], self._bodies[sides[0]].wanted)
-        for side in sides if moves else ():
-            self._bodies[side].command(moves)
+            white = self._bodies["left"].noise(size), self._bodies["right"].noise(size)
+            count = self._loop(
+                *(self._state, rows, words, numbers, KEPT, stage.book, stage.tables),
+                *(self._parts, white, self._minds, self._hands),
+            )
+            self._ticks += count
+            done = rows[KEPT : KEPT + count]
+            after = np.append(done["completion"][1:], self._state["completion"])  # a row has the value before its tick
+            self._completions += after[done["event"] == Cause.HELD].tolist()
+            over = bool(self._state["phase"][0] == Phase.FINISHED)
+            self._given_up = bool(done["event"][-1] == Cause.STOP)
+            yield done
 
     def _prepare(self, rows: NDArray[Any]) -> None:
         """Number and date the next ticks."""

@@ -7,7 +7,6 @@ safety chain only the clamp is simulated: nothing else that it guards against ha
 force on. Motors do not heat up, and no step takes time.
 """
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,7 @@ from netboard.devices.simulated.virtual import encoded, within
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.cable import CABLES
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import STEP, STEP_NS, hold, swing, swing_on_cables
-from netboard.participants.submovement import Submovement
+from netboard.participants.hand import CAPACITY, STEP, STEP_NS, hold, swing, swing_on_cables
 from netboard.task.trials.state_machine import is_active
 
 LEAD_NS = STEP_NS
@@ -133,6 +131,28 @@ def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
     return float(d["wanted"])
 
 
+@kernel
+def plan(bodies: Any, moves: Any) -> None:
+    """Begin new movements of both hands.
+
+    Parameters
+    ----------
+    bodies : tuple of tuple
+        Parts of the left and of the right `Body`.
+    moves : ndarray of netboard.participants.controller.MOVE, shape (n,)
+        The movements.
+    """
+    for k in range(len(moves)):
+        move = moves[k]
+        hand, course = bodies[move["side"]][0], bodies[move["side"]][4]
+        under_way = hand[0]["moves"]
+        if under_way == CAPACITY:
+            raise ValueError("a simulated hand has too many submovements under way")
+        course[under_way, 0], course[under_way, 1] = move["start"], move["duration"]
+        course[under_way, 2] = move["displacement"]
+        hand[0]["moves"] = under_way + 1
+
+
 class Body:
     """One hand on one device.
 
@@ -147,7 +167,7 @@ class Body:
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
         refuse_flaws(config)
         own = resolved(config.virtual)
-        self._side, self._place = side, SIDES.index(side)
+        self._place = SIDES.index(side)
         self._hand = hold(person or config.participant, config.virtual, rng)
         hand, device = self._hand, np.zeros(1, _DEVICE)
         device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
@@ -163,16 +183,6 @@ class Body:
     def wanted(self) -> float:
         """Vertical force on the hand that acts next [N]."""
         return float(self._device["wanted"])
-
-    def command(self, moves: Iterable[Submovement]) -> None:
-        """Begin submovements of the hand.
-
-        Parameters
-        ----------
-        moves : iterable of Submovement
-            Movements; those of the other hand are ignored.
-        """
-        self._hand.plan(move for move in moves if move.side == self._side)
 
     def warm(self) -> None:
         """Compile or load the kernels by running a tick of this body, which changes its state."""

@@ -1,49 +1,60 @@
 """A simulated participant behind the curtain: sees its station's views, feels its own hand, and decides.
 
-Rule 1: `netboard.stage.curtain.view_of` makes its views, at the server's view rate, and it sees them one tick later.
-Rule 2: it infers the partner's height from the force only where the force tells it: where the hands feel the full
-board. Any other force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes
-from the given generator.
+Rule 1: `netboard.stage.curtain.glimpse` says what it sees, at the server's view rate and one tick late. Rule 2: it
+infers the partner's height from the force only where the force tells it: where the hands feel the full board. Any other
+force pushes the hand, but carries no information. Rule 3: time is that of the ticks; randomness comes from the given
+generator.
 """
 
 from dataclasses import replace
-from math import ceil
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.compiled import kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import TICK_NS, TICK_SECONDS
-from netboard.participants.controller import THINK_EVERY, Brain
-from netboard.participants.senses import Glimpse
-from netboard.participants.submovement import Submovement
-from netboard.stage.curtain import make_curtain, view_of
-from netboard.task.trials.state_machine import Phase
+from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
+from netboard.participants.controller import MOVE, THINK_EVERY, Brain, decide
+from netboard.participants.senses import SEEN
+from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
+from netboard.task.trials.state_machine import is_active
 
 THINK_TICKS = round(THINK_EVERY / TICK_SECONDS)
-"""A mind decides after each tick whose number is a multiple of this [1]."""
+"""A participant decides after each tick whose number is a multiple of this [1]."""
 
-_FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
+_AT = {name: place for place, name in enumerate(TICK.names or ())}
+_TICK, _TIME, _PHASE, _TRIAL = (_AT[name] for name in ("tick", "time_ns", "phase", "trial"))
 
 
 class Mind:
-    """One participant's eyes, sense of force and brain."""
+    """One participant's eyes, sense of force and controller.
+
+    Attributes
+    ----------
+    parts : tuple
+        What the kernels take: controller's state, constants and random generator; curtain, newest glimpse, view
+        timing, scales of the force by trial, catch trials, and room for new movements.
+    """
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
     ) -> None:
         block = config.block
-        self._brain = Brain(person, config.physics, config.task, sides, rng)
+        brain = Brain(person, config.physics, config.task, sides, rng)
         seen = replace(block, left="person", right="person")  # whoever moves a hand is shown the board, a robot too
-        self._curtain = make_curtain(replace(config, block=seen))
-        self._station = station
-        self._view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
-        self._turn = self._view_ticks // 2 if station == "right" else 0
-        self._glimpse: Glimpse | None = None
-        self._scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
-        self._catch = frozenset(block.catch)
+        curtain = pack_curtain(make_curtain(replace(config, block=seen)), station)
+        view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
+        timing = np.array([view_ticks, view_ticks // 2 if station == "right" else 0])
+        scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
+        shown = np.zeros(1, SEEN)
+        shown["time"] = nan
+        self.parts = (
+            *(brain.mind, brain.person, rng, curtain, shown, timing),
+            *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
+        )
 
     def shown(self, tick: int) -> int:
         """Return the newest tick that has been seen when a tick is done.
@@ -53,33 +64,56 @@ class Mind:
         int
             Its number, less than `tick`; negative before the first view [1].
         """
-        return tick - 1 - (tick - 1 - self._turn) % self._view_ticks
+        return int(newest_seen(self.parts, tick))
 
-    def look(self, row: NDArray[Any] | np.void) -> None:
+    def look(self, words: NDArray[np.int64]) -> None:
         """Take the view of a tick."""
-        time_ns = int(row["time_ns"])
-        view = view_of(self._curtain, row, self._station, None, time_ns)
-        when = (time_ns + TICK_NS) * 1e-9
-        self._glimpse = Glimpse(when, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right)
+        see(self.parts, words, words.view(np.float64))
 
-    def think(self, row: NDArray[Any] | np.void, force: float) -> tuple[Submovement, ...]:
-        """Decide, at a multiple of `THINK_TICKS`.
+    def think(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
+        """Decide, at a multiple of `THINK_TICKS`; return the new movements, an array of `MOVE`.
 
         Parameters
         ----------
         force : float
             Vertical force that acts on the own hand from now on [N].
         """
-        scale = self._scale_in(row)
-        felt = force / scale if scale else None
-        return self._brain.think(int(row["time_ns"]) * 1e-9, self._glimpse, felt)
+        moves: NDArray[Any] = self.parts[-1]
+        return moves[: think(self.parts, words, force)]
 
-    def _scale_in(self, row: NDArray[Any] | np.void) -> float:
-        """Return the factor by which to multiply the force on the hand; 0 where it tells nothing [1]."""
-        trial = int(row["trial"])
-        if not self._scales or not _FIRST_ACTIVE <= row["phase"] <= _LAST_ACTIVE or trial in self._catch:
+
+@kernel
+def newest_seen(mind: Any, tick: int) -> int:
+    """Return the newest tick that has been seen when a tick is done; see `Mind.shown`."""
+    timing = mind[5]
+    return int(tick - 1 - (tick - 1 - timing[1]) % timing[0])
+
+
+@kernel
+def see(mind: Any, words: Any, numbers: Any) -> None:
+    """Take the view of a tick, given as words and as numbers of the same memory."""
+    glimpse(mind[3][0], words, numbers, (words[_TIME] + TICK_NS) * 1e-9, mind[4][0])
+
+
+@kernel
+def think(mind: Any, words: Any, force: float) -> int:
+    """Decide after a tick; return the number of new movements, which are in the last of the parts."""
+    state, person, rng, _, shown, _, _, _, moves = mind
+    scale = scale_in(mind, words)
+    felt = force / scale if scale != 0.0 else nan
+    return decide(state[0], person[0], rng, words[_TIME] * 1e-9, shown[0], felt, moves)
+
+
+@kernel
+def scale_in(mind: Any, words: Any) -> float:
+    """Return the factor by which to multiply the force on the hand; 0 where it tells nothing [1]."""
+    scales, catch, trial = mind[6], mind[7], words[_TRIAL]
+    if len(scales) == 0 or not is_active(words[_PHASE]):
+        return 0.0
+    for k in range(len(catch)):
+        if catch[k] == trial:
             return 0.0
-        return self._scales[(trial - 1) % len(self._scales)]
+    return float(scales[(trial - 1) % len(scales)])
 
 
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
@@ -88,7 +122,7 @@ def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
     Returns
     -------
     tuple of (station, sides)
-        One for each mind; a hand that is held still has none.
+        One for each participant; a hand that is held still has none.
     """
     block = config.block
     if block.configuration == "bimanual":

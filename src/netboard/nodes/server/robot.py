@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK
-from netboard.nodes.rehearsal.body import Body
+from netboard.nodes.rehearsal.body import Body, plan
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
@@ -54,6 +54,6 @@ class Robot:
         told = self._body.tell(words)
         tick = int(words[_TICK])
         if tick % THINK_TICKS == 0:
-            self._body.command(self._mind.think(words.view(TICK)[0], told))
+            plan((self._body.parts, self._body.parts), self._mind.think(words, told))
         if self._mind.shown(tick + 1) == tick:
-            self._mind.look(words.view(TICK)[0])
+            self._mind.look(words)

@@ -30,6 +30,9 @@ from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 HOUSE_TICKS = 10
 
+NEAR_NS, MOST_POSTPONED = 400_000, 4
+"""Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
+
 ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
@@ -77,6 +80,7 @@ class Session:
         self.inlets = state.ports.inlets
         self._stopping = False
         self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
+        self._postponed = 0
 
     @property
     def wake_ns(self) -> int:
@@ -133,12 +137,17 @@ class Session:
             clock.wake_ns = min(clock.wake_ns, self._hear_ns)
 
     def _do_a_little(self, now: int) -> None:
-        """Do a bounded part of the work that can wait, once a millisecond.
+        """Do a bounded part of the work that can wait, once a millisecond, and after a tick rather than before one.
 
         A peer that sends too much thus only delays itself.
         """
         if now < self._hear_ns:
             return
+        if 0 <= self._clock.due_ns - now < NEAR_NS and not self._state.idle and self._postponed < MOST_POSTPONED:
+            self._postponed += 1
+            self._hear_ns = self._clock.due_ns
+            return
+        self._postponed = 0
         self._hear_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
@@ -178,7 +187,7 @@ class Session:
         block.stage.advance(state.stage, state.rows, number)
         halted = bool(state.emergency_stop.halted)
         if active and block.config.block.haptics and not halted:
-            self._motion.force(words, block.stage.told(state.words, number))
+            self._motion.force(words, block.stage.commanded_row(state.words, number))
         else:
             self._motion.beat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:

@@ -1,14 +1,14 @@
-"""Several floats in one vector register: a type for kernels, whose arithmetic is one instruction on the processor.
+"""Vector registers (SIMD) as a type for kernels: several floats with element-wise arithmetic.
 
-What the compiler makes of a loop over eight nodes is a matter of luck; of lanes it can make nothing but vectors. They
-come from arrays and tuples, go back there, and know +, -, * and / with each other and with floats, lane by lane, to the
-bit as floats do it. So the text of `netboard.physics.scene.models` compiles for them as it stands. In plain Python
-lanes are small arrays of numpy.
+Whether a compiler vectorises a loop is uncertain; lanes always compile to vector instructions. They are loaded from
+arrays and tuples and stored there. +, -, *, /, abs and sqrt with lanes and floats give the same bits as floats do, so
+the code of `netboard.physics.scene.models` compiles for them unchanged. In plain Python lanes are small NumPy arrays.
 
-Numba has no such type: this module is the only one that writes instructions by hand.
+Numba has no such type; this is the only module that generates LLVM instructions.
 """
 
 import inspect
+import math
 import operator
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -33,12 +33,12 @@ _INT = ir.IntType(32)
 
 
 class Lanes(types.Type):
-    """So many float64 side by side.
+    """A vector of float64.
 
     Parameters
     ----------
     count : int
-        How many; powers of two cost least [1].
+        Number of lanes; powers of two are fastest [1].
     """
 
     def __init__(self, count: int) -> None:
@@ -47,14 +47,14 @@ class Lanes(types.Type):
         super().__init__(name=f"lanes({count})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Let a number stand where lanes are asked for: the same in each.
+        """Convert a number to lanes that are all equal to it.
 
         Parameters
         ----------
         typingctx : object
-            Of numba's, not used.
+            Numba's typing context, unused.
         other : type
-            Numba's type of what stands there.
+            Numba's type of the number.
         """
         return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
 
@@ -67,14 +67,14 @@ register_model(Lanes)(_make_model)
 
 
 def _spread_value(builder: Any, value: Any, count: int) -> Any:
-    """Write the same float into every lane."""
+    """Broadcast a float to all lanes."""
     vector = ir.VectorType(_DOUBLE, count)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
     return _spread_lane(builder, first, 0, count)
 
 
 def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
-    """Write one lane into every lane."""
+    """Broadcast one lane to all lanes."""
     mask = ir.Constant(ir.VectorType(_INT, count), [i] * count)
     return builder.shuffle_vector(lanes, ir.Constant(lanes.type, ir.Undefined), mask)
 
@@ -88,34 +88,51 @@ lower_cast(types.Integer, Lanes)(_cast)
 
 
 class _Arithmetic(AbstractTemplate):
-    """Lanes with lanes, or with a number."""
+    """Typing of arithmetic between lanes, or lanes and numbers."""
 
     def generic(self, args: Any, kws: Any) -> Any:
-        """Return the types that it works with."""
+        """Return the signature for the given types."""
         found = [a for a in args if isinstance(a, Lanes)]
         if not found or not all(a == found[0] or isinstance(a, types.Float | types.Integer) for a in args):
             return None
         return signature(found[0], *[found[0]] * len(args))
 
 
-def _define(operation: Any, instruction: str, operands: int) -> None:
-    """Let an operator of Python be an instruction."""
+def _define(operation: Any, instruction: Callable[..., Any], operands: int) -> None:
+    """Implement a Python function for lanes by an instruction."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*args)
+        return instruction(builder, *args)
 
     infer_global(operation)(type(f"_{operation.__name__}", (_Arithmetic,), {}))
     lower_builtin(operation, *[Lanes] * operands)(lower)
 
 
-for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+def _intrinsic(name: str) -> Callable[..., Any]:
+    """Return a generator of an LLVM intrinsic that is exact or correctly rounded."""
+
+    def write(builder: Any, value: Any) -> Any:
+        return builder.call(builder.module.declare_intrinsic(f"llvm.{name}", [value.type]), [value])
+
+    return write
+
+
+_BUILDER = ir.IRBuilder
+for _name, _instruction in (
+    ("add", _BUILDER.fadd),
+    ("sub", _BUILDER.fsub),
+    ("mul", _BUILDER.fmul),
+    ("truediv", _BUILDER.fdiv),
+):
     _define(getattr(operator, _name), _instruction, 2)
     _define(getattr(operator, f"i{_name}"), _instruction, 2)
-_define(operator.neg, "fneg", 1)
+_define(operator.neg, _BUILDER.fneg, 1)
+_define(math.sqrt, _intrinsic("sqrt"), 1)
+_define(abs, _intrinsic("fabs"), 1)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
-    """Write the address of an element of an array, counted through the whole of it."""
+    """Generate the address of an element of an array, by its flat index."""
     structure = cgutils.create_struct_proxy(array_type)(context, builder, array)
     return builder.gep(structure.data, [offset])
 
@@ -221,7 +238,7 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
     offset : int
         Where the first is, counted through the whole array [1].
     count : int
-        How many; a constant at the call [1].
+        How many; a compile-time constant [1].
     """
     return array.ravel()[offset : offset + count]
 
@@ -236,7 +253,7 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     offset : int
         Where the first of the first set is, counted through the whole array [1].
     count : int
-        How many are in each; a constant at the call [1].
+        How many are in each; a compile-time constant [1].
     """
     both = array.ravel()[offset : offset + 2 * count]
     return both[::2], both[1::2]
@@ -265,7 +282,7 @@ def lane(lanes: Any, i: int) -> float:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return float(lanes[i])
 
@@ -278,7 +295,7 @@ def spread(lanes: Any, i: int) -> Any:
     lanes : lanes
         Some numbers.
     i : int
-        Which; a constant at the call [1].
+        Which; a compile-time constant [1].
     """
     return np.full(len(lanes), lanes[i])
 
@@ -291,7 +308,7 @@ def gathered(values: State, count: int) -> Any:
     values : tuple of float
         Some numbers.
     count : int
-        How many lanes; a constant at the call [1].
+        How many lanes; a compile-time constant [1].
     """
     return np.array([*values, *[0.0] * (count - len(values))])
 
@@ -321,7 +338,7 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     lanes : lanes
         What to multiply it with: as many as there are columns.
     count : int
-        How many lanes the result has: as many as there are rows; a constant at the call [1].
+        How many lanes the result has: as many as there are rows; a compile-time constant [1].
     """
     columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
     chains = [columns[0] * lanes[0], columns[1] * lanes[1]]

@@ -1,8 +1,7 @@
-"""Arithmetic on states: tuples of floats that the compiler takes apart, so that a loop over them costs nothing.
+"""Arithmetic on state vectors: tuples of floats, for which compiled loops are unrolled.
 
-A state is ``(z, vz, theta, omega)`` followed by ``(p, vp)`` of each ball. Every function here is plain Python, and has
-beside it the text that numba compiles instead, written out for the length at hand; both do the same operations in the
-same order, to the bit.
+A state is ``(z, vz, theta, omega)`` followed by ``(p, vp)`` of each ball. Every function is plain Python; beside it is
+the unrolled code that Numba compiles instead. Both do the same operations in the same order, to the bit.
 """
 
 from collections.abc import Callable
@@ -15,7 +14,7 @@ State = tuple[float, ...]
 
 
 def _unrolled(function: Callable[..., Any], names: str, write: Callable[..., str]) -> None:
-    """Let numba compile, for tuples of known lengths, the expression that `write` makes from the arguments' types."""
+    """Register the expression that `write` makes from the types of the arguments as the compiled code of a function."""
 
     def compose(*arguments: Any) -> Any:
         return eval(f"lambda {names}: {write(*arguments)}")
@@ -56,7 +55,7 @@ def blend(x: State, h: float, weights: State, ks: tuple[State, ...]) -> State:
     h : float
         Length of a step [s].
     weights : tuple of float
-        A weight for each rate; constants at the call [1].
+        A weight for each rate; compile-time constants [1].
     ks : tuple of tuple of float
         Rates, as many as weights, each as long as x [SI].
     """
@@ -99,7 +98,7 @@ _unrolled(row, "table, i, like", lambda table, i, like: _listed(like.count, "tab
 
 
 def places(x: State) -> State:
-    """Return where the balls are.
+    """Return the positions of the balls.
 
     Parameters
     ----------
@@ -118,7 +117,7 @@ _unrolled(places, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(4, x.c
 
 
 def speeds(x: State) -> State:
-    """Return how fast the balls move along the board.
+    """Return the speeds of the balls along the board.
 
     Parameters
     ----------
@@ -142,7 +141,7 @@ def total(a: State) -> float:
     Parameters
     ----------
     a : tuple of float
-        What to add up [SI].
+        Numbers to add [SI].
     """
     result = a[0] if a else 0.0
     for value in a[1:]:
@@ -227,12 +226,12 @@ _unrolled(
 
 
 TINY = 1e-200
-"""Nothing so small matters, in any unit, and its products are denormal numbers: processors are many times slower
-with those, and a board between two still hands would come to them [SI]."""
+"""Smaller magnitudes are set to 0. Their products would be denormal numbers, which are many times slower to compute; a
+board between resting hands would reach them [SI]."""
 
 
 def calm(x: State) -> State:
-    """Return the state with numbers that are too small to matter put to 0.
+    """Return the state with negligible numbers set to 0.
 
     Parameters
     ----------
@@ -246,16 +245,16 @@ _unrolled(calm, "x", lambda x: _listed(x.count, f"0.0 if abs(x[#]) < {TINY} else
 
 
 def replaced(x: State, i: int, value: float) -> State:
-    """Return the state with another value in one place.
+    """Return the state with one element replaced.
 
     Parameters
     ----------
     x : tuple of float
         A state [SI].
     i : int
-        The place, from 0 [1].
+        Index of the element [1].
     value : float
-        What goes there [SI].
+        New value [SI].
     """
     return (*x[:i], value, *x[i + 1 :])
 

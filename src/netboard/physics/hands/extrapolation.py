@@ -1,9 +1,9 @@
-"""How a hand moves between its samples, and the drive it makes of that.
+"""Extrapolation and interpolation of styluses between samples, as drives of the hands.
 
-A hand enters the equations by its drive ``u = k z + c vz`` alone. Through a step it is a polynomial of the time since
-the step's start, ``u0 + u1 t + u2 t^2 + u3 t^3``: constant for a zero-order hold, linear for a constant velocity,
-quadratic for a constant acceleration, cubic between two samples that are both known (cubic Hermite). The drives of both
-hands through a step are one tuple: the left hand's four coefficients, then the right one's.
+A hand enters the equations only by its drive ``u = k z + c vz``. During a step it is a polynomial of the time since the
+start of the step, ``u0 + u1 t + u2 t^2 + u3 t^3``: constant for a zero-order hold, linear for constant velocity,
+quadratic for constant acceleration, cubic between two known samples (cubic Hermite). The drives of both hands are one
+tuple: the four coefficients of the left hand, then those of the right hand.
 """
 
 from typing import Any
@@ -13,21 +13,27 @@ from numba import types
 from netboard.base.compiled import inlined, specialised
 from netboard.physics.arithmetic.vectors import State
 
+VELOCITY_HORIZON = 0.010
+"""Velocity extrapolates a stylus sample over at most this time [s]."""
+
+ACCELERATION_HORIZON = 0.005
+"""Acceleration extrapolates it over at most this time, and comes from samples at most this far apart [s]."""
+
 
 @inlined
 def reached(z: float, vz: float, az: float, age: float, quick: float, reach: float) -> tuple[float, float]:
-    """Return height and rate, at the tick, of a stylus that keeps its acceleration for a while, and then its rate.
+    """Extrapolate height and rate of a stylus to the tick: first at constant acceleration, then at constant velocity.
 
     Parameters
     ----------
     z, vz, az : float
-        Height as sampled, its rate, and the rate of that [m, m/s, m/s2].
+        Sampled height, velocity and acceleration [m, m/s, m/s2].
     age : float
-        Time from the sample to the tick; negative if the sample is of later [s].
+        Time from the sample to the tick; negative if the sample is later [s].
     quick : float
-        The acceleration counts for at most this time, in either direction; less than `reach` [s].
+        Limit of the extrapolation by acceleration, in either direction; less than `reach` [s].
     reach : float
-        The rate counts for at most this time, in either direction [s].
+        Limit of the extrapolation by velocity, in either direction [s].
 
     Returns
     -------
@@ -42,12 +48,12 @@ def reached(z: float, vz: float, az: float, age: float, quick: float, reach: flo
 
 @inlined
 def moving(z: float, vz: float, az: float, k: float, c: float) -> tuple[float, float, float, float]:
-    """Return the drive of a hand that moves with constant acceleration from the start of the step.
+    """Return the drive of a hand that moves at constant acceleration.
 
     Parameters
     ----------
     z, vz, az : float
-        Height of the stylus at the start, its rate, and the rate of that [m, m/s, m/s2].
+        Height, velocity and acceleration of the stylus at the start [m, m/s, m/s2].
     k, c : float
         Stiffness and damping of the coupling [N/m, N s/m].
 
@@ -61,7 +67,7 @@ def moving(z: float, vz: float, az: float, k: float, c: float) -> tuple[float, f
 
 @inlined
 def resting(z: float, vz: float, k: float, c: float) -> tuple[float, float, float, float]:
-    """Return the drive of a hand whose sample counts all through the step (zero-order hold).
+    """Return the drive of a hand under a zero-order hold.
 
     Parameters
     ----------
@@ -82,7 +88,7 @@ def resting(z: float, vz: float, k: float, c: float) -> tuple[float, float, floa
 def between(
     z: float, vz: float, next_z: float, next_vz: float, gap: float, k: float, c: float
 ) -> tuple[float, float, float, float]:
-    """Return the drive of a hand on its way between two samples, the cubic that meets both (Hermite).
+    """Return the drive of a hand between two samples, interpolated by the cubic Hermite polynomial.
 
     Parameters
     ----------
@@ -108,19 +114,19 @@ def between(
 
 @inlined
 def later(u: State, t: float) -> State:
-    """Return the drives of both hands counted from a later start (Taylor's shift of both polynomials).
+    """Return the drives of both hands relative to a later start (Taylor shift of both polynomials).
 
     Parameters
     ----------
     u : tuple of float, length 8
         Coefficients of the left drive and of the right one [N, N/s, N/s2, N/s3].
     t : float
-        How much later [s].
+        Shift of the start [s].
 
     Returns
     -------
     tuple of float, length 8
-        The same motion, counted from then [N, N/s, N/s2, N/s3].
+        The same motion, relative to the later start [N, N/s, N/s2, N/s3].
     """
     return (
         u[0] + t * (u[1] + t * (u[2] + t * u[3])),
@@ -140,11 +146,11 @@ def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
     Parameters
     ----------
     hands : tuple of float, length 8, or tuple of ndarray of float64, shape (steps, nodes, 2), and int
-        The polynomials of both; or the drives evaluated beforehand at the nodes of the method, and which step this is.
+        Both polynomials; or the drives at the nodes of the method for all steps, and the index of this step.
     node : int
         Number of the node [1].
     t : float
-        Its time since the start of the step [s].
+        Time of the node since the start of the step [s].
 
     Returns
     -------
@@ -159,13 +165,13 @@ def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
 
 @inlined
 def _polynomials(u: State, t: float) -> tuple[float, float]:
-    """Return the values of both polynomials at a time."""
+    """Evaluate both polynomials."""
     return u[0] + t * (u[1] + t * (u[2] + t * u[3])), u[4] + t * (u[5] + t * (u[6] + t * u[7]))
 
 
 @specialised(drives)
 def _drives(hands: Any, node: Any, t: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands, node, t: _polynomials(hands, t)
     return lambda hands, node, t: (hands[0][hands[1], node, 0], hands[0][hands[1], node, 1])

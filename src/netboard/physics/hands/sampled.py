@@ -1,7 +1,7 @@
-"""Hands that are known by samples: what each does from one to the next, and the drives that this makes.
+"""Sampled hands, interpolated or extrapolated between samples, as drives along a trajectory.
 
-Time is counted in ticks, whole numbers of a small unit, so that samples and other times that fall together do so
-exactly, and equal intervals are equal to the bit.
+Time is counted in ticks, integers of a small unit, so that coinciding times coincide exactly, and equal intervals are
+equal to the bit.
 """
 
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from netboard.base.errors import ConfigError
 from netboard.physics.hands.extrapolation import between, later, moving, resting
 from netboard.physics.scene.parameters import SCENE
 
-HOLDS = ("zoh", "cv", "ca", "hermite")
-"""How a hand moves between its samples; a hold's number is its place."""
+INTERPOLATIONS = ("zoh", "cv", "ca", "hermite")
+"""Motion of a stylus between samples: extrapolations and the Hermite interpolation; their number is their place."""
 
-GAP = 3.0
-"""Samples further apart than so many times the median are a gap [1]."""
+GAP_RATIO = 3.0
+"""An interval longer than this multiple of the median interval is a gap [1]."""
 
-FILL = 0.001
-"""For "hermite", samples further apart are filled in to at most this, from polynomials through four of them [s]."""
+MAX_FILLED_INTERVAL = 0.001
+"""For "hermite", the largest interval after filling in samples from polynomials through four neighbours [s]."""
 
-FINEST = 11
-"""Times are whole numbers of 10^-11 s, or of a larger power of ten where float64 does not hold that many digits [1]."""
+TIME_DIGITS = 11
+"""Decimal digits of the time unit: 10^-11 s, or coarser where float64 has fewer digits [1]."""
 
-_ZOH, _HERMITE = HOLDS.index("zoh"), HOLDS.index("hermite")
+_ZOH, _HERMITE = INTERPOLATIONS.index("zoh"), INTERPOLATIONS.index("hermite")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Hands:
 
 
 def find_gaps(t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Find samples after which a gap begins.
+    """Find the samples before gaps.
 
     Parameters
     ----------
@@ -63,27 +63,27 @@ def find_gaps(t: NDArray[np.float64]) -> NDArray[np.int64]:
         Their numbers, from 0 [1].
     """
     intervals = np.diff(t)
-    return np.flatnonzero(intervals > GAP * np.median(intervals))
+    return np.flatnonzero(intervals > GAP_RATIO * np.median(intervals))
 
 
 @dataclass(frozen=True)
 class Held:
-    """Two hands at all times: what each does from a tick on, until the next.
+    """Motion of two hands at all times: from each tick until the next.
 
     Attributes
     ----------
     hold : int
-        Number of the hold [1].
+        Number of the interpolation [1].
     scale : float
-        Ticks in a second [1/s].
+        Ticks per second [1/s].
     ticks : ndarray of int64, shape (n,)
-        When, ascending [1/scale s].
+        Times, ascending [1/scale s].
     z : ndarray of float64, shape (n, 2)
         Heights of the left and of the right stylus [m].
     vz : ndarray of float64, shape (n, 2)
         Their rates [m/s].
     az : ndarray of float64, shape (n, 2)
-        Rates of these, where the hold needs them [m/s2].
+        Accelerations, where needed [m/s2].
     """
 
     hold: int
@@ -95,19 +95,19 @@ class Held:
 
 
 def hold_hands(hands: Hands, hold: str) -> Held:
-    """Say what hands do between their samples.
+    """Define the motion of hands between their samples.
 
-    With "hermite" they go through heights and rates: on a cubic from sample to sample where these are close, otherwise
-    by way of polynomials through four samples, and across a gap on one cubic. With the others they go on from the last
-    sample: with its height and rate (zoh), its rate (cv) or its acceleration, the slope of the last two rates (ca); in
-    a gap for as long as is usual, and then they rest where they got to.
+    "hermite" interpolates heights and rates: by a cubic between close samples, by polynomials through four samples
+    where they are further apart, and by one cubic across a gap. The others extrapolate from the last sample: with its
+    height and rate (zoh), at constant velocity (cv), or at constant acceleration, the slope of the last two rates (ca).
+    In a gap they do so for the median interval; then the stylus rests.
 
     Parameters
     ----------
     hands : Hands
         The samples.
     hold : str
-        One of `HOLDS`.
+        One of `INTERPOLATIONS`.
 
     Returns
     -------
@@ -117,14 +117,14 @@ def hold_hands(hands: Hands, hold: str) -> Held:
     Raises
     ------
     ConfigError
-        If two samples fall on one tick.
+        If two samples coincide.
     """
     scale = _scale_of(hands.t)
     ticks = np.rint(hands.t * scale).astype(np.int64)
     close = np.flatnonzero(np.diff(ticks) <= 0)
     if len(close):
         raise ConfigError(f"t: samples {close[0] + 1} and {close[0] + 2} are less than {1 / scale:g} s apart")
-    held = Held(HOLDS.index(hold), scale, ticks, hands.z, hands.vz, np.zeros_like(hands.vz))
+    held = Held(INTERPOLATIONS.index(hold), scale, ticks, hands.z, hands.vz, np.zeros_like(hands.vz))
     if hold == "ca":
         held.az[1:] = np.diff(hands.vz, axis=0) / (np.diff(ticks) / scale)[:, None]
     gaps = find_gaps(hands.t)
@@ -132,13 +132,13 @@ def hold_hands(hands: Hands, hold: str) -> Held:
 
 
 def _scale_of(t: NDArray[np.float64]) -> float:
-    """Return how many ticks a second has."""
+    """Return the number of ticks per second."""
     digits = np.floor(-np.log10(4.0 * np.spacing(np.abs(t).max())))
-    return float(10.0 ** min(FINEST, int(digits)))
+    return float(10.0 ** min(TIME_DIGITS, int(digits)))
 
 
 def _rested(held: Held, gaps: NDArray[np.int64]) -> Held:
-    """Let the hands rest in each gap, from the usual time on."""
+    """Let the hands rest in each gap, after the median interval."""
     usual = int(np.median(np.diff(held.ticks)))
     z, age = held.z[gaps], usual / held.scale
     if held.hold != _ZOH:
@@ -154,8 +154,8 @@ def _rested(held: Held, gaps: NDArray[np.int64]) -> Held:
 
 
 def _filled(held: Held, gaps: NDArray[np.int64]) -> Held:
-    """Fill in samples that are far apart, but not the gaps."""
-    parts = np.ceil(np.diff(held.ticks) / (FILL * held.scale) - 1e-6).astype(np.int64)
+    """Insert samples into long intervals, but not into gaps."""
+    parts = np.ceil(np.diff(held.ticks) / (MAX_FILLED_INTERVAL * held.scale) - 1e-6).astype(np.int64)
     parts[gaps] = 1
     if parts.max() == 1:
         return held
@@ -180,7 +180,7 @@ def _fill(
     out_z: Any,
     out_vz: Any,
 ) -> None:
-    """Write the samples and what is between them: osculating polynomials through four (Newton's form, nodes twice)."""
+    """Write samples and inserted samples, from osculating polynomials through four (Newton's form, double nodes)."""
     x, c = np.empty(8), np.empty(8)
     begin, run_number = 0, 0
     for i in range(len(ticks)):
@@ -188,8 +188,8 @@ def _fill(
         if i == ends[run_number]:  # the last sample before a gap
             begin, run_number = i + 1, run_number + 1
             continue
-        # The two samples and their neighbours, as far as there are any on this side of a gap. Only if none are close
-        # together: what is wrong with them would grow with the distance.
+        # Both samples and their neighbours on this side of a gap, unless two are close together: extrapolation from
+        # these would amplify their errors.
         low = max(min(i - 1, ends[run_number] - 3), begin)
         nodes = min(low + 4, ends[run_number] + 1) - low
         for j in range(low, low + nodes - 1):
@@ -216,7 +216,7 @@ def _fill(
 
 
 def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the polynomials of both drives from each of some times on, until the hold's next one.
+    """Return the polynomials of both drives from each time on, until the next sample.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> N
 
 
 def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the styluses at some times.
+    """Return heights and rates of the styluses at the given times.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
         left_z, left_vz, right_z, right_vz [m, m/s].
     """
     out, unit = np.empty((len(ticks), 4)), np.zeros(1, SCENE)
-    # The drive of a coupling of nothing but a stiffness of 1 is a height, that of a damping of 1 a rate.
+    # The drive of a coupling with stiffness 1 and no damping is the height; with damping 1 alone, the rate.
     for first, name in enumerate("kc"):
         unit["k_left"] = unit["k_right"] = name == "k"
         unit["c_left"] = unit["c_right"] = name == "c"
@@ -267,7 +267,7 @@ def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
 def _write_drives(
     knots: Any, samples: Any, ticks: Any, scale: float, z: Any, vz: Any, az: Any, hold: int, scene: Any, out: Any
 ) -> None:
-    """Write the drives, each counted from its knot."""
+    """Write the drives relative to their knots."""
     k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]
     for n in range(len(knots)):
         i = samples[n]

@@ -28,7 +28,7 @@ from netboard.physics.scene.parameters import Parts
 
 Step = Callable[[State, float, Any, Any, Parts, Any], State]
 Tables = Callable[[Any, Parts, int, float], NDArray[np.float64]]
-"""Of a scene's record, its parts, the length of its state and the length of the step [s]."""
+"""Function of scene record, structure, length of the state vector and step size [s]."""
 
 
 def _no_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
@@ -43,15 +43,15 @@ class Method:
     Attributes
     ----------
     name : str
-        What it is called in configurations.
+        Its name in configurations.
     order : int
         Order of convergence [1].
     nodes : tuple of float
-        Where in a step it asks for the hands, in lengths of the step [1].
+        Times at which it evaluates the drives, relative to the step [1].
     step : callable
         ``step(x, h, hands, tables, parts, scene)``.
     tables : callable
-        Makes what it needs to know beforehand.
+        Computes its tables.
     """
 
     name: str
@@ -73,7 +73,7 @@ METHODS = (
     Method("etdrk4", 4, (0.0, 0.5, 1.0), etdrk4, etdrk4_tables),
     Method("exact", 4, (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0), exact, exact_tables),
 )
-"""All of them; a method's number is its place."""
+"""All methods; a method's number is its place."""
 
 NUMBER = {method.name: i for i, method in enumerate(METHODS)}
 """Number of each method by its name."""
@@ -85,17 +85,17 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
     Parameters
     ----------
     method : int
-        Number of the method, a constant of the kernel that calls this [1].
+        Number of the method; a compile-time constant [1].
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        What `Method.tables` made for this scene and each length of step, and which of them this is.
+        Tables from `Method.tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -109,7 +109,7 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
 
 @specialised(advance)
 def _advance(method: Any, x: Any, h: Any, hands: Any, tables: Any, parts: Any, scene: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Select the implementation at compile time."""
     if not isinstance(method, types.IntegerLiteral):
         return None
     step = METHODS[method.literal_value].step

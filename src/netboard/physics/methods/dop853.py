@@ -118,13 +118,13 @@ def dop853(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 

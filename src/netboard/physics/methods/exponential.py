@@ -1,7 +1,7 @@
-"""One-step exponential methods: what is linear about the level board is solved exactly, the rest by a Runge-Kutta rule.
+"""Exponential one-step methods: exact for the linearisation about the level board, Runge-Kutta for the remainder.
 
-However stiff the couplings, they are bounded at every length of step. With ``x' = A x + N(x, t)``
-(`netboard.physics.methods.semilinear`) a method's tables are A and products of h and the functions phi_k of h A
+They are stable at every step size, however stiff the couplings. With ``x' = A x + N(x, t)``
+(`netboard.physics.methods.semilinear`) a method's tables are A and products of h and the functions phi_k of hA
 (`netboard.physics.methods.phi`). `exact` is for boards that cannot tilt: there N depends on the hands alone.
 
 Every step has the arguments of those of `netboard.physics.methods.one_step`; the rules of
@@ -37,13 +37,13 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 4, n, n), and int
-        What `etd2rk_tables` made for each length of step, and which of them this is.
+        Tables from `etd2rk_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -64,21 +64,21 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
     """Return the state after one step of Krogstad's exponential Runge-Kutta method (order 4).
 
-    S. Krogstad, "Generalized integrating factor methods for stiff PDEs", J. Comput. Phys. 203, 2005, ETDRK4-B; as a
-    tableau, so that little is left to do when the newest value of N is known.
+    S. Krogstad, "Generalized integrating factor methods for stiff PDEs", J. Comput. Phys. 203, 2005, ETDRK4-B; in
+    tableau form, which leaves few operations after the last evaluation of N.
 
     Parameters
     ----------
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 11, n, n), and int
-        What `etdrk4_tables` made for each length of step, and which of them this is.
+        Tables from `etdrk4_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -102,26 +102,26 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     return pushed(known, tables, 10, n4, parts)
 
 
-LARGEST_REST = 2.0
-"""A Runge-Kutta rule holds a rest that moves by no more than this in a step; the limit of RK4 is 2.8 [1]."""
+MAX_EXPLICIT_STIFFNESS = 2.0
+"""Largest stiffness of the remainder N per step; the limit of RK4 is 2.8 [1]."""
 
 
 def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float64]:
-    """Return the matrix that is solved exactly: that of the scene, or of its board without the inertia of its balls.
+    """Return the matrix A that is solved exactly: of the scene, or of the board without the inertia of balls.
 
-    By Lagrange a ball at the centre weighs on the heave, and one further out does not, which is left to the rest N. On
-    a stiff board that would be too much for it, and the board is solved at its lightest: bounded, but less accurate.
+    In the Lagrangian model a ball away from the centre adds less inertia to the heave than A assumes; the difference is
+    in N. For stiff scenes it would make N unstable, so A is that of the lightest board: stable, but less accurate.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -130,28 +130,28 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
     """
     k = float(scene["k_left"]) + float(scene["k_right"]) + float(scene["k_s"])
     c = float(scene["c_left"]) + float(scene["c_right"]) + float(scene["b_z"])
-    stiff = h * max(c / float(scene["M"]), sqrt(k / float(scene["M"]))) > LARGEST_REST
+    stiff = h * max(c / float(scene["M"]), sqrt(k / float(scene["M"]))) > MAX_EXPLICIT_STIFFNESS
     return scene_matrix(parts._replace(lagrangian=False) if stiff else parts, scene, length)
 
 
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return what `etd2rk` multiplies with: A, and of the length of the step phi_0, h phi_1 and h phi_2.
+    """Return the tables of `etd2rk`: A, phi_0, h phi_1 and h phi_2.
 
     Parameters
     ----------
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
     ndarray of float64, shape (4, length, length)
-        The matrices by their columns [SI].
+        The matrices, stored by columns [SI].
     """
     a = solved(parts, scene, length, h)
     full = phi(a, h, 2)
@@ -159,23 +159,23 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return what `etdrk4` multiplies with: A, phi_0 of half the step and of all of it, and the tableau of the method.
+    """Return the tables of `etdrk4`: A, phi_0 of half and of the whole step, and the tableau of the method.
 
     Parameters
     ----------
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
     ndarray of float64, shape (11, length, length)
-        The matrices by their columns [SI].
+        The matrices, stored by columns [SI].
     """
     a = solved(parts, scene, length, h)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
@@ -185,28 +185,28 @@ def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
 
 
 def _by_columns(*matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return matrices of which a row of the array is a column, so that the processor can take it as it is."""
+    """Return matrices stored by columns, for vector instructions."""
     return np.ascontiguousarray(np.array(matrices).transpose(0, 2, 1))
 
 
 @inlined
 def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of a board that cannot tilt, without error for drives that are cubics of time.
+    """Return the state after one step of a board that cannot tilt, exact for drives that are cubic in time.
 
     Parameters
     ----------
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 1, 2, 11), and int
-        What `exact_tables` made for each length of step, and which of them this is.
+        Tables from `exact_tables` for each step size, and the index of the current one.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
-        Not used.
+        Unused.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
 
 @inlined
 def _row(x: State, drive: State, table: Any, kind: int, row: int, by: int) -> float:
-    """Return a row of the state at the end: what weight and hands make, and what the state at the start does."""
+    """Return one component of the final state: contributions of weight and drives, and of the initial state."""
     w0, w1 = table[kind, 0, row, by] * drive[0], table[kind, 0, row, by + 1] * drive[1]
     w2, w3 = table[kind, 0, row, by + 2] * drive[2], table[kind, 0, row, by + 3] * drive[3]
     flow: float = table[kind, 0, row, 0] * x[0] + table[kind, 0, row, 1] * x[1]
@@ -231,7 +231,7 @@ def _row(x: State, drive: State, table: Any, kind: int, row: int, by: int) -> fl
 
 
 def _both(hands: Any) -> tuple[int, State]:
-    """Return the first column of what the drives meet, and the coefficients or the values of both hands, added."""
+    """Return the first column of the drives in the table, and the sums of both hands' coefficients or values."""
     if len(hands) == 8:
         return 3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7])
     table, step = hands
@@ -240,7 +240,7 @@ def _both(hands: Any) -> tuple[int, State]:
 
 @specialised(_both)
 def _write_both(hands: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Select the implementation at compile time."""
     if isinstance(hands, types.UniTuple):
         return lambda hands: (3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]))
     sums = [f"hands[0][hands[1], {node}, 0] + hands[0][hands[1], {node}, 1]" for node in range(4)]
@@ -248,28 +248,28 @@ def _write_both(hands: Any) -> Any:
 
 
 def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return what `exact` multiplies with: its state, 1, the coefficients of the drives, and their values at its nodes.
+    """Return the table of `exact`, with columns for state, 1, coefficients of the drives, and their values at nodes.
 
     Parameters
     ----------
     scene : SCENE record
         The scene.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
     ndarray of float64, shape (1, 2, 11)
-        For height and rate, what each of them adds [SI].
+        Contributions to height and rate [SI].
 
     Raises
     ------
     ValueError
-        If the board tilts.
+        If the board can tilt.
     """
     if parts.tilts:
         raise ValueError("a board that tilts is not linear: it has no exact step")
@@ -279,7 +279,7 @@ def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.
     load = rates(rest, 0.0, 0.0, parts, scene)[1]
     answer = rates(rest, 1.0, 0.0, parts, weightless)[1]
     phis = phi(np.ascontiguousarray(scene_matrix(parts, scene, length)[:2, :2]), h, 4)
-    # Integrals of e^((h - t) A) (t / h)^k, by a unit drive; of t^k; and of the four cubics that are 1 at one node each.
+    # Integrals of e^((h - t) A) (t / h)^k for a unit drive, of t^k, and of the four Lagrange cubics of the nodes.
     powers = [answer * (h * (factor * phis[k + 1][:, 1])) for k, factor in enumerate((1.0, 1.0, 2.0, 6.0))]
     times = [powers[0], h * powers[1], h * h * powers[2], h * h * h * powers[3]]
     nodes = [

@@ -1,4 +1,4 @@
-"""A scene stepped along a grid of time, compiled: what offline runs and studies are made of."""
+"""Compiled integration of a scene along a grid of steps, for offline runs and studies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ class Grid:
     lengths : ndarray of float64, shape (n,)
         Length of each interval [s].
     counts : ndarray of int64, shape (n,)
-        Equal steps that each is done in [1].
+        Number of equal steps in each interval [1].
     kinds : ndarray of int64, shape (n,)
-        Which of the method's tables its steps need [1].
+        Index of the tables of each interval [1].
     tables : ndarray of float64, shape (kinds, ...)
-        The method's tables for each length of step [SI].
+        Tables of the method for each step size [SI].
     """
 
     lengths: NDArray[np.float64]
@@ -47,7 +47,7 @@ def make_grid(
     length: int,
     scene: NDArray[Any],
 ) -> Grid:
-    """Make the steps of a run, with the tables that its method needs for them.
+    """Make the steps of a run, with the tables of its method.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ def make_grid(
     lengths : ndarray of float64, shape (n,)
         Length of each interval [s].
     counts : ndarray of int64, shape (n,)
-        Equal steps that each is done in [1].
+        Number of equal steps in each interval [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     length : int
-        Length of its state [1].
+        Length of its state vector [1].
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -76,7 +76,7 @@ def make_grid(
 
 
 def hands_at(hands: Any, i: int) -> Any:
-    """Return the hands through an interval, as `netboard.physics.hands.extrapolation.drives` takes them.
+    """Return the drives during an interval, for `netboard.physics.hands.extrapolation.drives`.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def hands_at(hands: Any, i: int) -> Any:
     Returns
     -------
     tuple of float, length 8, or tuple of ndarray and int
-        Those of the interval [N].
+        Drives of the interval [N].
     """
     return tuple(hands[i].tolist()) if hands.ndim == 2 else (hands, i)
 
@@ -110,14 +110,14 @@ def _hands_at(hands: Any, i: Any) -> Any:
 
 
 def moved_on(hands: Any, t: float) -> Any:
-    """Return the hands counted from a later step of the same interval.
+    """Return the drives relative to a later step of the same interval.
 
     Parameters
     ----------
     hands : tuple of float, length 8, or tuple of ndarray and int
-        The hands through the interval; values at nodes are for intervals of one step and stay [N].
+        Drives during the interval; values at nodes are for intervals of one step and remain unchanged [N].
     t : float
-        How much later [s].
+        Shift of the start [s].
     """
     return later(hands, t) if len(hands) == 8 else hands
 
@@ -131,14 +131,14 @@ def _moved_on(hands: Any, t: Any) -> Any:
 
 @cache
 def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
-    """Compile a method for a kind of scene, stepped along a grid.
+    """Compile the integration of a kind of scene along a grid.
 
     Parameters
     ----------
     METHOD : int
         Number of the method [1].
     PARTS : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def run(
     parts: Parts,
     scene: NDArray[Any],
 ) -> NDArray[np.float64]:
-    """Step a scene along a grid.
+    """Integrate a scene along a grid.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def run(
     grid : Grid
         The steps.
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -208,7 +208,7 @@ def run(
 
 @cache
 def _make_forces(PARTS: Parts) -> Callable[..., None]:
-    """Compile the forces of the hands along a trajectory."""
+    """Compile the coupling forces along a trajectory."""
 
     @kernel
     def forces(states: Any, drives: Any, scene: Any, out: Any) -> None:
@@ -222,7 +222,7 @@ def _make_forces(PARTS: Parts) -> Callable[..., None]:
 def forces_along(
     states: NDArray[np.float64], drives: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
 ) -> NDArray[np.float64]:
-    """Return the forces of the hands on the board at each state.
+    """Return the coupling forces on the board at each state.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def forces_along(
     drives : ndarray of float64, shape (n, 2)
         Drives of the left and of the right hand at the same times [N].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 

@@ -1,4 +1,4 @@
-"""One-step methods that are explicit: a state goes in with a step's hands, the state after it comes out.
+"""Explicit one-step methods.
 
 Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
 the step, the hands through it (`netboard.physics.hands.extrapolation.drives`), the method's tables and which of them
@@ -17,18 +17,18 @@ from netboard.physics.scene.parameters import Parts
 
 @inlined
 def moved(x: State, t: float, y: State, parts: Parts) -> State:
-    """Return where a state gets in a time with the velocities of another, which it takes over.
+    """Advance the positions of a state by the velocities of another, and take over these velocities.
 
     Parameters
     ----------
     x : tuple of float
-        The state from which the places are taken [SI].
+        State with the positions [SI].
     t : float
-        How long it moves [s].
+        Duration [s].
     y : tuple of float
-        The state from which the velocities are taken [SI].
+        State with the velocities [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -48,13 +48,13 @@ def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -79,13 +79,13 @@ def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, sce
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -107,13 +107,13 @@ def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) 
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -138,13 +138,13 @@ def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -
     x : tuple of float
         The state [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     hands : tuple
-        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Not used.
+        Unused.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 

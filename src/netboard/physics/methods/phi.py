@@ -1,4 +1,4 @@
-"""The functions phi_0 ... phi_k of a matrix, from which every exponential method is made.
+"""The functions phi_0 ... phi_k of a matrix, on which exponential methods are based.
 
 ``phi_0(B) = e^B`` and ``phi_k(B) = integral over s from 0 to 1 of e^((1 - s) B) s^(k - 1) / (k - 1)!``: what a linear
 system makes of its state, and of a force that grows with the power k - 1 of the time.
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 Matrix = Sequence[Sequence[Decimal]]
 
 DIGITS = 60
-"""Digits left when the squarings have taken theirs [1]."""
+"""Decimal digits of the result after the losses of squaring [1]."""
 
 _TERMS = 40
-"""Terms of the series: with a norm of one half the next is below 1e-61 of the sum."""
+"""Terms of the series; at a norm of one half the next is below 1e-61 of the sum."""
 
 
 def _product(a: Matrix, b: Matrix) -> list[list[Decimal]]:
@@ -40,7 +40,7 @@ def _product(a: Matrix, b: Matrix) -> list[list[Decimal]]:
 
 
 def _sum(terms: Sequence[tuple[Decimal, Matrix]], diagonal: Decimal) -> list[list[Decimal]]:
-    """Return the sum of so many times each matrix, and of so many times that of ones."""
+    """Return a linear combination of matrices and the identity."""
     n = len(terms[0][1])
     result = [[diagonal if i == j else Decimal(0) for j in range(n)] for i in range(n)]
     for weight, matrix in terms:
@@ -125,7 +125,7 @@ def phi(a: NDArray[np.float64], h: float, last: int) -> NDArray[np.float64]:
 
 
 def cardinals(points: Sequence[Decimal]) -> list[list[Decimal]]:
-    """Return the polynomials that are 1 at one of some points and 0 at the others (Lagrange's).
+    """Return the Lagrange basis polynomials of some points.
 
     Parameters
     ----------
@@ -153,14 +153,14 @@ def cardinals(points: Sequence[Decimal]) -> list[list[Decimal]]:
 def integrals(
     a: NDArray[np.float64], h: float, end: Decimal, polynomials: Sequence[Sequence[Decimal]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what a linear system makes, in part of a step, of its state and of forces that are polynomials of time.
+    """Return the response of a linear system, in part of a step, to its state and to forces polynomial in time.
 
     Parameters
     ----------
     a : ndarray of float64, shape (n, n)
         Matrix of the system x' = a x [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     end : Decimal
         How much of the step, or how many of them [1].
     polynomials : sequence of sequence of Decimal
@@ -190,7 +190,7 @@ def integrals(
 
 
 def gauss_nodes(count: int) -> list[Decimal]:
-    """Return Gauss's nodes on (0, 1), to `DIGITS` digits: the roots of Legendre's polynomial, by Newton's method.
+    """Return the Gauss-Legendre nodes on (0, 1) to `DIGITS` digits, by Newton's method.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""A scene split into what is linear about the level board and the rest: ``x' = A x + N(x, t)``, and products with both.
+"""Semilinear form of the scene, ``x' = A x + N(x, t)``, and products of matrices with states and with N.
 
-A is that of `netboard.physics.scene.linear`. N has accelerations only, so that only some columns of a matrix meet it;
-and on a board whose couplings are alike heave does not meet the rest of A. What is known to be 0 is left out of every
-product. A table is a matrix by its columns, so that the processor does three sums or more at once: tables are an array
-of shape (kinds, k, n, n) and the number of the kind. Table 0 is A.
+A is the linearisation about the level board (`netboard.physics.scene.linear`). N has accelerations only, so products
+with it use few columns; with equal couplings, heave is decoupled in A. Products skip elements that are known to be 0. A
+table is a matrix stored by columns, for vector instructions: tables are an array of shape (kinds, k, n, n) and the
+index of the kind. Table 0 is A.
 
 The rules of `netboard.physics.scene.models` hold here.
 """
@@ -13,34 +13,38 @@ from typing import Any
 
 from netboard.base.compiled import inlined
 from netboard.physics.arithmetic.simd import listed, written
-from netboard.physics.arithmetic.vectors import State, alike, joined, places, total
-from netboard.physics.scene.models import rates, turned
+from netboard.physics.arithmetic.vectors import State, alike, joined, places, plus, speeds, total
+from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 EVEN, FIXED, PAPER = 1, 2, 4
-"""What is known of a scene: heave moves apart from the rest; balls are fixed; the equations are the paper's."""
+"""Flags of the structure: heave is decoupled; balls are fixed; the paper's equations without friction."""
 
 _EVEN_FIXED = EVEN | FIXED
 
 
 def known_of(parts: Parts) -> int:
-    """Return what is known of a scene.
+    """Return the structure flags of a scene.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
     int
-        Sum of `EVEN`, `FIXED` and `PAPER`, each if it is so [1].
+        Sum of the flags `EVEN`, `FIXED` and `PAPER` that apply [1].
     """
-    return EVEN * parts.even + FIXED * (parts.loaded and not parts.free) + PAPER * (not parts.lagrangian)
+    return (
+        EVEN * parts.even
+        + FIXED * (parts.loaded and not parts.free)
+        + PAPER * (not parts.lagrangian and not parts.resisted)
+    )
 
 
 def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
-    """Return which rows of a matrix belong together, and which columns have something other than 0 for them."""
+    """Return the diagonal blocks of a matrix: their rows, and their columns that are not 0."""
     rows = range(4 if known & FIXED else length)
     columns = [j for j in range(length) if j < 4 or j % 2 == 0 or not known & FIXED]
     if known & EVEN:
@@ -49,21 +53,21 @@ def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
 
 
 def _kicks(columns: list[int]) -> list[int]:
-    """Return which columns meet N: it changes rates. That of the tilt's rate is known last, and comes last."""
+    """Return the columns that multiply N, those of rates; the tilt's is computed last, and comes last."""
     return sorted((j for j in columns if j % 2 == 1), key=lambda j: (j == 3, j))
 
 
 def columns_of(row: int, length: int, known: int) -> list[int]:
-    """Return which columns of a matrix have something other than 0 for a row.
+    """Return the columns of a matrix that are not 0 in a row.
 
     Parameters
     ----------
     row : int
         The row [1].
     length : int
-        Length of a state [1].
+        Length of a state vector [1].
     known : int
-        What is known of the scene (`known_of`) [1].
+        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------
@@ -74,14 +78,14 @@ def columns_of(row: int, length: int, known: int) -> list[int]:
 
 
 def kicked_rows(length: int, known: int) -> list[int]:
-    """Return in which rows N can be something other than 0.
+    """Return the rows in which N is not 0.
 
     Parameters
     ----------
     length : int
-        Length of a state [1].
+        Length of a state vector [1].
     known : int
-        What is known of the scene (`known_of`) [1].
+        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------
@@ -92,21 +96,22 @@ def kicked_rows(length: int, known: int) -> list[int]:
 
 
 def needed_rows(length: int, known: int) -> list[int]:
-    """Return on which rows of a state N depends.
+    """Return the rows of a state on which N depends.
 
-    By the paper, not on how fast balls roll, nor, on an even board, on its heave. Balls that are fixed do not count.
+    In the paper's model without friction, N is independent of the speeds of balls, and with equal couplings of the
+    heave. Fixed balls have no rows.
 
     Parameters
     ----------
     length : int
-        Length of a state [1].
+        Length of a state vector [1].
     known : int
-        What is known of the scene (`known_of`) [1].
+        Structure flags of the scene (`known_of`) [1].
 
     Returns
     -------
     list of int
-        The rows, rising [1].
+        The rows, ascending [1].
     """
     rows = [i for block, _ in _blocks(length, known) for i in block]
     if known & PAPER:
@@ -117,9 +122,9 @@ def needed_rows(length: int, known: int) -> list[int]:
 
 
 def _write_sums(length: int, known: int, vector: str, kicks: bool, start: str) -> str:
-    """Write a state: of each row the sum of its products, from the left, after a start if there is one.
+    """Write the code of a matrix product: for each row the sum of its products, from the left, after an optional start.
 
-    Three rows or more are done at once; rows of balls that are fixed stay as they are.
+    Blocks of three or more rows are vectorised; rows of fixed balls are unchanged.
     """
     lines, results = [], [f"{start or vector}[{i}]" for i in range(length)]
     for number, (rows, every) in enumerate(_blocks(length, known)):
@@ -139,7 +144,7 @@ def _write_sums(length: int, known: int, vector: str, kicks: bool, start: str) -
 
 
 def _write_left_over(n: int, _: int, __: int, known: int) -> str:
-    """Write accelerations less what A makes of the state; speeds of balls have no part in that."""
+    """Write the code of the accelerations less A x; A has zero columns for the speeds of balls."""
     results = ["0.0"] * n
     for i in kicked_rows(n, known):
         columns = [j for j in columns_of(i, n, known) if j < 4 or j % 2 == 0]
@@ -166,11 +171,11 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
     x : tuple of float
         The state [SI].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, and which kind of them.
+        Tables, and the index of their kind.
     k : int
         Number of the table [1].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -184,20 +189,20 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
 
 @inlined
 def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
-    """Return a state and the product of a table and N.
+    """Return the sum of a state and the product of a table and N.
 
     Parameters
     ----------
     x : tuple of float
         The state [SI].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, and which kind of them.
+        Tables, and the index of their kind.
     k : int
         Number of the table [1].
     rest : tuple of float
-        N, or a sum of such [SI].
+        N, or a sum of values of N [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -211,7 +216,7 @@ def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
 
 @inlined
 def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return N of the paper's equations, with A for their coefficients: little is left to do after sine and cosine."""
+    """Return N of the paper's equations; coefficients from A leave few operations after sine and cosine."""
     a, kind, p = tables[0], tables[1], places(x)
     s, c = turned(x[2], parts)
     az, ao = 0.0, 0.0
@@ -225,7 +230,7 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
         if parts.tilts and not parts.even:
             az += a[kind, 0, 2, 1] * (s - x[2]) + a[kind, 0, 3, 1] * (x[3] * c - x[3])
     if parts.tilts:
-        # As in the equations, springs, dampers and weights turn the board by their share of the cosine; in A, by all.
+        # In the equations, torques of springs, dampers and weights have the factor cosine; in A they have none.
         held = 0.0
         if parts.loaded:
             held = a[kind, 0, 4, 3] * total(p)
@@ -238,13 +243,17 @@ def _paper_remainder(x: State, left: float, right: float, tables: Any, parts: Pa
         turn = scene["l"] * (1.0 / scene["I"]) * (right - left) + held
         ao = (turn + a[kind, 0, 2, 3] * s + brake * c) * c - (held + (a[kind, 0, 2, 3] * x[2] + brake))
     if parts.free:
-        return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(scene["ball_gravity"] * (s - x[2]), p))
+        ap = alike(scene["ball_gravity"] * (s - x[2]), p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
+            ap = plus(ap, -scene["mass_ratio"] * (1.0 / scene["m"]), drag)
+        return joined(0.0, az, 0.0, ao, alike(0.0, p), ap)
     return joined(0.0, az, 0.0, ao, alike(0.0, p), alike(0.0, p))
 
 
 @inlined
 def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return N, the accelerations less what A makes of the state.
+    """Return N, the accelerations less A x.
 
     Parameters
     ----------
@@ -253,16 +262,16 @@ def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, sc
     left, right : float
         Drives of the hands [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, of which the first is A, and which kind of them.
+        Tables, of which the first is A, and the index of their kind.
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
     Returns
     -------
     tuple of float
-        As long as the state; 0 but in the rows of accelerations [SI].
+        As long as the state; 0 except in rows of accelerations [SI].
     """
     if not parts.lagrangian:
         return _paper_remainder(x, left, right, tables, parts, scene)

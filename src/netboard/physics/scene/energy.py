@@ -1,9 +1,9 @@
-"""Where the energy of a scene is, and what it flows through: in strict arithmetic, and along a whole trajectory.
+"""Stored energies and power flows of a scene, in strict arithmetic, and their integrals along a trajectory.
 
-The flows add up to the rate of what is stored, exactly. By Lagrange, energy comes from the hands and goes into dampers
-alone. The paper's equations are not quite those of a mechanical system; what they add or take has a flow of its own. A
-stop that turns a ball back takes energy in no time, which no flow has: along a trajectory it is what is missing.
-docs/explanation/physics.md derives it all; `netboard.physics.scene.models` has the symbols.
+The flows add up exactly to the rate of the stored energy. In the Lagrangian model energy comes from the hands and is
+dissipated by dampers and friction. The paper's equations are not quite those of a mechanical system; the energy that
+they add is a flow of its own. Impacts at stops dissipate energy instantaneously and are in no flow, so the balance
+along a trajectory lacks it. docs/explanation/physics.md derives it; `netboard.physics.scene.models` has the symbols.
 """
 
 from collections.abc import Callable
@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
 from netboard.physics.arithmetic.vectors import State, affine, alike, dot, places, row, speeds, total
-from netboard.physics.scene.models import rates, turned
+from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 
 class Stored(NamedTuple):
-    """Energies; gravity counts from the height of the origin.
+    """Stored energies; potential energy is relative to the height of the origin.
 
     Attributes
     ----------
     kinetic : float
-        Of the motion of board and balls [J].
+        Kinetic energy of board and balls [J].
     gravity : float
-        Of their heights [J].
+        Gravitational potential energy [J].
     spring_left, spring_right : float
-        In the couplings to the hands [J].
+        Of the springs of the virtual couplings [J].
     spring_board : float
-        In the spring from the board to the origin [J].
+        Of the spring between board and origin [J].
     """
 
     kinetic: float
@@ -50,11 +50,13 @@ class Flows(NamedTuple):
     hand_left, hand_right : float
         From the hands [W].
     damper_left, damper_right : float
-        Into the dampers of the couplings, never positive [W].
+        Into the dampers of the virtual couplings, never positive [W].
     damper_board : float
         Into the damping of the board's heave and tilt, never positive [W].
     model : float
-        What the paper's equations add; 0 by Lagrange [W].
+        Power that the paper's equations add; 0 in the Lagrangian model [W].
+    friction : float
+        Into the friction between balls and board, never positive [W].
     """
 
     hand_left: float
@@ -63,16 +65,17 @@ class Flows(NamedTuple):
     damper_right: float
     damper_board: float
     model: float
+    friction: float
 
 
 @inlined
 def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
-    """Return the kinetic energy of the balls [J]; by the paper they move along the board, and that is all."""
+    """Return the kinetic energy of the balls [J]; in the paper's model only that of their motion along the board."""
     p, vz, omega = places(x), x[1], x[3]
     m: float = scene["m"]
-    ease: float = scene["ease"]
+    mass_ratio: float = scene["mass_ratio"]
     if not parts.lagrangian:
-        return 0.5 * (m / ease) * dot(speeds(x), speeds(x)) if parts.free else 0.0
+        return 0.5 * (m / mass_ratio) * dot(speeds(x), speeds(x)) if parts.free else 0.0
     lever = scene["ball_height"] * omega
     if parts.free:
         along = affine(-lever, 1.0, speeds(x))
@@ -80,12 +83,12 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
         m *= scene["fixed_load"]
         along = alike(-lever, p)
     lifted = s * total(along) + omega * c * total(p)
-    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
+    return 0.5 * m * (dot(along, along) / mass_ratio + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
 
 
 @inlined
 def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> Stored:
-    """Return the energies of the scene.
+    """Return the stored energies of the scene.
 
     Parameters
     ----------
@@ -94,14 +97,14 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
     left_z, right_z : float
         Heights of the styluses [m].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
     Returns
     -------
     Stored
-        Their sum is all that the scene has [J].
+        Their sum is the stored energy [J].
     """
     s, c = turned(x[2], parts)
     z, arm = x[0], scene["l"] * s
@@ -126,7 +129,7 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
 @inlined
 def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Flows:
-    """Return the powers through which the energy of the scene changes.
+    """Return the power flows of the scene.
 
     Parameters
     ----------
@@ -135,14 +138,14 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
     left_z, left_vz, right_z, right_vz : float
         Heights of the styluses and their rates [m, m/s].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
     Returns
     -------
     Flows
-        Their sum is the rate of the sum of `stored` [W].
+        Their sum is the rate of the stored energy [W].
     """
     s, c = turned(x[2], parts)
     z, vz, omega = x[0], x[1], x[3]
@@ -151,14 +154,17 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
     right, right_slip = right_z - (z + arm), right_vz - (vz + arm_rate)
     odd = 0.0
     if parts.loaded and not parts.lagrangian:
-        # The board carries only c^2 of a ball's weight, and a ball may be told to roll uphill.
+        # The board carries only c^2 of a ball's weight, and with the printed sign a ball rolls uphill.
         g, load = scene["g"], scene["m"]
         odd = len(places(x)) * (g * s) * vz
         if parts.free:
-            odd += (g + scene["ball_gravity"] / scene["ease"]) * total(speeds(x))
+            odd += (g + scene["ball_gravity"] / scene["mass_ratio"]) * total(speeds(x))
         else:
             load *= scene["fixed_load"]
         odd *= load * s
+    heat = 0.0
+    if parts.resisted:
+        heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene), speeds(x))
     return Flows(
         (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
         (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,
@@ -166,23 +172,23 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
         -scene["c_right"] * (right_slip * right_slip),
         -(scene["b_z"] * (vz * vz) + scene["b_theta"] * (omega * omega)),
         odd,
+        heat,
     )
 
 
 _GAUSS = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)
 _SHARES = np.array([5.0, 8.0, 5.0]) / 18.0
-"""Gauss's rule on 0..1: its nodes, and their shares in the integral."""
+"""Nodes and weights of the Gauss-Legendre rule on 0..1."""
 
 
 def _values_and_slopes(*polynomials: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return polynomials of 0..1 at the nodes, and their slopes: an array of nodes, the two, and polynomials."""
+    """Return values and slopes of polynomials at the nodes, as an array (node, value or slope, polynomial)."""
     basis = np.array(polynomials).T
     both = np.array([polyval(_GAUSS, basis), polyval(_GAUSS, polyder(basis))])
     return np.ascontiguousarray(np.moveaxis(both, -1, 0))
 
 
-# What a polynomial that meets both ends of an interval has of the difference of their values, of their rates, and of
-# the rates of those (Hermite).
+# Hermite basis: polynomials for the difference of the end values, for both rates, and for both accelerations.
 _QUINTIC = _values_and_slopes(
     (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
     (0.0, 1.0, 0.0, -6.0, 8.0, -3.0),
@@ -195,7 +201,7 @@ _CUBIC = _values_and_slopes((0.0, 0.0, 3.0, -2.0), (0.0, 1.0, -2.0, 1.0), (0.0, 
 
 @inlined
 def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
-    """Write coordinate j and its rate at a node of interval i, on the quintic."""
+    """Write coordinate j and its rate at a node of interval i, interpolated by the quintic."""
     step, start, end = x[i + 1, j] - x[i, j], h * x[i, j + 1], h * x[i + 1, j + 1]
     bend, last = (h * h) * before[j + 1], (h * h) * after[j + 1]
     out[j] = x[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end + w[0, 3] * bend + w[0, 4] * last)
@@ -204,7 +210,7 @@ def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float
 
 @inlined
 def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
-    """Return height and rate of a stylus, in columns j and j + 1, at a node of interval i, on the cubic."""
+    """Return height and rate of the stylus in columns j and j + 1 at a node of interval i, by the cubic."""
     step, start, end = hands[i + 1, j] - hands[i, j], h * hands[i, j + 1], h * hands[i + 1, j + 1]
     z = hands[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
     return z, (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end) / h
@@ -212,7 +218,7 @@ def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
 
 @inlined
 def _rate(like: State, states: Any, hands: Any, i: int, parts: Parts, scene: Any) -> State:
-    """Return the rate of a state between the styluses that belong to it."""
+    """Return the rate of state i under the styluses of row i."""
     left = scene["k_left"] * hands[i, 0] + scene["c_left"] * hands[i, 1]
     right = scene["k_right"] * hands[i, 2] + scene["c_right"] * hands[i, 3]
     return rates(row(states, i, like), left, right, parts, scene)
@@ -220,7 +226,7 @@ def _rate(like: State, states: Any, hands: Any, i: int, parts: Parts, scene: Any
 
 @cache
 def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]:
-    """Compile the energies at many states, and the work between them."""
+    """Compile the energies of many states, and the work between them."""
 
     @kernel
     def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
@@ -252,7 +258,7 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]
 def stored_along(
     states: NDArray[np.float64], hands: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
 ) -> NDArray[np.float64]:
-    """Return the energies of the scene at each state.
+    """Return the stored energies at each state.
 
     Parameters
     ----------
@@ -261,7 +267,7 @@ def stored_along(
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -284,25 +290,25 @@ def work_along(
 ) -> NDArray[np.float64]:
     """Return the work done through each flow since the start of a trajectory.
 
-    Between two states the board moves by the quintic that meets both with their rates, a stylus by the cubic, and the
-    power is integrated by Gauss with three nodes: the error falls with the sixth power of the interval.
+    Between two states the board is interpolated by the quintic that matches positions, rates and accelerations, and a
+    stylus by the cubic. A Gauss-Legendre rule of three nodes integrates the power; the error is of order six.
 
     Parameters
     ----------
     times : ndarray of float64, shape (n,)
-        When the states are, ascending [s].
+        Times of the states, ascending [s].
     states : ndarray of float64, shape (n, length)
         The states [SI].
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
     Returns
     -------
-    ndarray of float64, shape (n, 6)
+    ndarray of float64, shape (n, 7)
         As in `Flows`, since the first state [J].
     """
     out = np.zeros((len(states), len(Flows._fields)))

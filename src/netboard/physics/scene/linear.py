@@ -1,6 +1,6 @@
-"""The scene about the level board at rest, as a matrix: x' = A x + what the hands and the weights do.
+"""Linearisation of the scene about the level board at rest: x' = A x + drives of the hands and weights.
 
-For the exponential methods, which solve that part exactly, and for the theory of stability. Numpy, not for a tick.
+The exponential methods solve it exactly, and the stability analysis uses it. NumPy; not for use in a tick.
 """
 
 from typing import Any
@@ -12,12 +12,12 @@ from netboard.physics.scene.parameters import Parts
 
 
 def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
-    """Return the matrix of the bare board: heave and tilt, as if there were no balls.
+    """Return the state matrix of the board without balls.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -30,12 +30,12 @@ def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
 
 
 def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
-    """Return the matrix of the scene about the level board, the balls at its centre.
+    """Return the state matrix of the scene about the level board with the balls at its centre.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     length : int
@@ -73,7 +73,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
             heavy += load * len(balls)
             if not parts.free:
                 radius = float(scene["ball_height"])
-                turning += load * len(balls) * (radius * radius) / float(scene["ease"])
+                turning += load * len(balls) * (radius * radius) / float(scene["mass_ratio"])
                 torque[2] += load * len(balls) * float(scene["g"]) * radius
     if parts.heaves:
         a[0, 1] = 1.0
@@ -86,7 +86,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
         if parts.tilts:
             if parts.lagrangian:
                 a[i + 1] = float(scene["ball_height"]) * a[3]
-                a[i + 1, 2] -= float(scene["ease"]) * float(scene["g"])
+                a[i + 1, 2] -= float(scene["mass_ratio"]) * float(scene["g"])
             else:
                 a[i + 1, 2] = float(scene["ball_gravity"])
     if not parts.tilts:

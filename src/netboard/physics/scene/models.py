@@ -1,20 +1,21 @@
-"""Forces and accelerations of the scene: the paper's equations and the full Lagrangian ones, in strict arithmetic.
+"""Equations of motion of the scene: the paper's and the full Lagrangian ones, in strict arithmetic.
 
-docs/explanation/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain
+docs/explanation/physics.md derives them. Rule 1: the results are the same to the bit on every machine, and in plain
 Python (``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule
-2: mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or
-sign exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is
-not computed: `parts` is a constant wherever this is compiled.
+2: mirror images agree to the bit: exchanging left and right and the signs of tilt and balls changes only sides and
+signs of the results. Rule 3: nothing raises; non-finite inputs give non-finite results. Rule 4: terms that a scene does
+not need are not computed, because `parts` is a compile-time constant.
 
 Symbols: a state x is ``(z, vz, theta, omega)`` and ``(p, vp)`` of each ball: height of the board's centre, tilt (+ =
-right end up), ball along the board (+ = right), and their rates; s, c sine and cosine of the tilt. A hand enters by its
-drive ``u = k z_s + c vz_s`` alone: what its coupling would pull a board at rest at the origin with. It knows no trial,
-no sample and no step.
+right end up), ball position along the board (+ = right), and their rates; s and c are sine and cosine of the tilt. A
+hand enters only by its drive ``u = k z_s + c vz_s``, the force of its virtual coupling on a board at rest at the
+origin. This module knows neither trials nor samples nor steps.
 """
 
 from typing import Any
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, specialised
+from netboard.base.tables.scene import FRICTION
 from netboard.physics.arithmetic.trig import sincos
 from netboard.physics.arithmetic.vectors import (
     State,
@@ -23,6 +24,7 @@ from netboard.physics.arithmetic.vectors import (
     dot,
     joined,
     places,
+    plus,
     replaced,
     speeds,
     total,
@@ -32,14 +34,14 @@ from netboard.physics.scene.parameters import Parts
 
 @inlined
 def turned(theta: float, parts: Parts) -> tuple[float, float]:
-    """Return sine and cosine of the tilt, which are 0 and 1 on a board that cannot tilt.
+    """Return sine and cosine of the tilt: 0 and 1 for a board that cannot tilt.
 
     Parameters
     ----------
     theta : float
         Tilt [rad].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
 
 @inlined
 def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
-    """Return the forces of the two hands on the board; the hands feel their opposites (paper eq. 1-2).
+    """Return the forces of both virtual couplings on the board; the hands feel the reactions (paper eq. 1-2).
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
     left, right : float
         Drives of the hands [N].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -77,8 +79,50 @@ def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> t
     )
 
 
+def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
+    """Return the force of friction on each ball, against its motion along the board.
+
+    Parameters
+    ----------
+    vp : tuple of float
+        Speed of each ball along the board [m/s].
+    load : float
+        The normal force of a ball on the board [N].
+    parts : Parts
+        Structure of the scene; a compile-time constant.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        Sums of all laws, in their order [N].
+    """
+    return tuple([_resistance(v, load, parts, scene) for v in vp])
+
+
+def _resistance(vp: float, load: float, parts: Parts, scene: Any) -> float:
+    """Return the same of one ball [N]."""
+    force = 0.0
+    for (key, law), there in zip(FRICTION.items(), parts.friction, strict=True):
+        if there:  # no `sum`, which rounds in another way than kernels do
+            force += law.force(scene[key], vp, load)
+    return force
+
+
+@specialised(friction)
+def _friction(vp: Any, load: Any, parts: Any, scene: Any) -> Any:
+    """Write the sum of all laws; the compiler removes those that the scene lacks."""
+    laws = {f"law{i}": law.force for i, law in enumerate(FRICTION.values())}
+    terms = [f'(law{i}(scene["{key}"], vp[#], load) if parts.friction[{i}] else 0.0)' for i, key in enumerate(FRICTION)]
+    sums = "".join(f"0.0 + {' + '.join(terms)}, ".replace("#", str(ball)) for ball in range(vp.count))
+    return eval(f"lambda vp, load, parts, scene: ({sums})", laws)
+
+
 @inlined
-def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float]:
+def _board_load(
+    x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any
+) -> tuple[float, float]:
     """Return the upward force on a board without balls, and the difference of the hands' forces, right - left [N]."""
     arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
     k, d = scene["k_left"] + scene["k_right"], scene["c_left"] + scene["c_right"]
@@ -93,9 +137,9 @@ def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts,
 
 @inlined
 def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
-    """Return the rate of the state by the paper's equations (3-5): the balls weigh on the board and nothing more."""
+    """Return the rate of the state by the paper's equations (3-5), where balls act on the board by weight alone."""
     s, c = turned(x[2], parts)
-    force, turn = _pull(x, left, right, s, c, parts, scene)
+    force, turn = _board_load(x, left, right, s, c, parts, scene)
     torque = scene["l"] * turn
     p = places(x)
     if parts.loaded:
@@ -104,21 +148,23 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
             weight *= scene["fixed_load"]
         force -= len(p) * weight * (c * c)
         torque -= weight * total(p)
-    # Multiplied by reciprocals, which are ready long before sine and cosine are: a division would lengthen the chain.
+    # Reciprocals are available long before sine and cosine; a division would lengthen the dependency chain.
     az = force * (1.0 / scene["M"]) if parts.heaves else 0.0
     ao = torque * c * (1.0 / scene["I"]) if parts.tilts else 0.0
     if parts.damped:
         ao -= scene["b_theta"] * x[3] * (1.0 / scene["I"])
     if parts.free:
-        return joined(x[1], az, x[3], ao, speeds(x), alike(scene["ball_gravity"] * s, p))
+        ap = alike(scene["ball_gravity"] * s, p)
+        if parts.resisted:
+            drag = friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene)
+            ap = plus(ap, -scene["mass_ratio"] * (1.0 / scene["m"]), drag)
+        return joined(x[1], az, x[3], ao, speeds(x), ap)
     return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
 
 
 @inlined
-def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the inertia of the board and what moves with it, by Lagrange.
-
-    Balls that roll are eliminated: what their momentum along the board takes away is taken away here.
+def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+    """Return the inertia of board and balls by Lagrange's equations, with the coordinates of free balls eliminated.
 
     Parameters
     ----------
@@ -127,7 +173,7 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
     s, c : float
         Sine and cosine of the tilt [1].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -142,27 +188,27 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
         return scene["M"], 0.0, scene["I"]
     if parts.free:
         m = scene["m"]
-        return scene["M"] + n * m * (1.0 - scene["ease"] * (s * s)), m * c * total(p), scene["I"] + m * dot(p, p)
+        return scene["M"] + n * m * (1.0 - scene["mass_ratio"] * (s * s)), m * c * total(p), scene["I"] + m * dot(p, p)
     m, r = scene["m"] * scene["fixed_load"], scene["ball_height"]
     return (
         scene["M"] + n * m,
         m * (c * total(p) - n * r * s),
-        scene["I"] + m * (dot(p, p) + n * (r * r) * (1.0 / scene["ease"])),
+        scene["I"] + m * (dot(p, p) + n * (r * r) * (1.0 / scene["mass_ratio"])),
     )
 
 
 @inlined
 def solved(a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts) -> tuple[float, float]:
-    """Return the accelerations of heave and tilt that a force and a torque give, of those that the board can make.
+    """Return the accelerations of heave and tilt under a force and a torque, 0 for a degree of freedom that is fixed.
 
     Parameters
     ----------
     a11, a12, a22 : float
         Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
     force, torque : float
-        What acts on heave and tilt [N, N m].
+        Force on the heave and torque on the tilt [N, N m].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -182,26 +228,33 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
     """Return the rate of the state by Lagrange's equations of the same scene (docs/explanation/physics.md)."""
     s, c = turned(x[2], parts)
     omega, g, r = x[3], scene["g"], scene["ball_height"]
-    force, turn = _pull(x, left, right, s, c, parts, scene)
+    force, turn = _board_load(x, left, right, s, c, parts, scene)
     torque = scene["l"] * turn * c
     if parts.damped:
         torque -= scene["b_theta"] * omega
     p, vp = places(x), speeds(x)
     n, spin = len(p), omega * omega
     if parts.loaded and parts.free:
-        m, ease = scene["m"], scene["ease"]
-        along = (1.0 - ease) * spin * total(p) + n * ease * g * s
+        m, mass_ratio = scene["m"], scene["mass_ratio"]
+        along = (1.0 - mass_ratio) * spin * total(p) + n * mass_ratio * g * s
         force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
         torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
+        if parts.resisted:
+            drag = friction(vp, scene["m"] * g * abs(c), parts, scene)
+            force += mass_ratio * s * total(drag)
+            torque -= r * total(drag)
     elif parts.loaded:
         m = scene["m"] * scene["fixed_load"]
         force -= m * (n * g - spin * (s * total(p) + n * r * c))
         torque -= m * g * (c * total(p) - n * r * s)
-    a11, a12, a22 = masses(x, s, c, parts, scene)
+    a11, a12, a22 = inertia(x, s, c, parts, scene)
     az, ao = solved(a11, a12, a22, force, torque, parts)
     if parts.free:
-        ease = scene["ease"]
-        return joined(x[1], az, omega, ao, vp, affine(r * ao - ease * s * (g + az), ease * spin, p))
+        mass_ratio = scene["mass_ratio"]
+        ap = affine(r * ao - mass_ratio * s * (g + az), mass_ratio * spin, p)
+        if parts.resisted:
+            ap = plus(ap, -mass_ratio * (1.0 / scene["m"]), friction(vp, scene["m"] * g * abs(c), parts, scene))
+        return joined(x[1], az, omega, ao, vp, ap)
     return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
 
 
@@ -216,7 +269,7 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
     left, right : float
         Drives of the hands [N].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -231,36 +284,36 @@ def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> Stat
 
 
 @inlined
-def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
-    """Return the state after the blow that turns ball i back at its stop; by Lagrange, the board feels it too."""
+def _reflected(x: State, i: int, parts: Parts, scene: Any) -> State:
+    """Return the state after the impact of ball i on its stop; in the Lagrangian model it acts on the board, too."""
     back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
     if not parts.lagrangian:
         return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
     s, c = turned(x[2], parts)
-    r, ease = scene["ball_height"], scene["ease"]
-    a11, a12, a22 = masses(x, s, c, parts, scene)
-    # Answers to a unit blow along the board, over ball i; as large a blow as gives ball i the change it needs.
-    vz, omega = solved(a11, a12, a22, -s * ease, r, parts)
-    others = r * omega - s * ease * vz
-    blow = back / (others + ease / scene["m"])
+    r, mass_ratio = scene["ball_height"], scene["mass_ratio"]
+    a11, a12, a22 = inertia(x, s, c, parts, scene)
+    # Response to a unit impulse along the board at ball i, scaled to the impulse that reverses ball i.
+    vz, omega = solved(a11, a12, a22, -s * mass_ratio, r, parts)
+    others = r * omega - s * mass_ratio * vz
+    blow = back / (others + mass_ratio / scene["m"])
     x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)
     for j in range(len(places(x))):
         x = replaced(x, 5 + 2 * j, x[5 + 2 * j] + blow * others)
-    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (ease / scene["m"]))
+    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (mass_ratio / scene["m"]))
 
 
 @inlined
 def stopped(x: State, parts: Parts, scene: Any) -> State:
-    """Return the state after a step, with balls that ran past a stop set on it and turned back (Newton's restitution).
+    """Return the state after a step, with balls beyond a stop put on it and reflected (Newton's restitution).
 
-    The blow counts at the end of the step in which it falls: late by less than a step.
+    An impact takes effect at the end of its step.
 
     Parameters
     ----------
     x : tuple of float
         The state [SI].
     parts : Parts
-        What the scene has; a constant at the call.
+        Structure of the scene; a compile-time constant.
     scene : SCENE record
         The scene.
 
@@ -276,5 +329,5 @@ def stopped(x: State, parts: Parts, scene: Any) -> State:
                 edge = scene["stop"] if p > 0.0 else -scene["stop"]
                 x = replaced(x, 4 + 2 * i, edge)
                 if p * vp > 0.0:
-                    x = _struck(x, i, parts, scene)
+                    x = _reflected(x, i, parts, scene)
     return x

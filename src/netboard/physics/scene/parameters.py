@@ -1,7 +1,7 @@
-"""A scene: what is simulated, as data. Its constants are one packed record, and what it has are constants of kernels.
+"""Parameters of a scene, packed for the kernels.
 
-Everything comes from the table ``[physics]`` of the configuration. `SCENE` holds the numbers, `Parts` says which parts
-of the equations there are: kernels are compiled for a `Parts`, and compute nothing that it does not need.
+They come from the table ``[physics]`` of the configuration. `SCENE` holds the numbers. `Parts` says which terms the
+equations have: kernels are compiled for a `Parts`, and compute no other terms.
 """
 
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tables.declared import number_of, require, words_of
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import FRICTION, Physics
 
 SCENE = np.dtype(
     [
@@ -27,35 +27,40 @@ SCENE = np.dtype(
         ("b_z", "<f8"),  # damping of the board's heave [N s/m]
         ("b_theta", "<f8"),  # damping of its tilt [N m s/rad]
         ("ball_gravity", "<f8"),  # paper's model: acceleration of a ball over sin(theta), - is downhill [m/s2]
-        ("ease", "<f8"),  # mass of a ball over its inertia against being moved along: 1 slides, 5/7 a sphere rolls [1]
+        ("mass_ratio", "<f8"),  # mass over effective mass of a ball: 1 slides, 5/7 a solid sphere rolls [1]
         ("ball_height", "<f8"),  # height of a ball's centre above the board [m]
         ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
         ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]
         ("restitution", "<f8"),  # share of its speed that a stop gives back [1]
+        *((key, "<f8") for key in FRICTION),  # coefficients of the laws of friction (netboard.base.tables.friction)
     ]
 )
 """One scene."""
 
 
 class Parts(NamedTuple):
-    """What a scene has, for the compiler.
+    """Structure of a scene: compile-time constants of the kernels.
 
     Attributes
     ----------
     lagrangian : bool
         Lagrange's equations; otherwise the paper's.
     heaves, tilts : bool
-        What the board can do.
+        Degrees of freedom of the board.
     even : bool
-        Both couplings are alike.
+        Both couplings have the same parameters.
     damped : bool
-        The tilt has a damping of its own.
+        The tilt is damped (b_theta).
     loaded : bool
-        There are balls, and they press on the board.
+        There are balls.
     free : bool
-        They roll; otherwise they are fixed to the board.
+        The balls can move; otherwise they are fixed to the board.
     stops : bool
-        Stops turn them back.
+        The board has stops for balls.
+    resisted : bool
+        There is friction between balls and board.
+    friction : tuple of bool
+        Which laws of friction apply, in the order of `netboard.base.tables.scene.FRICTION`.
     """
 
     lagrangian: bool
@@ -66,13 +71,15 @@ class Parts(NamedTuple):
     loaded: bool
     free: bool
     stops: bool
+    resisted: bool = False
+    friction: tuple[bool, ...] = (False,) * len(FRICTION)
 
 
-_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution")
+_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution", *FRICTION)
 
 
 def pack_scene(physics: Physics) -> NDArray[Any]:
-    """Return the numbers of a scene, for the kernels.
+    """Pack the parameters of a scene for the kernels.
 
     Parameters
     ----------
@@ -90,8 +97,8 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
     for side in ("left", "right"):
         if physics.coupling in (side, "both"):
             scene[f"k_{side}"], scene[f"c_{side}"] = physics.k_h, physics.c_h
-    scene["ease"] = 1.0 / (1.0 + physics.ball_inertia)
-    scene["ball_gravity"] = scene["ease"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
+    scene["mass_ratio"] = 1.0 / (1.0 + physics.ball_inertia)
+    scene["ball_gravity"] = scene["mass_ratio"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
     scene["fixed_load"] = 1.0 if physics.fixed_ball == "loads_board" else 0.0
     scene["stop"] = physics.ball_stop
     return scene
@@ -104,35 +111,36 @@ _KNOWN: dict[str, tuple[str, ...]] = {
     "ball_sign": ("downhill", "printed"),
     "fixed_ball": ("loads_board", "carried"),
 }
-"""Words that are compared below: whatever is not the one is the other."""
+"""Words that the functions below know."""
 
 for _key, _words in _KNOWN.items():
     require(f"[physics] {_key} in netboard/physics/scene/parameters.py", _words, words_of(Physics, _key))
 
 
 def parts_of(physics: Physics, free: bool = True) -> Parts:
-    """Return what a scene has.
+    """Return the structure of a scene.
 
     Parameters
     ----------
     physics : Physics
         The configuration's table.
     free : bool
-        The balls roll; otherwise they are fixed.
+        The balls can move; otherwise they are fixed.
 
     Returns
     -------
     Parts
-        The constants to compile kernels for.
+        The compile-time constants.
 
     Raises
     ------
     ConfigError
-        If the scene has a word that is not known here.
+        If the scene has an unknown word.
     """
     for key, words in _KNOWN.items():
         number_of(getattr(physics, key), words, f"[physics] {key}")
     there = physics.balls > 0
+    friction = tuple(there and free and getattr(physics, key) > 0 for key in FRICTION)
     return Parts(
         lagrangian=physics.model == "lagrangian",
         heaves=physics.board != "hinged",
@@ -142,11 +150,13 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
         loaded=there,
         free=there and free,
         stops=there and free and physics.ball_stop > 0,
+        resisted=any(friction),
+        friction=friction,
     )
 
 
 def state_length(physics: Physics) -> int:
-    """Return how many numbers a state of the scene has.
+    """Return the length of the state vector of a scene.
 
     Parameters
     ----------

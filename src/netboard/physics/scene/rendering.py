@@ -1,15 +1,12 @@
-"""What of the board's force a hand is given: all of it, the partner's part, all but that, nothing, or a recorded one.
+"""Commanded force of each hand under a force condition (`netboard.base.tables.forces`).
 
-The parts are those of the board at rest. Near the level board, with both styluses and the ball where they are, height
-and tilt follow from a linear balance of forces and torques, and the force of a hand on the board is
+The partial conditions use the force of the board at rest. Near level, its height and tilt follow from a linear balance
+of forces and torques for the present positions of styluses and ball, and the force of a hand on the board is
 
     F_own = weight + own z_own + partner z_partner + ball p
 
-with four gains for each hand that depend on the scene alone. The partner's part is the third term; the environment's
-are the others. Nothing else of the partner is in the latter, and nothing else at all in the former: no rate, no
-damping, no motion of the board. docs/explanation/forces.md has the equations.
-
-It knows no trial and no time: whether a hand feels anything now is asked elsewhere.
+with four gains for each hand that depend on the scene alone. Rates, damping and the motion of the board have no effect
+on the partial conditions. docs/explanation/forces.md has the equations.
 """
 
 from typing import Any, NamedTuple
@@ -17,71 +14,61 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined
+from netboard.base.compiled import inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.tables.declared import FORCES, number_of, require, words_of
+from netboard.base.tables.declared import number_of, require, words_of
 from netboard.base.tables.experiment import MOST_TRIALS, Block
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 
-RENDERED = ("none", "full", "partner_only", "environment_only", "unrelated")
-"""The force conditions that `force_on_hand` renders; another one cannot be compiled."""
+KNOWN_MOVERS = ("person", "still", "robot")
+"""Who can move a hand; every mover but "still" receives a force."""
 
-require("force_on_hand in netboard/physics/scene/rendering.py", RENDERED, FORCES)
+require("rendering_of in netboard/physics/scene/rendering.py", KNOWN_MOVERS, words_of(Block, "left"))
 
-MOVERS = ("person", "still", "robot")
-"""Who can move a hand; what is not still is felt by somebody."""
-
-require("felt_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
-
-PARTIAL = ("partner_only", "environment_only")
-"""Those that are made of the gains."""
-
-NEVER = MOST_TRIALS + 1
-"""No trial has this number, but for those that operators add [1]."""
+TRIAL_ENTRIES = MOST_TRIALS + 1
+"""First trial number without an entry in the tables below; only trials that operators add reach it [1]."""
 
 GAINS = np.dtype(
     [
         ("weight", "<f8"),  # force with both styluses and the ball at 0 [N]
-        ("own", "<f8"),  # and what the height of the own stylus adds to it [N/m]
-        ("partner", "<f8"),  # of the partner's [N/m]
-        ("ball", "<f8"),  # and the place of the ball [N/m]
+        ("own", "<f8"),  # change with the height of the own stylus [N/m]
+        ("partner", "<f8"),  # change with the height of the partner's stylus [N/m]
+        ("ball", "<f8"),  # change with the position of the ball [N/m]
     ]
 )
 """Force of one hand on the board at rest, + = up."""
 
-FELT = np.dtype(
+RENDERING = np.dtype(
     [
         ("left_fixed", GAINS),  # left hand, while the ball is fixed
         ("right_fixed", GAINS),
         ("left_free", GAINS),  # while it rolls
         ("right_free", GAINS),
-        ("scale", "<f8"),  # what is felt is multiplied by this [1]
-        ("catch", "u1", (NEVER,)),  # 1: in the trial of this number nothing is felt
-        ("scales", "<f8", (NEVER,)),  # what is felt in the trial of this number is multiplied by this [1]
+        ("scale", "<f8"),  # factor of the commanded force [1]
+        ("catch", "u1", (TRIAL_ENTRIES,)),  # 1: catch trial, without force
+        ("scales", "<f8", (TRIAL_ENTRIES,)),  # factor of the commanded force in each trial [1]
     ]
 )
-"""The numbers of what is felt: one record."""
-
-# Plain integers: what numba folds into the kernels below.
-_NONE, _FULL, _PARTNER_ONLY, _ENVIRONMENT_ONLY, _UNRELATED = map(FORCES.index, RENDERED)
+"""Parameters of the commanded forces: one record."""
 
 
-class Felt(NamedTuple):
-    """What there is to render, for the compiler.
+class Rendering(NamedTuple):
+    """Structure of the force rendering: compile-time constants of the kernels.
 
     Attributes
     ----------
     force : int
         Number of the force condition, its place in `FORCES` [1].
     scaled : bool
-        It is scaled.
+        The force has a factor.
     left, right : bool
-        A hand moves at this side: a person's or a robot's.
+        A person or a simulated partner moves the hand at this side.
     catches : bool
-        In some trials nothing is felt.
+        There are catch trials.
     varies : bool
-        The scale differs from trial to trial.
+        The factor differs between trials.
     """
 
     force: int
@@ -92,88 +79,100 @@ class Felt(NamedTuple):
     varies: bool = False
 
 
-NOTHING = Felt(_NONE, scaled=False, left=False, right=False, catches=False)
+NO_FORCE = Rendering(FORCES.index("none"), scaled=False, left=False, right=False, catches=False)
+
+
+def _rendered(
+    number: int, coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any
+) -> float:
+    """Return the force of a condition, by its number [N].
+
+    An unknown condition has no number: the safety chain refuses NaN, where a zero would pass for a condition.
+    """
+    if not 0 <= number < len(FORCES):
+        return np.nan
+    return CONDITIONS[FORCES[number]].force(coupling, own_z, partner_z, p, other, gains)
+
+
+@specialised(_rendered)
+def _compiled_rendered(number: Any, coupling: Any, own_z: Any, partner_z: Any, p: Any, other: Any, gains: Any) -> Any:
+    """Write the choice out; the number is a constant of a block, so the compiler keeps one condition."""
+    names = "coupling, own_z, partner_z, p, other, gains"
+    text = "nan"
+    for place in reversed(range(len(FORCES))):
+        text = f"force{place}({names}) if number == {place} else ({text})"
+    kernels = {f"force{place}": CONDITIONS[name].force for place, name in enumerate(FORCES)}
+    return eval(f"lambda number, {names}: {text}", {"nan": np.nan, **kernels})
 
 
 @inlined
 def force_on_hand(
-    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Felt
+    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Rendering
 ) -> float:
-    """Return the force that a hand is to feel.
+    """Return the commanded force of a hand.
 
     Parameters
     ----------
     coupling : float
         Force of its coupling on the board, + = up [N].
     own_z, partner_z : float
-        Heights of both styluses as used [m].
+        Heights of both styluses, extrapolated and clipped [m].
     p : float
-        The ball along the board [m].
+        Ball position along the board [m].
     other : float
         The force that a hand felt in another session, + = up [N].
     gains : GAINS record
-        Its gains, for a ball that rolls or for one that is fixed.
+        Gains of the hand, for a free or a fixed ball.
     scale : float
-        What is felt is multiplied by this [1].
-    felt : Felt
-        What there is to render; a constant at the call.
+        Factor of the force [1].
+    felt : Rendering
+        Structure of the rendering; a compile-time constant.
 
     Returns
     -------
     float
         Force on the hand, + = up [N].
     """
-    # No number for what is not known: the safety chain refuses it, where a zero would pass for a condition.
-    force = np.nan
-    if felt.force == _NONE:
-        force = 0.0
-    elif felt.force == _FULL:
-        force = -coupling
-    elif felt.force == _PARTNER_ONLY:
-        force = -(gains["partner"] * partner_z)
-    elif felt.force == _ENVIRONMENT_ONLY:
-        force = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
-    elif felt.force == _UNRELATED:
-        force = other if np.isfinite(other) else 0.0
+    force = _rendered(felt.force, coupling, own_z, partner_z, p, other, gains)
     return scale * force if felt.scaled else force
 
 
 @inlined
-def is_catch(trial: int, numbers: Any, felt: Felt) -> bool:
-    """Tell whether nothing is felt in a trial.
+def is_catch(trial: int, numbers: Any, felt: Rendering) -> bool:
+    """Tell whether a trial is a catch trial, without force.
 
     Parameters
     ----------
     trial : int
         Its number in the block [1].
-    numbers : FELT record
-        The numbers of what is felt.
-    felt : Felt
-        What there is to render; a constant at the call.
+    numbers : RENDERING record
+        Parameters of the commanded forces.
+    felt : Rendering
+        Structure of the rendering; a compile-time constant.
     """
-    return felt.catches and 0 < trial < NEVER and numbers["catch"][trial] != 0
+    return felt.catches and 0 < trial < TRIAL_ENTRIES and numbers["catch"][trial] != 0
 
 
 @inlined
-def scale_in(trial: int, numbers: Any, felt: Felt) -> float:
-    """Return what the felt force is multiplied by in a trial [1].
+def scale_in(trial: int, numbers: Any, felt: Rendering) -> float:
+    """Return the factor of the commanded force in a trial [1].
 
     Parameters
     ----------
     trial : int
         Its number in the block [1].
-    numbers : FELT record
-        The numbers of what is felt.
-    felt : Felt
-        What there is to render; a constant at the call.
+    numbers : RENDERING record
+        Parameters of the commanded forces.
+    felt : Rendering
+        Structure of the rendering; a compile-time constant.
     """
-    if felt.varies and 0 < trial < NEVER:
+    if felt.varies and 0 < trial < TRIAL_ENTRIES:
         return float(numbers["scales"][trial])
     return float(numbers["scale"])
 
 
-def felt_of(block: Block) -> Felt:
-    """Return what there is to render in a block.
+def rendering_of(block: Block) -> Rendering:
+    """Return the structure of the force rendering of a block.
 
     Parameters
     ----------
@@ -189,15 +188,15 @@ def felt_of(block: Block) -> Felt:
     varies = bool(block.trial_scales)
     force = number_of(block.force, FORCES, "[block] force")
     for side, mover in (("left", block.left), ("right", block.right)):
-        number_of(mover, MOVERS, f"[block] {side}")
+        number_of(mover, KNOWN_MOVERS, f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
-        return NOTHING
+        return NO_FORCE
     scaled = varies or block.force_scale != 1.0
-    return Felt(force, scaled, left, right, bool(block.catch), varies)
+    return Rendering(force, scaled, left, right, bool(block.catch), varies)
 
 
-def pack_felt(config: Config) -> NDArray[Any]:
-    """Return the numbers of what is felt in a block, for the kernels.
+def pack_rendering(config: Config) -> NDArray[Any]:
+    """Pack the parameters of the commanded forces for the kernels.
 
     Parameters
     ----------
@@ -206,20 +205,21 @@ def pack_felt(config: Config) -> NDArray[Any]:
 
     Returns
     -------
-    ndarray of FELT, shape (1,)
+    ndarray of RENDERING, shape (1,)
         The packed record, SI units.
 
     Raises
     ------
     ConfigError
-        If a part of the force is wanted, and the springs hold the board at no height or tilt.
+        If the block needs gains, but the springs do not determine height and tilt of the board.
     """
-    numbers = np.zeros(1, FELT)
+    numbers = np.zeros(1, RENDERING)
     numbers["scale"] = config.block.force_scale
     numbers["catch"][0, list(config.block.catch)] = 1
     if scales := config.block.trial_scales:
-        numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
-    if config.block.force in PARTIAL:
+        numbers["scales"][0, 1:] = np.resize(scales, TRIAL_ENTRIES - 1)
+    number = number_of(config.block.force, FORCES, "[block] force")
+    if CONDITIONS[FORCES[number]].quasi_static:
         scene = pack_scene(config.physics)[0]
         for name, free in (("fixed", False), ("free", True)):
             left, right = gains_of(parts_of(config.physics, free), scene)
@@ -228,14 +228,14 @@ def pack_felt(config: Config) -> NDArray[Any]:
 
 
 def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the gains of both hands, from the linear balance of the board between two styluses and one ball at rest.
+    """Return the gains of both hands from the linear static balance of the board.
 
-    It is solved here, in plain arithmetic, and by no library: a recording must verify on any machine to the bit.
+    Plain arithmetic instead of a library gives the same bits on every machine, so that recordings verify.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -247,13 +247,13 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
     Raises
     ------
     ConfigError
-        If the springs hold the board at no height or tilt, or the ball would tip it over.
+        If the springs do not determine height and tilt of the board, or the ball would tip it over.
     """
     k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
     load = _load(parts, scene)
     weight = -float(scene["M"]) * float(scene["g"]) - load
     left, right = [], []
-    # Height and tilt for each of four loads: weight, left stylus, right one, ball (its weight is there already).
+    # Height and tilt for each of four loads: weight, left stylus, right stylus, ball (its weight is in the first).
     for force, torque in ((weight, 0.0), (k_left, -k_left * arm), (k_right, k_right * arm), (0.0, -load)):
         z, theta = _rest(force, torque, parts, scene)
         left.append(k_left * (arm * theta - z))
@@ -264,7 +264,7 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
 
 
 def _load(parts: Parts, scene: Any) -> float:
-    """Return the weight with which the ball loads the board [N]."""
+    """Return the weight of the ball on the board [N]."""
     if not parts.loaded:
         return 0.0
     return float(scene["m"]) * float(scene["g"]) * (1.0 if parts.free else float(scene["fixed_load"]))
@@ -291,9 +291,10 @@ def _rest(force: float, torque: float, parts: Parts, scene: Any) -> tuple[float,
 
 
 def _check(holds: bool) -> None:
-    """Refuse a scene in which the springs do not hold the board."""
+    """Refuse a scene in which the springs do not determine height and tilt of the board."""
     if not holds:
+        parts = ", ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].quasi_static)
         raise ConfigError(
-            f'[block] force: found one of "{PARTIAL[0]}" and "{PARTIAL[1]}", which are parts of the force of a board '
-            "at rest; expected a scene in which springs hold the board's height and tilt: [physics] k_h, k_s, coupling"
+            f"[block] force: found one of {parts}, which are parts of the force of a board at rest; expected a scene "
+            "in which springs hold the board's height and tilt: [physics] k_h, k_s, coupling"
         )

@@ -1,8 +1,8 @@
-"""What is known of a scene in closed form: where it rests, and how fast it moves near there.
+"""Closed forms of a scene: static equilibrium, and poles of the motion near it.
 
-For tests, documentation and studies, which hold the kernels against it; nothing here runs in a tick. Everything follows
-from the equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". The balls are
-given by where they are: they are held there, or have just been let go (`Parts.free`).
+Tests, documentation and studies compare the kernels with them; nothing here runs in a tick. All results follow from the
+equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". Balls are at given
+positions: fixed, or just released (`Parts.free`).
 """
 
 import cmath
@@ -17,7 +17,7 @@ from netboard.physics.scene.parameters import Parts
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """The board at rest between two styluses at rest.
+    """Static equilibrium of the board between two styluses at rest.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Equilibrium:
 
 
 class _Springs(NamedTuple):
-    """Sum and difference (right - left) of the couplings' stiffnesses and of what both pull with [N/m, N]."""
+    """Sum and difference (right - left) of the stiffnesses of the couplings and of their drives [N/m, N]."""
 
     k: float
     odd: float
@@ -50,30 +50,30 @@ def _springs(left_z: float, right_z: float, scene: Any) -> _Springs:
 
 
 def _load(parts: Parts, scene: Any) -> float:
-    """Return the mass with which a ball weighs on the board [kg]."""
+    """Return the mass of a ball that loads the board [kg]."""
     if not parts.loaded:
         return 0.0
     return float(scene["m"]) * (1.0 if parts.free else float(scene["fixed_load"]))
 
 
 def _heights(springs: _Springs, balls: int, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the height at which there is no force, as a polynomial of the sine of the tilt [m]."""
+    """Return the equilibrium height as a polynomial in the sine of the tilt [m]."""
     if not parts.heaves:
         return 0.0, 0.0, 0.0
     g, stiffness = float(scene["g"]), springs.k + float(scene["k_s"])
     if stiffness <= 0:
         raise ValueError("without a spring to the hands or to the origin the board rests at no height")
     weight = balls * _load(parts, scene) * g
-    # Of a ball that is free, the board carries only what is not spent on rolling it.
-    spared = weight * (float(scene["ease"]) if parts.free else 0.0) if parts.lagrangian else weight
+    # The board carries only part of the weight of a free ball on a slope.
+    spared = weight * (float(scene["mass_ratio"]) if parts.free else 0.0) if parts.lagrangian else weight
     rise = springs.pull - float(scene["M"]) * g - weight
     return rise / stiffness, -springs.odd * float(scene["l"]) / stiffness, spared / stiffness
 
 
 def _level_sine(a: float, b: float, q: float, e: float) -> float:
-    """Return the sine s at which ``a - b s + q s^2 + e s / c`` vanishes while it falls with the tilt: a stable one."""
+    """Return the stable root s of ``a - b s + q s^2 + e s / c``, where it decreases with the tilt."""
     if e > 0:
-        # It falls between the tilts at which the slope -b c + e / c^2 vanishes, and nowhere else.
+        # It decreases only between the tilts at which its slope -b c + e / c^2 vanishes.
         edge = math.acos(math.cbrt(e / b)) if e < b else 0.0
 
         def torque(theta: float) -> float:
@@ -92,7 +92,7 @@ def _level_sine(a: float, b: float, q: float, e: float) -> float:
 def _sine(
     heights: tuple[float, float, float], springs: _Springs, p: tuple[float, ...], parts: Parts, scene: Any
 ) -> float:
-    """Return the sine of the tilt at which there is no torque, whatever height that is at [1]."""
+    """Return the sine of the tilt at which the torque vanishes [1]."""
     if not parts.tilts:
         return 0.0
     arm, weight = float(scene["l"]), _load(parts, scene) * float(scene["g"])
@@ -110,7 +110,7 @@ def _sine(
 
 
 def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Parts, scene: Any) -> Equilibrium:
-    """Return where the board rests with both styluses and the balls at rest.
+    """Return the static equilibrium of the board with styluses and balls at rest.
 
     Zero force gives the height as a polynomial of the sine of the tilt, of degree 0 to 2; with that, zero torque is a
     quadratic equation of the sine. Only fixed balls that stand above the board (by Lagrange) take a search, between
@@ -123,7 +123,7 @@ def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Part
     p : tuple of float
         The balls along the board [m].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -171,7 +171,7 @@ def heave_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]
     balls : int
         How many there are; by Lagrange, they are at the board's centre and add their mass to M [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -199,7 +199,7 @@ def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, compl
         How many there are; by Lagrange, fixed ones are at the board's centre and above it, and add to I what they turn
         and take from the stiffness what they tip [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -216,7 +216,7 @@ def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, compl
     square, above = float(scene["l"]) ** 2, float(scene["ball_height"])
     stirred = _stirred(0 if parts.free else balls, parts, scene)
     return _poles(
-        float(scene["I"]) + stirred * above**2 / float(scene["ease"]),
+        float(scene["I"]) + stirred * above**2 / float(scene["mass_ratio"]),
         (float(scene["c_left"]) + float(scene["c_right"])) * square + float(scene["b_theta"]),
         (float(scene["k_left"]) + float(scene["k_right"])) * square - stirred * float(scene["g"]) * above,
     )
@@ -233,7 +233,7 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     balls : int
         How many there are, at the same place [1].
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
 
@@ -257,4 +257,4 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     if not parts.lagrangian:
         return _poles(1.0, 0.0, -float(scene["ball_gravity"]) * tilt_per_metre)
     inertia = 1.0 - float(scene["ball_height"]) * tilt_per_metre
-    return _poles(inertia, 0.0, float(scene["ease"]) * float(scene["g"]) * tilt_per_metre)
+    return _poles(inertia, 0.0, float(scene["mass_ratio"]) * float(scene["g"]) * tilt_per_metre)

@@ -1,12 +1,12 @@
-"""A hand that is coupled to the board over a delay: the exact matrix of the sampled loop, and what follows from it.
+"""Stability of a virtual coupling over a delay, from the exact matrix of the sampled-data loop.
 
-One millisecond of the loop is one linear map: the stylus under a force that is held, the estimate of its velocity, the
-samples on their way to the server, the coupling, the board's end, and what is on its way back. Written as a step of a
-state, its matrix is that step of the unit vectors; the loop is stable if no eigenvalue of it is larger than 1. Where
-the coupling is computed is a property of the loop (docs/explanation/coupling.md): on the server, or in both, where the
-agent computes the hand's force itself from the board's end as it was a delay ago.
+One millisecond of the loop is a linear map: the stylus under a held force, its velocity estimate, the samples on their
+way to the server, the coupling, the end of the board, and the forces on their way back. Applied to unit vectors, it
+gives its matrix; the loop is stable if no eigenvalue is larger than 1 in modulus. The coupling is computed either on
+the server, or on both: then the agent computes the force on the hand from the delayed end of the board
+(docs/explanation/coupling.md).
 
-Linear: no friction, no encoder steps, no limits of the force. Numpy and scipy, not for a tick.
+The model is linear, without friction, encoder steps and force limits. NumPy and SciPy; not for use in a tick.
 """
 
 import math
@@ -20,31 +20,29 @@ from scipy.linalg import expm
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
+from netboard.physics.hands.extrapolation import ACCELERATION_HORIZON, VELOCITY_HORIZON
 
 Matrix = NDArray[np.float64]
 At = Literal["server", "both"]
 Hold = Literal["zoh", "cv", "ca"]
 
 ROUNDING = 1e-7
-"""A factor that exceeds 1 by no more counts as 1. A body that nothing holds has that factor twice, which rounding moves
-by the root of a number's last bit, 1.5e-8; and what grows by so little takes hours to be felt [1]."""
-
-QUICK, REACH = 0.005, 0.010
-"""The stage extrapolates a sample for at most this long [s]."""
+"""Tolerance of the spectral radius. A free body has a double eigenvalue 1, which rounding moves by the square root of
+the machine precision, 1.5e-8; growth this slow takes hours to be noticed [1]."""
 
 STIFFEST = 1e6
-"""No coupling is looked for beyond this [N/m]."""
+"""Largest stiffness considered [N/m]."""
 
 LONGEST = 60
-"""Nor a delay [ms]."""
+"""Largest delay considered [ms]."""
 
 STRIDE = 5
-"""A delay is looked for in such steps first [ms]."""
+"""First step size of the search for a delay [ms]."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What moves with the stylus: the device, and the hand that holds it, if one does.
+    """Mechanics of the stylus: the device and the hand that holds it, if any.
 
     Attributes
     ----------
@@ -53,9 +51,9 @@ class Mechanism:
     damping : float
         Viscous damping of both [N s/m].
     stiffness : float
-        Of the hand towards where it wants to be; 0 for a stylus that nobody holds [N/m].
+        Stiffness of the hand towards its equilibrium point; 0 for a released stylus [N/m].
     substeps : int
-        It is stepped like the virtual device, so many times in a tick; 0: the exact motion of a real one [1].
+        Steps per tick of the virtual device; 0: the exact motion of a real one [1].
     """
 
     mass: float = 0.045
@@ -66,16 +64,16 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class End:
-    """The board as one hand meets it: a mass on a spring-damper.
+    """End of the board as seen by one hand: a mass on a spring and a damper.
 
     Attributes
     ----------
     mass : float
-        Its mass; infinite for an end that does not move, the worst case [kg].
+        Its mass; infinite for a fixed end, the worst case [kg].
     damping : float
         Its damping [N s/m].
     stiffness : float
-        Of the spring that holds it [N/m].
+        Stiffness of its spring [N/m].
     """
 
     mass: float = math.inf
@@ -88,14 +86,14 @@ FIXED = End()
 
 @dataclass(frozen=True)
 class Loop:
-    """A hand, its coupling and the board's end.
+    """A hand, its virtual coupling and the end of the board.
 
     Attributes
     ----------
     mechanism : Mechanism
-        The stylus and who holds it.
+        Stylus and hand.
     end : End
-        What it is coupled to.
+        End of the board.
     k : float
         Stiffness of the coupling [N/m].
     c : float
@@ -107,13 +105,13 @@ class Loop:
     at : str
         ``server`` or ``both``: where the force on the hand is computed.
     hold : str
-        How the server moves a sample on to its tick, as in ``physics.hold``.
+        Extrapolation of samples on the server, as in ``physics.hold``.
     window : int
-        The velocity is the difference of positions so far apart; 0: it is known exactly [ms].
+        Interval of the position difference that estimates the velocity; 0: exact velocity [ms].
     reach : float
-        The agent moves the board's end on by its rate for at most so long [s].
+        Longest extrapolation of the end of the board by the agent [s].
     gain : float
-        The hand is made to feel this share of the force on the board [1].
+        Commanded force over the force on the board [1].
     """
 
     mechanism: Mechanism = Mechanism()
@@ -130,7 +128,7 @@ class Loop:
 
 
 def loop_matrix(loop: Loop) -> Matrix:
-    """Return what a tick multiplies the state of a loop by.
+    """Return the matrix of one tick of a loop.
 
     Parameters
     ----------
@@ -147,7 +145,7 @@ def loop_matrix(loop: Loop) -> Matrix:
 
 
 def growth(loop: Loop) -> float:
-    """Return by what a disturbance grows with each tick in the end: the loop is stable if that is at most 1.
+    """Return the spectral radius of a tick: the loop is stable if it is at most 1.
 
     Parameters
     ----------
@@ -163,7 +161,7 @@ def growth(loop: Loop) -> float:
 
 
 def turning(loop: Loop) -> float:
-    """Return how fast the disturbance turns that is the last to die away, or the first to grow.
+    """Return the frequency of the dominant mode, which decays last or grows first.
 
     Parameters
     ----------
@@ -181,7 +179,7 @@ def turning(loop: Loop) -> float:
 
 
 def is_stable(loop: Loop) -> bool:
-    """Tell whether a disturbance dies away.
+    """Tell whether a loop is stable.
 
     Parameters
     ----------
@@ -205,7 +203,7 @@ def delayed(loop: Loop, up: int, down: int) -> Loop:
 
 
 def largest_delay(loop: Loop, most: int = LONGEST) -> int:
-    """Return the largest delay, the same both ways, up to which a loop is stable.
+    """Return the largest stable delay, equal in both directions.
 
     Parameters
     ----------
@@ -223,7 +221,7 @@ def largest_delay(loop: Loop, most: int = LONGEST) -> int:
 
 
 def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
-    """Return the largest delay there and back together up to which a loop is stable.
+    """Return the largest stable round-trip delay.
 
     Parameters
     ----------
@@ -241,7 +239,7 @@ def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
 
 
 def _furthest(stable: Callable[[int], bool], most: int) -> int:
-    """Return the last whole number before something is not so; strides first, for each look takes long."""
+    """Return the last integer for which a condition holds; large steps first, because each check is slow."""
     start = 0
     while start <= most and stable(start):
         start += STRIDE
@@ -250,7 +248,7 @@ def _furthest(stable: Callable[[int], bool], most: int) -> int:
 
 
 def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most: float = STIFFEST) -> float:
-    """Return the largest stiffness up to which a loop is stable throughout.
+    """Return the stiffness up to which a loop is stable.
 
     Parameters
     ----------
@@ -285,7 +283,7 @@ def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most:
 
 
 def passive_stiffness(mechanism: Mechanism, c: float) -> float:
-    """Return the stiffness up to which a sampled wall without delay is passive: b > K T / 2 + |B|.
+    """Return the largest stiffness of a passive sampled-data wall without delay: b > K T / 2 + |B|.
 
     J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, J. Robotic Systems 14 (1997).
 
@@ -305,7 +303,7 @@ def passive_stiffness(mechanism: Mechanism, c: float) -> float:
 
 
 def ruled_stiffness(mechanism: Mechanism, c: float, delay: float) -> float:
-    """Return the stiffness up to which a wall with a short delay is stable: K < (b + B) / (T / 2 + t_d).
+    """Return the largest stable stiffness of a wall with a short delay: K < (b + B) / (T / 2 + t_d).
 
     J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, Stability boundary for haptic rendering: influence of
     damping and delay, J. Computing and Information Science in Engineering 9 (2009) 011005.
@@ -331,7 +329,7 @@ def ruled_stiffness(mechanism: Mechanism, c: float, delay: float) -> float:
 
 
 def ends_of(physics: Physics) -> dict[str, End]:
-    """Return the board of a scene as each hand of two meets it, about its level rest and without balls.
+    """Return the end of the board as seen by each hand, linearised about the level board without balls.
 
     Both hands have half the board each, where they move alike and where they move against each other.
 
@@ -360,7 +358,7 @@ def ends_of(physics: Physics) -> dict[str, End]:
 
 
 def _make_step(loop: Loop) -> tuple[int, Callable[[Matrix], Matrix]]:
-    """Return the length of the loop's state and what a tick makes of states (as columns).
+    """Return the length of the loop's state vector, and the map of a tick on states (as columns).
 
     The state: place and rate of the stylus, its places at the last ticks, the samples on their way (place and rate),
     what is on its way back (a force, or the end's place and rate), place and rate of the end.
@@ -401,17 +399,17 @@ def _make_step(loop: Loop) -> tuple[int, Callable[[Matrix], Matrix]]:
 
 
 def _used(samples: Matrix, age: float, hold: Hold) -> Matrix:
-    """Return place, rate and acceleration of a stylus at the tick, from its newest sample and the one before."""
+    """Return position, velocity and acceleration of a stylus at the tick, from its last two samples."""
     z, vz = samples[0], samples[1]
     if hold == "zoh":
         return np.stack([z, vz, np.zeros_like(z)])
     az = (vz - samples[3]) / TICK_SECONDS if hold == "ca" else np.zeros_like(z)
     z = _reached(z, vz, az, age)
-    return np.stack([z, vz + az * min(age, QUICK), az])
+    return np.stack([z, vz + az * min(age, ACCELERATION_HORIZON), az])
 
 
 def _reached(z: Matrix, vz: Matrix, az: Matrix, age: float) -> Matrix:
-    """Return the heights that samples have reached by the tick.
+    """Return the heights of samples extrapolated to the tick.
 
     Parameters
     ----------
@@ -424,12 +422,12 @@ def _reached(z: Matrix, vz: Matrix, az: Matrix, age: float) -> Matrix:
     age : float
         Time since, at least 0 [s].
     """
-    age, bent = min(age, REACH), min(age, QUICK)
+    age, bent = min(age, VELOCITY_HORIZON), min(age, ACCELERATION_HORIZON)
     return z + vz * age + az * (0.5 * bent * bent + bent * (age - bent))
 
 
 def _mechanism(mechanism: Mechanism) -> tuple[Matrix, Matrix]:
-    """Return what a tick multiplies place and rate of the stylus by, and what a force of 1 N adds."""
+    """Return the transition matrix of position and velocity of the stylus, and the response to 1 N."""
     m, b, k = mechanism.mass, mechanism.damping, mechanism.stiffness
     if mechanism.substeps == 0:
         a = np.array([[0.0, 1.0, 0.0], [-k / m, -b / m, 1.0 / m], [0.0, 0.0, 0.0]])
@@ -444,7 +442,7 @@ def _mechanism(mechanism: Mechanism) -> tuple[Matrix, Matrix]:
 
 
 def _end(loop: Loop) -> tuple[Matrix, Matrix]:
-    """Return what a tick multiplies place and rate of the end by, and what a stylus from (z, vz, az) adds."""
+    """Return the transition matrix of position and velocity of the end, and the response to a stylus (z, vz, az)."""
     end, k, c = loop.end, loop.k, loop.c
     if math.isinf(end.mass):
         return np.eye(2), np.zeros((2, 3))

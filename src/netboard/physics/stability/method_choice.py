@@ -1,9 +1,9 @@
-"""How a scene is stepped, decided when it is loaded; what no step can hold is turned down before anybody sits in front.
+"""Choice of the integration method when a scene is loaded; scenes that no method can integrate stably are refused.
 
-The theory of `netboard.physics.stability.step_matrix` is asked about the board level and at tilts up to 35 degrees,
-with its balls rolling and fixed, and by Lagrange's equations with them in several places: the worst of it counts. The
-exponential methods solve the level board exactly and are less sure of a tilted one. docs/decisions/ says why the rule
-is as it is.
+The stability of a step (`netboard.physics.stability.step_matrix`) is computed for the level board and tilts up to 35
+degrees, with balls free and fixed, and in the Lagrangian model with balls in several places; the worst case decides.
+The exponential methods are exact for the level board only. docs/decisions/0011-choosing-the-method.md gives the
+reasons.
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from netboard.base.errors import ConfigError
-from netboard.base.tables.scene import Physics
+from netboard.base.tables.scene import Physics, friction_rate
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 from netboard.physics.stability.step_matrix import (
     ROUNDING,
@@ -24,46 +24,46 @@ from netboard.physics.stability.step_matrix import (
 )
 
 TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
-"""A tilt to the other side is the same with the balls on the other side [rad]."""
+"""Tilts examined; the other side is equivalent, with the balls on the other side [rad]."""
 
 PLACES = (0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25)
-"""Where the balls are, as shares of the way to their stops, or to twice the length of the board's arm [1]."""
+"""Ball positions examined, relative to the stops, or to twice the arm of the board [1]."""
 
 MOST_SUBSTEPS = 64
-"""At most this many steps in a tick are chosen."""
+"""Largest number of steps per tick that is chosen."""
 
-RK4_REACHES = 8
-"""The largest stiffness of a tick that steps of RK4 are chosen for [1]."""
+MAX_RK4_STIFFNESS = 8
+"""Largest stiffness of a tick for which RK4 is chosen [1]."""
 
-CREEP = 1e-6
-"""What an exponential method may add to a mode in a step, at a tilt that is kept: e-fold takes a million steps [1]."""
+GROWTH_TOLERANCE = 1e-6
+"""Tolerated growth of a mode per step of an exponential method at a constant tilt: e-fold in a million steps [1]."""
 
 EXPONENTIAL = ("etd2rk", "etdrk4")
-"""Methods that solve the level board exactly and the difference of a tilted one like a Runge-Kutta method."""
+"""Methods that are exact for the level board and of Runge-Kutta type for the deviation of a tilted one."""
 
-LARGEST = 700.0
-"""Logarithm of the largest factor that is told from an infinite one [1]."""
+MAX_LOG_GROWTH = 700.0
+"""Logarithm of the largest finite growth factor [1]."""
 
-ROUNDED = 1e-9
-"""A stiffness that exceeds a whole number by no more counts as that number [1]."""
+STIFFNESS_TOLERANCE = 1e-9
+"""Rounding tolerance of the stiffness [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """How a tick is done.
+    """Integration method of a tick.
 
     Attributes
     ----------
     method : str
         Name of the method.
     substeps : int
-        Steps in a tick [1].
+        Steps per tick [1].
     radius : float
-        Spectral radius of what a tick does to the board's modes: the largest factor [1].
+        Spectral radius of a tick: the largest growth factor of a mode [1].
     stiffness : float
         The tick times the largest pole of the board [1].
     reason : str
-        Why, in a sentence.
+        The reason, in one sentence.
     """
 
     method: str
@@ -74,7 +74,7 @@ class Choice:
 
 
 def choose(physics: Physics, h: float) -> Choice:
-    """Choose how the ticks of a scene are done.
+    """Choose the integration method of a scene.
 
     Parameters
     ----------
@@ -86,15 +86,17 @@ def choose(physics: Physics, h: float) -> Choice:
     Returns
     -------
     Choice
-        The method and why.
+        The method, with the reason.
 
     Raises
     ------
     ConfigError
-        If that method cannot hold the board between the hands, or no method can.
+        If the method, or every method, is unstable for this scene.
     """
     if physics.method == "exact" and physics.board != "level":
         raise ConfigError(f'physics.method = "exact": for physics.board = "level" alone, found "{physics.board}"')
+    if physics.method == "exact" and friction_rate(physics) > 0:
+        raise ConfigError('physics.method = "exact": for balls without friction, expected another method')
     choice = _choice(physics, h)
     if not choice.radius <= _limit(choice.method) ** choice.substeps:
         raise ConfigError(_refusal(physics, h, choice))
@@ -102,10 +104,10 @@ def choose(physics: Physics, h: float) -> Choice:
 
 
 def _choice(physics: Physics, h: float) -> Choice:
-    """Return how a tick would be done, whether or not that holds the board."""
+    """Return the choice, whether or not it is stable."""
     method, substeps, stiff, reason = _plan(physics, h)
     worst = max(_radii(physics, method, h / substeps))
-    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < LARGEST else math.inf
+    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < MAX_LOG_GROWTH else math.inf
     return Choice(method, substeps, radius, stiff, reason)
 
 
@@ -116,26 +118,26 @@ def _holds(physics: Physics, h: float) -> bool:
 
 
 def _plan(physics: Physics, h: float) -> tuple[str, int, float, str]:
-    """Return method and number of steps, the stiffness of a tick, and why."""
-    stiff = max(stiffness(a, h) for a, _ in _cases(physics))
+    """Return method, number of steps, stiffness of a tick, and reason."""
+    stiff = max(h * friction_rate(physics), *(stiffness(a, h) for a, _ in _cases(physics)))
     method, substeps, reason = _automatic(physics, stiff) if physics.method == "auto" else _named(physics, h)
     return method, substeps, stiff, reason
 
 
 def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
-    """Return method and number of steps by the stiffness of a tick, and why."""
-    if physics.board == "level":
+    """Choose method and number of steps by the stiffness of a tick; return them with the reason."""
+    if physics.board == "level" and friction_rate(physics) == 0:
         return "exact", max(physics.substeps, 1), "The board cannot tilt: its motion is solved exactly."
     lasts = f"A tick is {stiff:.3g} of the board's shortest time constants"
-    substeps = physics.substeps or max(math.ceil(stiff - ROUNDED), 1)
-    if stiff - ROUNDED > (substeps if physics.substeps > 0 else RK4_REACHES):
+    substeps = physics.substeps or max(math.ceil(stiff - STIFFNESS_TOLERANCE), 1)
+    if stiff - STIFFNESS_TOLERANCE > (substeps if physics.substeps > 0 else MAX_RK4_STIFFNESS):
         return "etdrk4", max(physics.substeps, 1), f"{lasts}, too many for rk4."
     reason = f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands."
     return "rk4", substeps, reason
 
 
 def _named(physics: Physics, h: float) -> tuple[str, int, str]:
-    """Return the method that the configuration names, and as many steps as it says or needs."""
+    """Return the configured method with the configured or required number of steps, and the reason."""
     substeps = physics.substeps or _enough(physics, h) or MOST_SUBSTEPS
     return physics.method, substeps, f"Named in the configuration: {physics.method} in {_counted(substeps)} is stable."
 
@@ -146,29 +148,29 @@ def _counted(substeps: int) -> str:
 
 
 def _enough(physics: Physics, h: float) -> int:
-    """Return in how many steps a tick the named method holds the board; 0 if more would be needed than are chosen."""
+    """Return the smallest stable number of steps of the configured method; 0 above `MOST_SUBSTEPS`."""
     return next((n for n in range(1, MOST_SUBSTEPS + 1) if _is_stable(physics, physics.method, h / n)), 0)
 
 
 def _is_stable(physics: Physics, method: str, h: float) -> bool:
-    """Tell whether steps of a length hold the board."""
+    """Tell whether a step size is stable."""
     return all(radius <= _limit(method) for radius in _radii(physics, method, h))
 
 
 def _limit(method: str) -> float:
-    """Return the largest factor of a step that counts as bounded."""
-    return 1.0 + (CREEP if method in EXPONENTIAL else ROUNDING)
+    """Return the largest spectral radius that counts as stable."""
+    return 1.0 + (GROWTH_TOLERANCE if method in EXPONENTIAL else ROUNDING)
 
 
 def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
-    """Yield the spectral radius of a step for every board that it must hold."""
+    """Yield the spectral radius of a step for every case examined."""
     scene = pack_scene(physics)[0]
     for a, parts in _cases(physics):
         yield spectral_radius(method, a, h, solved_matrix(parts, scene, physics.balls, h))
 
 
 def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
-    """Yield the boards that the steps must hold, each with its parts."""
+    """Yield the cases examined: matrix of the board and structure of the scene."""
     scene, balls = pack_scene(physics)[0], physics.balls
     reach = physics.ball_stop or 2.0 * physics.l
     free, fixed = parts_of(physics), parts_of(physics, free=False)
@@ -180,7 +182,7 @@ def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
 
 
 def _refusal(physics: Physics, h: float, choice: Choice) -> str:
-    """Return why a scene is turned down, and what would be accepted."""
+    """Return why a scene is refused, and accepted alternatives."""
     more = choice.radius - 1.0
     growth = f"1 + {more:.2g}" if more < 1e-2 else f"{choice.radius:.3g}"
     return (
@@ -192,7 +194,7 @@ def _refusal(physics: Physics, h: float, choice: Choice) -> str:
 
 
 def _offers(physics: Physics, h: float) -> Iterator[str]:
-    """Yield, in words, changes with which the scene would be accepted."""
+    """Yield changes with which the scene would be accepted, in words."""
     if physics.substeps > 0 and physics.method != "auto":
         enough = _enough(physics, h)
         if enough > 0:
@@ -205,10 +207,10 @@ def _offers(physics: Physics, h: float) -> Iterator[str]:
 
 
 def _softened(physics: Physics, h: float, keys: tuple[str, ...]) -> str:
-    """Return the largest values that would be accepted, scaling these keys alone; empty without any above a 1000th."""
+    """Return the largest accepted values of these keys, scaled together; empty below a thousandth."""
 
     def scaled(scale: float) -> dict[str, Any]:
-        # Cut to three digits before they are looked at, so that what is offered is accepted.
+        # Rounded to three digits before the check, so that the offered values are accepted.
         return {key: float(f"{scale * getattr(physics, key):.3g}") for key in keys}
 
     def holds(scale: float) -> bool:

@@ -1,13 +1,13 @@
-"""What a step of each method does to a linear board, in theory: the exact matrix of the step, and what follows from it.
+"""Linear stability of the integration methods: the exact matrix of a step, and its spectral radius.
 
-A board of matrix A, ``x' = A x``, is multiplied at every step by a matrix S of the method: a polynomial of hA for the
-explicit Runge-Kutta methods, a rational function for the midpoint rule, products of kicks and drifts for Verlet and the
-semi-implicit method of Euler, the matrix exponential for the exponential methods. It stays within bounds if no
-eigenvalue of S is larger than 1. All this is written from the methods' definitions and shares nothing with the kernels
-but the scene; tests hold the two against each other.
+For a board with state matrix A, ``x' = A x``, each step multiplies the state by a matrix S of the method: a polynomial
+of hA for explicit Runge-Kutta methods, a rational function for the midpoint rule, products of kicks and drifts for
+Verlet and semi-implicit Euler, the matrix exponential for exponential methods. The motion is bounded if no eigenvalue
+of S is larger than 1 in modulus. The matrices follow from the definitions of the methods and share only the scene with
+the kernels; tests compare the two.
 
-The matrices are of the board alone, (z, vz, theta, omega), between its couplings and without weights: the ball is a
-saddle because the task is like that, not because of a method. Numpy and scipy, not for a tick.
+The state is that of the board alone, (z, vz, theta, omega), because the saddle of the ball is a property of the task
+and not of a method. NumPy and SciPy; not for use in a tick.
 """
 
 import math
@@ -25,7 +25,7 @@ from netboard.physics.scene.parameters import Parts
 Matrix = NDArray[np.float64]
 
 ROUNDING = 1e-12
-"""A factor that exceeds 1 by no more counts as 1: what is not damped keeps its size."""
+"""Rounding tolerance of the spectral radius, for undamped modes."""
 
 _TAYLOR = tuple(1.0 / math.factorial(k) for k in range(9))
 
@@ -35,27 +35,27 @@ POLYNOMIALS = {
     "rk4": _TAYLOR[:5],
     "dop853": (*_TAYLOR, 2.691692200169e-06, 2.341345108210e-07, 1.494736485459e-08, 3.613324578e-10),
 }
-"""Stability polynomials, from the constant term up: Taylor's to the order, and then what the stages make of it [1]."""
+"""Coefficients of the stability polynomials, from the constant term up [1]."""
 
 
 def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p: float = 0.0) -> Matrix:
-    """Return the matrix of the board about a tilt at rest, with all balls in one place.
+    """Return the state matrix of the board linearised about a tilt, with all balls in one place.
 
-    By the paper's equations balls have no inertia on the board; by Lagrange's they make it heavier. Balls that roll are
-    taken with the momentum along the board eliminated.
+    In the paper's model balls add no inertia; in the Lagrangian model they do. The coordinates of free balls are
+    eliminated.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     balls : int
-        How many balls there are [1].
+        Number of balls [1].
     tilt : float
         The tilt [rad].
     p : float
-        Where the balls are [m].
+        Position of the balls [m].
 
     Returns
     -------
@@ -83,26 +83,26 @@ def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p
 
 
 def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: float) -> Matrix:
-    """Return what a ball adds to the inertia against heave and tilt, by Lagrange."""
-    m, r, ease = value["m"], value["ball_height"], value["ease"]
+    """Return the inertia that a ball adds to heave and tilt in the Lagrangian model."""
+    m, r, mass_ratio = value["m"], value["ball_height"], value["mass_ratio"]
     if parts.free:
-        return m * np.array([[1.0 - ease * s * s, c * p], [c * p, p * p]])
-    return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / ease]])
+        return m * np.array([[1.0 - mass_ratio * s * s, c * p], [c * p, p * p]])
+    return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / mass_ratio]])
 
 
 def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
-    """Return what the exponential methods solve exactly of the board.
+    """Return the matrix of the board that the exponential methods solve exactly.
 
     Parameters
     ----------
     parts : Parts
-        What the scene has.
+        Structure of the scene.
     scene : SCENE record
         The scene.
     balls : int
-        How many balls there are [1].
+        Number of balls [1].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -113,7 +113,7 @@ def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
 
 
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:
-    """Return what one step multiplies the state of a linear board by.
+    """Return the matrix of one step for a linear board.
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) 
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
-        Matrix that an exponential method solves exactly, if that is another one: the level board's [SI].
+        Matrix that an exponential method solves exactly, if it is another one: that of the level board [SI].
 
     Returns
     -------
@@ -151,20 +151,20 @@ def _polynomial(x: Matrix, coefficients: tuple[float, ...]) -> Matrix:
 
 
 def _midpoint(a: Matrix, h: float) -> Matrix:
-    """Return (1 - hA/2)^-1 (1 + hA/2), Cayley's transform."""
+    """Return (1 - hA/2)^-1 (1 + hA/2), the Cayley transform."""
     one = np.eye(len(a))
     return np.array(np.linalg.solve(one - h / 2 * a, one + h / 2 * a), np.float64)
 
 
 def _kick(a: Matrix, h: float) -> Matrix:
-    """Return the velocities' own explicit step, with the places at rest."""
+    """Return the explicit step of the velocities at fixed positions."""
     result = np.eye(len(a))
     result[1::2] += h * a[1::2]
     return result
 
 
 def _middle_kick(a: Matrix, h: float) -> Matrix:
-    """Return the velocities' step by the midpoint rule, with the places at rest."""
+    """Return the step of the velocities by the midpoint rule at fixed positions."""
     result = np.eye(len(a))
     half = h / 2 * a[1::2, 1::2]
     one = np.eye(len(half))
@@ -174,7 +174,7 @@ def _middle_kick(a: Matrix, h: float) -> Matrix:
 
 
 def _drift(a: Matrix, h: float) -> Matrix:
-    """Return the places' own step, with the velocities as they are."""
+    """Return the step of the positions at fixed velocities."""
     result = np.eye(len(a))
     result[0::2] += h * a[0::2]
     return result
@@ -194,7 +194,7 @@ def _phis(a: Matrix, h: float) -> list[Matrix]:
 
 @lru_cache(maxsize=16)
 def _phis_of(numbers: bytes, n: int) -> list[Matrix]:
-    """Return them from one exponential of a larger matrix (Al-Mohy and Higham, 2011, theorem 2.1)."""
+    """Return the phi functions from the exponential of an augmented matrix (Al-Mohy and Higham, 2011, theorem 2.1)."""
     larger = np.zeros((4 * n, 4 * n))
     larger[:n, :n] = np.frombuffer(numbers).reshape(n, n)
     larger[: 3 * n, n:] += np.eye(3 * n)
@@ -203,7 +203,7 @@ def _phis_of(numbers: bytes, n: int) -> list[Matrix]:
 
 
 def _exact(a: Matrix, rest: Matrix, h: float) -> Matrix:
-    """Return e^hA: there is no rest where this method is used."""
+    """Return e^hA: this method has no remainder."""
     return _phis(a + rest, h)[0]
 
 
@@ -233,7 +233,7 @@ _EXPONENTIAL: dict[str, Callable[[Matrix, Matrix, float], Matrix]] = {
 
 
 def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> float:
-    """Return the largest factor by which one step multiplies a mode of the board; above 1 the board flies apart.
+    """Return the spectral radius of one step: the largest growth factor of a mode; above 1 the method is unstable.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
 
@@ -251,7 +251,7 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
     float
         Spectral radius of the step, infinite if it overflows [1].
     """
-    # Places in units in which they are about as large as velocities: only so is nothing lost to rounding.
+    # Positions are scaled to the size of velocities, to limit rounding errors.
     unit = max(_modulus(solved if method in _EXPONENTIAL and solved is not None else a), 1.0)
     scale = np.tile([unit, 1.0], len(a) // 2)
     a = a * scale[:, None] / scale
@@ -268,9 +268,9 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
 
 
 def _moving(a: Matrix) -> Matrix:
-    """Return a basis of the states without the places that nothing pulls back from, which every step leaves alone.
+    """Return a basis of the states without positions that have no restoring force.
 
-    Their factor is exactly 1. Beside it, the same factor of their velocity would lose half its digits to rounding.
+    Their eigenvalue is exactly 1. With it, the equal eigenvalue of their velocity would lose half its digits.
     """
     _, sizes, rows = np.linalg.svd(a[1::2, 0::2])
     kept = rows[sizes > 1e-13 * max(sizes[0], 1e-300)]
@@ -287,14 +287,14 @@ def _modulus(s: Matrix) -> float:
 
 
 def stiffness(a: Matrix, h: float) -> float:
-    """Return how much happens in a step: its length in units of the fastest time constant.
+    """Return the stiffness of a step: its size in units of the fastest time constant.
 
     Parameters
     ----------
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
 
     Returns
     -------
@@ -305,7 +305,7 @@ def stiffness(a: Matrix, h: float) -> float:
 
 
 def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> bool:
-    """Tell whether steps of a length keep a linear board within bounds.
+    """Tell whether a step size is stable for a linear board.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) ->
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     h : float
-        Length of the step [s].
+        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
     """
@@ -322,10 +322,10 @@ def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) ->
 
 
 def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
-    """Return the length up to which all steps are stable.
+    """Return the step size up to which all steps are stable.
 
-    Stability is lost and found again as steps grow, by some methods: lengths are tried from short to long, 40 to a
-    factor of ten, and the first that fails is closed in on.
+    Some methods have several stable ranges. Therefore sizes are tried from small to large, 40 per decade, and the first
+    failure is refined by bisection.
 
     Parameters
     ----------
@@ -339,8 +339,7 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
     Returns
     -------
     float
-        Length of the step: 0 if none is stable, infinite if all are, up to a million times the fastest time
-        constant [s].
+        Step size; 0 if none is stable, infinite if all are, up to a million times the fastest time constant [s].
     """
     good = 0.0
     for h in np.geomspace(1e-5, 1e6, 441) / max(_modulus(a), 1e-3):
@@ -351,7 +350,7 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
 
 
 def _edge(method: str, a: Matrix, solved: Matrix | None, good: float, bad: float) -> float:
-    """Return the longest stable step between a stable and an unstable one."""
+    """Return the largest stable step between a stable and an unstable one, by bisection."""
     while bad - good > 1e-9 * bad:
         middle = (good + bad) / 2
         good, bad = (middle, bad) if is_stable(method, a, middle, solved) else (good, middle)

@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.recording.export import bids_texts as texts
-from netboard.recording.export.devices import devices_of
 from netboard.recording.export.factors import Exported, exported_factors
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.runs import Person, Run, runs_of
+from netboard.recording.export.runs import Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME, Signal, signals_of
 from netboard.recording.export.survey import Survey
 from netboard.recording.files.reader import Recording

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+from netboard.base.tables.forces import FORCE_WORDS
 from netboard.recording.export.factors import Exported
 from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
 from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
@@ -132,7 +133,7 @@ _SCAN_TEXTS = {
     "role": "what its trials are for: practice, familiarisation, baseline or test",
     "configuration": "dyadic: two people with one hand each; bimanual: one person with both hands",
     "stylus": "whose stylus, left or right, or both, the subject moved",
-    "force": "what the hands feel: full, partner_only, environment_only, none or unrelated",
+    "force": f"what the hands feel: {FORCE_WORDS}",
     "force_scale": "what is felt is multiplied by this",
     "force_delay_ms": "what is felt comes so much later",
     "catch_trials": "numbers of the trials in which nothing is felt",

@@ -1,7 +1,7 @@
 """Registry of the export formats, and the steps that all of them share.
 
-A format is a module with one function, ``write(recordings, folder, progress)``, which fills an empty folder and raises
-a `NetboardError` if it cannot. This module does the rest: a result gets its final name only when it is complete,
+A format is a function ``write(recordings, folder, progress)``, which fills an empty folder and raises a `NetboardError`
+if it cannot. This module does the rest: a result gets its final name only when it is complete,
 existing files are never overwritten, and a failed export leaves nothing behind.
 """
 
@@ -9,9 +9,11 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from netboard.base.errors import ConfigError, RecordingError
@@ -19,16 +21,52 @@ from netboard.base.errors import ConfigError, RecordingError
 Progress = Callable[[str, int, int], None]
 """Progress callback: current step, amount done and total [1]."""
 
-FORMATS: dict[str, str] = {
-    "parquet": "netboard.recording.export.parquet",
-    "csv": "netboard.recording.export.delimited",
-    "mat": "netboard.recording.export.matlab",
-    "bids": "netboard.recording.export.bids",
-    "nwb": "netboard.recording.export.nwb",
-    "xdf": "netboard.recording.export.xdf",
-    "xdf-lsl": "netboard.recording.export.xdf",  # the same format: files as LabRecorder would write them
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """An export format.
+
+    Attributes
+    ----------
+    about, readers : str
+        What is written, and who reads it, for the documentation.
+    writer : str
+        Module in this package and its function, as ``module:function``; imported when needed.
+    extra : str
+        Optional dependency group of netboard that it needs; empty for none.
+    """
+
+    name: str
+    writer: str
+    about: str
+    readers: str
+    extra: str = ""
+
+
+FORMATS = {
+    one.name: one
+    for one in (
+        Format(
+            "parquet",
+            "tabular:write_parquet",
+            "typed, compressed columns",
+            "pandas, polars, R's arrow, DuckDB, MATLAB's `parquetread`; long studies",
+            "parquet",
+        ),
+        Format("csv", "tabular:write_csv", "text: UTF-8, commas; seven times as large as Parquet", "everything else"),
+        Format(
+            "mat",
+            "matlab:write",
+            "MATLAB version 5, a struct for each table",
+            "MATLAB, GNU Octave, `scipy.io.loadmat`",
+        ),
+        Format("bids", "bids:write", "a [Motion-BIDS](bids-nwb.md) dataset", "BIDS tools, MNE-BIDS, archives"),
+        Format("nwb", "nwb:write", "an [NWB](bids-nwb.md) file for each person and run", "PyNWB, DANDI, MatNWB", "nwb"),
+        Format("xdf", "xdf:write", "[XDF 1.0](lsl.md), as LabRecorder would write it", "pyxdf, EEGLAB, MNE, SigViewer"),
+        Format("xdf-lsl", "xdf:write", "another name of `xdf`", "the same programs"),
+    )
 }
-"""Export formats: name to the module with its ``write``."""
+"""Registry of the export formats by name. A new format is one entry."""
 
 
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
@@ -41,7 +79,8 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     """
     if name not in FORMATS:
         raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
-    write: Callable[[Sequence[Path], Path, Progress], None] = import_module(FORMATS[name]).write
+    write: Callable[[Sequence[Path], Path, Progress], None]
+    write = resolve_name(f"netboard.recording.export.{FORMATS[name].writer}")
     with new_folder(folder) as part:
         write(recordings, part, progress)
 
@@ -67,7 +106,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
 def refuse_existing(folder: Path) -> None:
     """Raise an error if the path exists."""
     if folder.exists():
-        raise RecordingError(f"{folder}: is there already; name another --output")
+        raise RecordingError(f"{folder}: already exists; choose another --output")
 
 
 def library(name: str, extra: str) -> Any:

@@ -16,8 +16,8 @@ from scipy.io.matlab import savemat
 from netboard.base.errors import RecordingError
 from netboard.recording.export.dictionary import write_dictionary
 from netboard.recording.export.formats import Progress
-from netboard.recording.export.layout import subjects, tick_portions
 from netboard.recording.export.tables import TICKS, Subject, Table, small_tables
+from netboard.recording.export.tabular import subjects, tick_portions
 
 MOST_BYTES = 2**31 - 2**20
 """Size limit of a variable, less some space for its names [1]."""

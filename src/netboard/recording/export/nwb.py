@@ -17,18 +17,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tick import TICK, TICK_SECONDS
-from netboard.recording.export.devices import HandDevice, devices_of
 from netboard.recording.export.factors import Exported, exported_factors
 from netboard.recording.export.formats import Progress, library
-from netboard.recording.export.nwb_texts import COLUMNS, EVENTS, KEYWORDS, UNITS, UNKNOWN_AGE, description
-from netboard.recording.export.runs import Person, Run, runs_of
+from netboard.recording.export.runs import HandDevice, Person, Run, devices_of, runs_of
 from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
 from netboard.recording.export.survey import PORTION, Survey
+from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 from netboard.recording.files.reader import Recording
 from netboard.task.studies.factors import factors_of, trial_role
 
 Filled = list[tuple[Any, tuple[str, ...]]]
 """Allocated data sets, and the tick fields that fill each."""
+
+_KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
+"""Keywords for searches."""
+
+_UNITS = {
+    "m": "meters",
+    "m/s": "meters/second",
+    "rad": "radians",
+    "rad/s": "radians/second",
+    "N": "newtons",
+    "1": "n/a",
+}
+"""Names of units by symbol."""
+
+_UNKNOWN_AGE = "P0D/"
+"""Age range for archives that require an age: netboard does not record it, so any age from birth."""
+
+_COLUMNS = {
+    "levelling_time": "when the levelling before it began [s]",
+    **ATTEMPT_TEXTS,
+    "condition": "configuration of the block, and what the hands feel",
+    "force_scale": "what is felt is multiplied by this [1]",
+    "force_delay": "what is felt comes so much later [s]",
+}
+"""Columns of the trials table, besides start (the release of the ball) and stop."""
+
+_EVENTS = "What changed the phase of a trial, at the tick that decided it. " + "; ".join(
+    f"{name}: {text}" for name, text in HAPPENED_TEXTS.items()
+)
+"""Description of the events table."""
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -90,12 +119,12 @@ class Layout:
         session, block = run.config.session, run.config.block
         part = run.metadata["part"]
         self.file = pynwb.NWBFile(
-            session_description=description(run, person),
+            session_description=_session_text(run, person),
             identifier=f"{run.metadata['session']}_block{block.number:02d}_part{part}_{person.label}",
             session_start_time=survey.began,
             session_id=run.session,
             experiment_description=f"Study {session.study}" if session.study else "No study: a single block",
-            keywords=list(KEYWORDS),
+            keywords=list(_KEYWORDS),
             data_collection=f"Exported from {run.path.name}. Configuration (TOML):\n{recording.config_text}",
             was_generated_by=[["netboard", run.metadata["netboard"]]],
         )
@@ -104,7 +133,7 @@ class Layout:
             description=_described(run, person),
             species="Homo sapiens",
             sex="U",
-            age=UNKNOWN_AGE,
+            age=_UNKNOWN_AGE,
         )
         for device in devices_of(run.config, recording):
             if device.side in person.sides:
@@ -147,13 +176,13 @@ class Layout:
             self._data(tuple(signal.field for signal in signals), np.dtype(np.float64)),
             description=f"Position of the {point.replace('_', ' ')} as sent: columns x, y, z",
             reference_frame=FRAME_TEXT,
-            unit=UNITS["m"],
+            unit=_UNITS["m"],
         )
 
     def _signal(self, signal: Signal) -> Any:
         data = self._data((signal.field,), TICK[signal.field])
         return self._series(
-            self._pynwb.TimeSeries, signal.name, data, description=signal.about, unit=UNITS[signal.unit]
+            self._pynwb.TimeSeries, signal.name, data, description=signal.about, unit=_UNITS[signal.unit]
         )
 
     def _series(self, kind: Any, name: str, data: Any, **words: str) -> Any:
@@ -182,7 +211,7 @@ class Layout:
 
     def _add_trials(self, run: Run) -> None:
         """Fill the table of attempts."""
-        for name, text in COLUMNS.items():
+        for name, text in _COLUMNS.items():
             self.file.add_trial_column(name, text)
         for field in (field for one in self._factors for field in one.fields):
             self.file.add_trial_column(field.name, f"{field.text} [{field.unit}]" if field.unit else field.text)
@@ -208,10 +237,10 @@ class Layout:
 
     def _add_events(self) -> None:
         """Fill the table of changes of the trial phase."""
-        table = self._pynwb.event.EventsTable(name="trial_events", description=EVENTS)
+        table = self._pynwb.event.EventsTable(name="trial_events", description=_EVENTS)
         table.add_column(name="event", description="what happened")
-        table.add_column(name="trial", description=COLUMNS["trial"])
-        table.add_column(name="attempt", description=COLUMNS["attempt"])
+        table.add_column(name="trial", description=_COLUMNS["trial"])
+        table.add_column(name="attempt", description=_COLUMNS["attempt"])
         for one in self._survey.happenings:
             table.add_row(
                 timestamp=self._survey.seconds(one.tick), event=one.name, trial=one.trial, attempt=one.attempt
@@ -229,3 +258,14 @@ def _about(run: Run, person: Person) -> Iterator[str]:
     yield from (f"Partner: {other.label}." for other in run.people if other is not person)
     if person.simulated:
         yield "Simulated: no person moved the device."
+
+
+def _session_text(run: Run, person: Person) -> str:
+    """Describe the experiment and the run."""
+    block = run.config.block
+    hands = f"the {person.sides[0]} stylus" if len(person.sides) == 1 else "both styluses"
+    label = f" ({block.label})" if block.label else ""
+    return (
+        f"{TASK_TEXT} This is run {run.number} of session {run.session}: block {block.number} of "
+        f"{block.blocks}{label}, {block.configuration}, felt force: {block.force}. The subject moved {hands}."
+    )

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.physics.hands.sampled import GAP, Hands, find_gaps
+from netboard.physics.hands.sampled import GAP_RATIO, Hands, find_gaps
 
 HAND_COLUMNS = ("t", "z_left", "v_left", "z_right", "v_right")
 """Time of the sample [s], height [m] and velocity [m/s] of each stylus."""
@@ -214,7 +214,7 @@ def _refuse_gaps(t: NDArray[np.float64], where: _Where) -> None:
         usual = float(np.median(np.diff(t)))
         raise ConfigError(
             f"{where(row + 1, 't')}: found a gap of {t[row + 1] - t[row]:.6g} s after t = {t[row]:.10g} s, expected at "
-            f"most {GAP:g} times the usual {usual:.6g} s; there {_are(len(gaps))} in all "
+            f"most {GAP_RATIO:g} times the usual {usual:.6g} s; there {_are(len(gaps))} in all "
             "(--gaps hold goes on across them)"
         )
 
@@ -310,7 +310,7 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
 def _refuse_existing(path: Path, force: bool) -> None:
     """Raise an error if the file exists."""
     if path.exists() and not force:
-        raise ConfigError(f"{path}: is there already; --force overwrites it")
+        raise ConfigError(f"{path}: already exists; --force overwrites it")
 
 
 # --- writing -----------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from netboard.recording.importing.manifest import Listed, Manifest
 from netboard.recording.importing.table_import import Imported, Wishes, configuration_beside, import_table
 from netboard.recording.importing.tables import is_own, probe, sha256_of
 from netboard.recording.integrity.catalogue import entry_of
-from netboard.recording.integrity.severity import VERDICTS, Grade
+from netboard.recording.integrity.severity import RESULTS, Severity
 
 Tell = Callable[[str, int, int], None]
 """Progress callback: current item, amount done and total."""
@@ -100,7 +100,7 @@ def _is_there(job: Job) -> bool:
     if not job.path.exists():
         return False
     found = entry_of(job.path)
-    if found.verdict == VERDICTS[Grade.DAMAGE]:
+    if found.verdict == RESULTS[Severity.DAMAGE]:
         raise RecordingError(f"{job.path}: is there and damaged ({found.why}); move it away to import it again")
     with Recording(job.path) as recording:
         said, text = recording.metadata, recording.config_text

@@ -21,7 +21,7 @@ from netboard.recording.files.provenance import CONFIG_NAME, METADATA
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.integrity.checking import check
-from netboard.recording.integrity.severity import VERDICTS, Grade
+from netboard.recording.integrity.severity import RESULTS, Severity
 from netboard.recording.recovery.spill import read_spill
 from netboard.task.journal.entries import AttemptEnded, BlockEnded, Lines, read_lines
 from netboard.task.studies.factors import factors_of, role_of
@@ -71,7 +71,7 @@ class Entry:
     trials: int = 0
     duration: float | None = None
     lost: int = 0
-    verdict: str = VERDICTS[Grade.SOUND]
+    verdict: str = RESULTS[Severity.SOUND]
     why: str = ""
 
 
@@ -98,7 +98,7 @@ class Filter:
         """Return True if the result of a file matches."""
         if self.verdict is None:
             return True
-        return entry.verdict == self.verdict if self.verdict in VERDICTS else entry.verdict.startswith(self.verdict)
+        return entry.verdict == self.verdict if self.verdict in RESULTS else entry.verdict.startswith(self.verdict)
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -116,11 +116,11 @@ def entry_of(path: Path) -> Entry:
         if path.suffix == ".spill":
             return _spill(path, size)
         if path.suffix == ".part":
-            return _begun(Entry(path, "unfinished", size, verdict=VERDICTS[Grade.DAMAGE], why="not finished"))
+            return _begun(Entry(path, "unfinished", size, verdict=RESULTS[Severity.DAMAGE], why="not finished"))
         return _recording(path, size)
     except _UNREADABLE as error:
         kind = "unfinished" if path.suffix == ".part" else path.suffix.removeprefix(".").replace("mcap", "recording")
-        damaged = Entry(path, kind, verdict=VERDICTS[Grade.DAMAGE], why=str(error) or type(error).__name__)
+        damaged = Entry(path, kind, verdict=RESULTS[Severity.DAMAGE], why=str(error) or type(error).__name__)
         return _begun(damaged) if kind == "recording" else damaged
 
 
@@ -138,7 +138,7 @@ def _recording(path: Path, size: int) -> Entry:
             entry,
             duration=_duration(said, end),
             lost=lost,
-            verdict=VERDICTS[Grade.LOSS if why else Grade.SOUND],
+            verdict=RESULTS[Severity.LOSS if why else Severity.SOUND],
             why="; ".join(why),
         )
 
@@ -202,7 +202,7 @@ def _begun(entry: Entry) -> Entry:
 
 def _spill(path: Path, size: int) -> Entry:
     """Make the entry of a server's spill file."""
-    entry = Entry(path, "spill", size, verdict=VERDICTS[Grade.DAMAGE], why="no logger took it: netboard recover")
+    entry = Entry(path, "spill", size, verdict=RESULTS[Severity.DAMAGE], why="no logger took it: netboard recover")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
     return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
@@ -223,20 +223,20 @@ def _journal(path: Path, size: int, lines: Lines) -> Entry:
         pilot=header.pilot,
         condition=f"session {header.session}, {len(over)} blocks over",
         done=len(done),
-        verdict=VERDICTS[Grade.LOSS if lines.torn else Grade.SOUND],
+        verdict=RESULTS[Severity.LOSS if lines.torn else Severity.SOUND],
         why="its last line was torn" if lines.torn else "",
     )
 
 
 def with_trials(entry: Entry) -> Entry:
     """Count the trials of a finished recording; fewer than planned are a listed loss."""
-    if entry.kind != "recording" or entry.verdict == VERDICTS[Grade.DAMAGE]:
+    if entry.kind != "recording" or entry.verdict == RESULTS[Severity.DAMAGE]:
         return entry
     try:
         with Recording(entry.path) as recording:
             attempts = recording.attempts()
     except NetboardError as error:
-        return replace(entry, verdict=VERDICTS[Grade.DAMAGE], why=str(error))
+        return replace(entry, verdict=RESULTS[Severity.DAMAGE], why=str(error))
     # Trials of previous parts are not in this file, but their numbers are known.
     done = {attempt.trial for attempt in attempts if attempt.outcome in ("success", "skip")}
     before = min((attempt.trial for attempt in attempts), default=1) - 1
@@ -248,8 +248,8 @@ def with_check(entry: Entry) -> Entry:
     if entry.kind == "journal":
         return entry
     report = check(entry.path)
-    why = [finding.text for finding in report.findings if finding.grade != Grade.SOUND]
-    return replace(entry, verdict=report.verdict, why="; ".join(why))
+    why = [finding.text for finding in report.findings if finding.severity != Severity.SOUND]
+    return replace(entry, verdict=report.result, why="; ".join(why))
 
 
 def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:

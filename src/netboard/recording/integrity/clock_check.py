@@ -20,7 +20,7 @@ from scipy.stats import theilslopes
 
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
-from netboard.recording.integrity.severity import Finding, Grade
+from netboard.recording.integrity.severity import Finding, Severity
 
 LARGEST_DRIFT_PPM = 100.0
 """Largest plausible drift between two crystals; the bounds of the estimates allow for it [1e-6]."""
@@ -61,7 +61,7 @@ def check_clocks(
         Largest bound of an agent's clock offset during trials [ms].
     """
     if not probes:
-        yield Finding("clocks", Grade.SOUND, "no clock probe was recorded")
+        yield Finding(Severity.SOUND, "no clock probe was recorded")
     for peer in sorted({probe.peer for probe in probes}):
         connections = connections_of([probe for probe in probes if probe.peer == peer])
         for number, mine in enumerate(connections, start=1):
@@ -103,20 +103,18 @@ def check_connection(
     """Check the clock of a peer by the probes of one connection."""
     impossible = sum(not is_possible(probe) for probe in probes)
     if impossible:
-        yield Finding("clocks", Grade.DAMAGE, f"{peer}: {impossible} probes have stamps that are not possible")
+        yield Finding(Severity.DAMAGE, f"{peer}: {impossible} probes have time stamps that are not possible")
         return
     refuted = sum(contradicts(probe) for probe in probes)
     if refuted:
-        yield Finding(
-            "clocks", Grade.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates are refuted by their own probe"
-        )
+        yield Finding(Severity.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates are refuted by their own probe")
     back = sum(later.t3_ns < before.t3_ns for before, later in pairwise(probes))
     if back:
-        yield Finding("clocks", Grade.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
+        yield Finding(Severity.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
     wide = [probe.bound_ns * 1e-6 for probe in probes if _counts(probe, bound_ms, active_ns)]
     if wide:
         text = f"{peer}: during trials {len(wide)} estimates have a bound of up to {max(wide):.2f} ms, expected at most"
-        yield Finding("clocks", Grade.LOSS, f"{text} {bound_ms:g} ms")
+        yield Finding(Severity.LOSS, f"{text} {bound_ms:g} ms")
     if not (refuted or back):
         yield _fitted(peer, probes)
 
@@ -126,20 +124,20 @@ def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
     widest = max(probe.bound_ns for probe in probes) * 1e-6
     words = f"{peer}: {len(probes)} probes, bound at most {widest:.2f} ms"
     if steps := stepped(probes):
-        text = f"{words}; {steps} of them go with no drift that two clocks can have: its clock was stepped or set anew"
-        return Finding("clocks", Grade.LOSS, text)
+        text = f"{words}; {steps} of them contradict every plausible drift: its clock was stepped or set"
+        return Finding(Severity.LOSS, text)
     fits = [
         fit for at in range(0, len(probes), _STRETCH) if (fit := line_through(probes[at : at + _STRETCH])) is not None
     ]
     if not fits:
-        return Finding("clocks", Grade.SOUND, f"{words}; too few for a line")
+        return Finding(Severity.SOUND, f"{words}; too few for a line")
     known = [fit.drift_ppm for fit in fits if not np.isnan(fit.drift_ppm)]
     drift = f"drift {np.median(known):+.1f} ppm" if known else "drift not known"
     beyond = sum(fit.beyond for fit in fits)
     about = f"{words}, {drift}"
     if beyond:
-        return Finding("clocks", Grade.LOSS, f"{about}; {beyond} estimates are off the line through the probes")
-    return Finding("clocks", Grade.SOUND, f"{about}; every estimate agrees with its probe and with a line through all")
+        return Finding(Severity.LOSS, f"{about}; {beyond} estimates are off the line through the probes")
+    return Finding(Severity.SOUND, f"{about}; every estimate agrees with its probe and with a line through all")
 
 
 def is_possible(probe: ClockRecord) -> bool:

@@ -1,15 +1,29 @@
-"""Compares the journal of a session with a recording of it.
+"""Checks a recording against the journal of its session beside it, and against the plan that the journal names.
 
-Pure: journal entries and judged attempts in, findings out. The journal was written live; the recording is judged
-afterwards. Three differences do not indicate damage: a killed server did not write its last lines; an attempt that is
-only partly in this file cannot be judged again; and frames that a display reported too late did not count live.
+The plan is reproduced from study and seed in the journal. A study that is not built in is not available here; its
+blocks are checked only against the journal. The journal was written live; the recording is judged afterwards. Three
+differences do not indicate damage: a killed server did not write its last lines; an attempt that is only partly in this
+file cannot be judged again; and frames that a display reported too late did not count live.
 """
 
+import hashlib
+import re
 from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
 
-from netboard.recording.integrity.severity import Finding, Grade
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.tables.experiment import Design
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.quality_check import judged
+from netboard.recording.integrity.severity import Finding, Severity
 from netboard.recording.integrity.walk import Walk
-from netboard.task.journal.entries import AttemptEnded, Ended, Entry, Opened, Resumed
+from netboard.recording.recovery.journal_file import journal_path
+from netboard.task.journal.entries import AttemptEnded, Ended, Entry, Header, Lines, Opened, Resumed, read_lines
+from netboard.task.plans.plan import Plan, config_of, digest, plan_of
+from netboard.task.studies import library
+from netboard.task.studies.study import parse_study, resolve_study
 from netboard.task.trials.quality import Verdict
 
 _COMPARED = ("success", "fell", "timed_out")
@@ -19,7 +33,87 @@ _BY_REPORTS = {"frozen_display"}
 """Flags that depend on the content and time of display reports."""
 
 
-def check_journal(
+def journal_of(path: Path, config: Config) -> Lines | None:
+    """Read the journal beside a recording; None if there is none."""
+    beside = journal_path(path.parent, config)
+    return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None
+
+
+def check_plan(path: Path, config: Config) -> Iterator[Finding]:
+    """Check a block of a study against its plan."""
+    if not config.session.study:
+        return
+    try:
+        lines = journal_of(path, config)
+        plan = None if lines is None else plan_in(lines.header, config)
+        if lines is None or plan is None:
+            why = "no journal beside it" if lines is None else "not a plan of a built-in study for a numbered dyad"
+            text = f"block {config.block.number} of {config.block.blocks} of study {config.session.study}; {why}"
+            yield Finding(Severity.SOUND, f"{text}, so the plan is not compared")
+            return
+        planned = config_of(config, plan.sessions[lines.header.session - 1], config.block.number)
+    except RecordingError:
+        return  # the journal's own check reports it
+    except (ConfigError, IndexError) as error:
+        yield Finding(Severity.DAMAGE, f"the plan does not fit the block: {error}")
+        return
+    shortened = replace(planned.block, blocks=config.block.blocks, catch=config.block.catch, trials=config.block.trials)
+    if config.session.pilot and config.block.trials <= planned.block.trials:
+        planned = replace(planned, block=shortened)
+    if config.design == Design():
+        planned = replace(planned, design=Design())  # the recording predates factors in blocks
+    yield from _compare_plan(config, planned)
+
+
+def plan_in(header: Header, config: Config) -> Plan | None:
+    """Reproduce the plan of a journal and verify its digest; None if study or dyad are unknown."""
+    number = re.search(r"\d+$", header.dyad)
+    if header.study not in library.NAMES or number is None:
+        return None
+    study = parse_study(library.text_of(header.study), header.study)
+    if hashlib.sha256(resolve_study(study).encode()).hexdigest() != header.study_digest:
+        return None
+    hands = (config.session.hand_a, config.session.hand_b)
+    plan = plan_of(study, header.seed, int(number[0]), hands)
+    return plan if header.plan_digest in {digest(plan), *_shortened(plan, config)} else None
+
+
+def _shortened(plan: Plan, config: Config) -> Iterator[str]:
+    """Yield the digests of the shortened plans that a pilot run of this block may have used."""
+    for blocks in (None, config.block.blocks):
+        for trials in (None, config.block.trials):
+            yield hashlib.sha256(f"{digest(plan)} {blocks} {trials}".encode()).hexdigest()
+
+
+def _compare_plan(config: Config, planned: Config) -> Iterator[Finding]:
+    """Compare the block's condition with that of the plan for the same rig."""
+    wrong = [
+        f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
+        for table in fields(config)
+        for has, wants in [(getattr(config, table.name), getattr(planned, table.name))]
+        for key in fields(has)
+        if getattr(has, key.name) != getattr(wants, key.name)
+    ]
+    study, number = config.session.study, f"{config.block.number} of {config.block.blocks}"
+    if wrong:
+        yield Finding(Severity.DAMAGE, f"block {number} of study {study} differs from the plan: {'; '.join(wrong)}")
+    else:
+        yield Finding(Severity.SOUND, f"block {number} agrees with the plan of study {study}: {config.block.label}")
+
+
+def check_journal(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
+    """Check a recording against the journal beside it."""
+    try:
+        lines = journal_of(recording.path, config)
+    except RecordingError as error:
+        yield Finding(Severity.LOSS, f"cannot be read: {error}")
+        return
+    if lines is not None:
+        run, block = recording.metadata.get("session", ""), config.block.number
+        yield from _compare_journal(lines.entries, run, block, seen, judged(recording))
+
+
+def _compare_journal(
     entries: Sequence[Entry], run: str, block: int, seen: Walk, verdicts: Sequence[Verdict]
 ) -> Iterator[Finding]:
     """Compare the journal's attempts with those of the recording."""
@@ -40,16 +134,16 @@ def check_journal(
         *(problem for there, here in both for problem in _differs(there, here, whole=_is_whole(seen, here))),
     ]
     if problems:
-        yield Finding("journal", Grade.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
+        yield Finding(Severity.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
     missing = [place for place in told.keys() - judged.keys() if told[place].outcome in _COMPARED]
     losses = [
-        *_loss("tells of attempts whose ticks are not here", missing),
-        *_loss("ends before", [place for place in judged.keys() - told.keys() if place not in untold]),
-        *_loss("has another flag for a frozen display than the frames reported in the end give", _late(both)),
+        *_loss("lists attempts whose ticks are not in the recording", missing),
+        *_loss("ends before these attempts", [place for place in judged.keys() - told.keys() if place not in untold]),
+        *_loss("differs in the flag for a frozen display from what the frames reported later give", _late(both)),
     ]
     yield from losses
     if not (problems or losses):
-        yield Finding("journal", Grade.SOUND, f"tells the same of all {len(judged)} attempts")
+        yield Finding(Severity.SOUND, f"agrees on all {len(judged)} attempts")
 
 
 def _end_of(entries: Sequence[Entry], run: str) -> int | None:
@@ -79,12 +173,12 @@ def _differs(told: AttemptEnded, judged: Verdict, *, whole: bool) -> Iterator[st
     if judged.outcome not in _COMPARED and told.outcome not in _COMPARED:
         return
     if told.outcome != judged.outcome:
-        yield f"{where} is {told.outcome} there and {judged.outcome} here"
+        yield f"{where} is {told.outcome} in the journal and {judged.outcome} in the recording"
     elif told.outcome == "success" and told.completion != judged.completion:
-        yield f"{where} took {told.completion} s there and {judged.completion} s here"
+        yield f"{where} took {told.completion} s in the journal and {judged.completion} s in the recording"
     elif whole and _difference(told, judged) - _BY_REPORTS:
         there, here = (", ".join(flags) or "none" for flags in (told.flags, judged.flags))
-        yield f"{where} has the flags {there} there and {here} here"
+        yield f"{where} has the flags {there} in the journal and {here} in the recording"
 
 
 def _difference(told: AttemptEnded, judged: Verdict) -> set[str]:
@@ -104,4 +198,4 @@ def _loss(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:
     """Yield a loss for a list of attempts, unless it is empty."""
     if places:
         which = ", ".join(f"trial {n}, attempt {k}" for n, k in sorted(places))
-        yield Finding("journal", Grade.LOSS, f"{what}: {which}")
+        yield Finding(Severity.LOSS, f"{what}: {which}")

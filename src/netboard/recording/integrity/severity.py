@@ -1,4 +1,4 @@
-"""Severity of findings, and the result of a check, which follows from the worst finding."""
+"""Severity of findings, and the result of an integrity check, which follows from the worst finding."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.recording.integrity.verification import Verdict
+from netboard.recording.integrity.verification import Verification
 
 EXIT_CODES = (0, 3, 1)
-"""Exit code of each `Grade`: listed losses are not damage, but differ from success [1]."""
+"""Exit code of each `Severity`: listed losses are not damage, but differ from success [1]."""
 
 
-class Grade(IntEnum):
+class Severity(IntEnum):
     """Severity of a finding."""
 
     SOUND = 0  # as expected
@@ -22,24 +22,17 @@ class Grade(IntEnum):
     DAMAGE = 2  # the file has changed or contradicts itself
 
 
-VERDICTS = ("complete", "complete with listed losses", "damaged")
-"""Result of a check, by the worst `Grade`."""
+RESULTS = ("complete", "complete with listed losses", "damaged")
+"""Result of a check, by the worst `Severity`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding of a check.
+    """One finding of a check; ``part`` is the name of the check, which `netboard.recording.integrity.checking` sets."""
 
-    Attributes
-    ----------
-    part : str
-        Subject of the finding: ``file``, ``numbers``, ``forces``, ``time``, ``clocks``, ``configuration``, ``trials``,
-        ``plan``, ``journal`` or ``replay``.
-    """
-
-    part: str
-    grade: Grade
+    severity: Severity
     text: str
+    part: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +43,7 @@ class Report:
     ----------
     ticks : int
         Ticks in the file, or recoverable from it [1].
-    replay : Verdict or None
+    replay : Verification or None
         Result of verifying every tick, if requested.
     computing : float
         Computing time of the verification, without reading [s].
@@ -59,26 +52,26 @@ class Report:
     path: Path
     findings: tuple[Finding, ...]
     ticks: int = 0
-    replay: Verdict | None = None
+    replay: Verification | None = None
     computing: float = 0.0
 
     @property
-    def grade(self) -> Grade:
+    def severity(self) -> Severity:
         """Severity of the worst finding."""
         return worst(self.findings)
 
     @property
-    def verdict(self) -> str:
-        """Result in words: one of `VERDICTS`."""
-        return VERDICTS[self.grade]
+    def result(self) -> str:
+        """Result in words: one of `RESULTS`."""
+        return RESULTS[self.severity]
 
 
-def worst(findings: Sequence[Finding]) -> Grade:
+def worst(findings: Sequence[Finding]) -> Severity:
     """Return the highest severity of the findings."""
-    return max((finding.grade for finding in findings), default=Grade.SOUND)
+    return max((finding.severity for finding in findings), default=Severity.SOUND)
 
 
 def numbers_in_words(numbers: NDArray[np.int64]) -> str:
-    """Format the first of many numbers."""
+    """Format the first three of many numbers."""
     shown = ", ".join(str(number) for number in numbers[:3])
     return shown if len(numbers) <= 3 else f"{shown} and {len(numbers) - 3} more"

@@ -1,11 +1,10 @@
-"""Checks the trials of a recording against its configuration and against the plan of its study.
+"""Checks the trials of a recording against its configuration.
 
 Pure: attempts and configurations in, findings out. A stopped block is a loss, because planned trials are missing. An
-order of trials that the trial state machine cannot produce, or a condition other than the plan's, is damage.
+order of trials that the trial state machine cannot produce is damage.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from netboard.base.config import Config
 from netboard.base.tables.experiment import Block
 from netboard.recording.format.summary import Attempt
-from netboard.recording.integrity.severity import Finding, Grade
+from netboard.recording.integrity.severity import Finding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.task.trials.state_machine import Cause, Phase, first_target, ticks
 
@@ -23,7 +22,7 @@ _ENDS = (Cause.LAST, Cause.STOP)
 def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
     """Check the trials by the rules in the configuration."""
     if not seen.count:
-        yield Finding("trials", Grade.LOSS, "no tick, so no trial")
+        yield Finding(Severity.LOSS, "has no ticks, so no trials")
         return
     attempts = seen.attempts()
     problems = [
@@ -33,9 +32,9 @@ def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on:
         *_wrong_forces(config.block, seen),
         *_wrong_counts(seen, attempts),
     ]
-    yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
+    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
     done = _done(config, seen, goes_on)
-    if not problems or done.grade != Grade.SOUND:
+    if not problems or done.severity != Severity.SOUND:
         yield done
 
 
@@ -43,17 +42,17 @@ def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
     """Check the trials of an imported table, which followed other rules and may lack columns."""
     attempts = seen.attempts() if seen.count else ()
     problems = list(_wrong_list(attempts, listed))
-    yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
+    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
     if not problems:
         done = sum(attempt.outcome == "success" for attempt in attempts)
         text = f"{len(attempts)} attempts, {done} successes, as imported; not compared with netboard's rules or a plan"
-        yield Finding("trials", Grade.SOUND, text)
+        yield Finding(Severity.SOUND, text)
 
 
 def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Iterator[str]:
     """Compare the file's list of attempts with its ticks; yield a difference."""
     if repr(attempts) != repr(listed):  # compare as text: there, a NaN completion time equals itself
-        yield f"{len(listed)} attempts are listed, which are not the {len(attempts)} in the ticks"
+        yield f"{len(listed)} attempts are listed, expected the {len(attempts)} in the ticks"
 
 
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
@@ -62,7 +61,7 @@ def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]
     wrong = [attempt for attempt in attempts if attempt.target != (first if attempt.trial % 2 else -first)]
     if wrong:
         where = ", ".join(f"trial {attempt.trial}, attempt {attempt.attempt}" for attempt in wrong[:3])
-        yield f"{len(wrong)} of {len(attempts)} attempts have their target at the wrong side: {where}"
+        yield f"{len(wrong)} of {len(attempts)} attempts have their target on the wrong side: {where}"
 
 
 def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:
@@ -72,7 +71,7 @@ def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:
         if now.trial <= before.trial and not again:
             yield (
                 f"trial {now.trial}, attempt {now.attempt} at tick {now.tick} follows trial {before.trial}, attempt "
-                f"{before.attempt} ({before.outcome}), which cannot be"
+                f"{before.attempt} ({before.outcome}), which is impossible"
             )
 
 
@@ -92,7 +91,7 @@ def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
     counted = int(last["successes"]) + (int(last["event"]) == Cause.HELD) - int(seen.first[0]["successes"])
     found = sum(attempt.outcome == "success" for attempt in attempts)
     if not seen.missing and counted != found:
-        yield f"the trial machine has counted {counted} successes, and there are {found}"
+        yield f"the trial state machine counted {counted} successes, and there are {found}"
 
 
 def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
@@ -109,24 +108,8 @@ def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
     condition = block.label or f"{block.configuration}, force {block.force}"
     words = f"{done} of {wanted} trials done, {int(row['failures'])} failed attempts, condition: {condition}"
     if done > wanted or (over and done < wanted and not timed):
-        return Finding("trials", Grade.DAMAGE, f"{words}: the trial machine does not end a block so")
+        return Finding(Severity.DAMAGE, f"{words}: the trial state machine never ends a block like this")
     if over:
-        return Finding("trials", Grade.SOUND, f"{words}; numbers, targets and forces are as they must be")
+        return Finding(Severity.SOUND, f"{words}; numbers, targets and forces are as expected")
     why = "an operator stopped the block" if ends else "the end of the block is not in this file"
-    return Finding("trials", Grade.LOSS, f"{words}: {'it goes on in another file' if goes_on and not ends else why}")
-
-
-def check_plan(config: Config, planned: Config) -> Iterator[Finding]:
-    """Compare the block's condition with that of the plan for the same rig."""
-    wrong = [
-        f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
-        for table in fields(config)
-        for has, wants in [(getattr(config, table.name), getattr(planned, table.name))]
-        for key in fields(has)
-        if getattr(has, key.name) != getattr(wants, key.name)
-    ]
-    study, number = config.session.study, f"{config.block.number} of {config.block.blocks}"
-    if wrong:
-        yield Finding("plan", Grade.DAMAGE, f"block {number} of study {study} is not as planned: {'; '.join(wrong)}")
-    else:
-        yield Finding("plan", Grade.SOUND, f"block {number} is that of the plan of study {study}: {config.block.label}")
+    return Finding(Severity.LOSS, f"{words}: {'continued in another file' if goes_on and not ends else why}")

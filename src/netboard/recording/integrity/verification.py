@@ -22,7 +22,7 @@ SLICE = 2048
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verification:
     """Result of a verification.
 
     Attributes
@@ -53,7 +53,7 @@ _RESULTS = [*_STATE, *(OUTPUT.names or ())]
 _PLACES = {name: place for place, name in enumerate(TICK.names or ())}
 
 
-def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
+def verify(stage: Stage, ticks: NDArray[Any]) -> Verification:
     """Run the stage over recorded inputs and compare every tick bit for bit.
 
     Parameters
@@ -64,7 +64,7 @@ def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
     return verify_portions(stage, (ticks,))
 
 
-def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
+def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verification:
     """Verify ticks that arrive in batches.
 
     Parameters
@@ -75,21 +75,21 @@ def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
 
     Returns
     -------
-    Verdict
+    Verification
         Identical, or position and values of the first difference; later ticks are not compared.
     """
     verifier = Verifier(stage)
     for rows in portions:
         if not verifier.take(rows):
             break
-    return verifier.verdict
+    return verifier.result
 
 
 class Verifier:
     """Recomputes recorded ticks as they arrive."""
 
     def __init__(self, stage: Stage) -> None:
-        self.verdict = Verdict(0, 0)
+        self.result = Verification(0, 0)
         self._stage = stage
         self._state = np.zeros(1, STATE)
         self._next: int | None = None
@@ -100,10 +100,10 @@ class Verifier:
         for first, stop in runs(rows["tick"]):
             if self._next != rows["tick"][first]:
                 known = self._next is not None
-                self.verdict = replace(self.verdict, gaps=self.verdict.gaps + known)
+                self.result = replace(self.result, gaps=self.result.gaps + known)
                 self._state = state_of(rows[first : first + 1])
             for start in range(first, stop, SLICE):
-                if not (self.verdict.identical and self._compare(rows[start : min(start + SLICE, stop)])):
+                if not (self.result.identical and self._compare(rows[start : min(start + SLICE, stop)])):
                     return False
             self._next = int(rows["tick"][stop - 1]) + 1
         return True
@@ -114,14 +114,14 @@ class Verifier:
         words = as_words(recorded)
         as_words(computed)[:] = words  # as integers: numpy copies structured types field by field
         self._stage.advance(self._state, computed, 0, len(computed))
-        checked = self.verdict.checked
+        checked = self.result.checked
         if np.array_equal(words, as_words(computed)):
-            self.verdict = replace(self.verdict, checked=checked + len(recorded))
+            self.result = replace(self.result, checked=checked + len(recorded))
             return True
         i, name = _first_difference(recorded, computed)
-        self.verdict = Verdict(
+        self.result = Verification(
             checked + i + 1,
-            self.verdict.gaps,
+            self.result.gaps,
             int(recorded["tick"][i]),
             name,
             recorded[name][i].item(),
@@ -171,10 +171,10 @@ def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[i
     return i, next(name for name in _RESULTS if differs[i, _PLACES[name]])
 
 
-def verify_recording(recording: Recording) -> Verdict:
+def verify_recording(recording: Recording) -> Verification:
     """Verify every tick of an open recording."""
     stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
-    verdict = verify_portions(stage, recording.batches(as_sent=True))
-    if not verdict.checked:
+    result = verify_portions(stage, recording.batches(as_sent=True))
+    if not result.checked:
         raise RecordingError(f"{recording.path}: has no tick to verify")
-    return verdict
+    return result

@@ -1,4 +1,4 @@
-"""One pass through all ticks of a recording, in batches, for all checks that need every tick.
+"""Evidence for the checks: what a recording holds, and one pass through its ticks for all checks that need each.
 
 The result is small for a recording of any length: gaps and jumps, the first and last rows of attempts, the largest
 forces, and the result of the verification.
@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.config import Config
 from netboard.base.tables.experiment import Block
 from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol.records import ClockRecord, EventRecord
+from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Gap, find_attempts
-from netboard.recording.integrity.verification import Verdict, Verifier
+from netboard.recording.integrity.verification import Verification, Verifier
 from netboard.stage.stage import Stage
 from netboard.task.trials.state_machine import Phase, is_active
 
@@ -59,12 +62,52 @@ class Walk:
     force_where_none: int = 0
     felt: float = 0.0
     turns: list[NDArray[Any]] = field(default_factory=list)
-    verdict: Verdict | None = None
+    verification: Verification | None = None
     computing: float = 0.0
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Return every attempt at a trial, in order."""
         return find_attempts(np.concatenate(self.turns) if self.turns else np.empty(0, TICK))
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the checks examine.
+
+    Attributes
+    ----------
+    parsed : Config or None
+        The configuration of the recording; None if it cannot be read.
+    """
+
+    recording: Recording
+    seen: Walk
+    parsed: Config | None
+    events: tuple[EventRecord, ...]
+    probes: tuple[ClockRecord, ...]
+    remarks: tuple[EventRecord, ...]
+
+    @property
+    def config(self) -> Config:
+        """The configuration; a check without ``needs_config`` must not read it."""
+        if self.parsed is None:
+            raise ValueError("the configuration cannot be read, and this check is not registered with needs_config")
+        return self.parsed
+
+    @property
+    def is_imported(self) -> bool:
+        """Whether the ticks come from a table that another program measured."""
+        return self.recording.metadata.get("imported") == "measured"
+
+    @property
+    def is_played(self) -> bool:
+        """Whether trials were run by a server or a rehearsal, not imported and not computed as a counterfactual."""
+        return not self.is_imported and "what_if" not in self.recording.metadata
+
+    @property
+    def excuses_gaps(self) -> bool:
+        """Whether ticks may be missing without a note: counterfactual recordings, recovered ones with damage."""
+        return "what_if" in self.recording.metadata or bool(self.recording.recovery.get("damage"))
 
 
 def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:
@@ -93,7 +136,7 @@ def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | N
         seen.last = rows[-1:].copy()
     if seen.count:
         seen.turns.append(seen.last)
-    seen.verdict = None if verifier is None else verifier.verdict
+    seen.verification = None if verifier is None else verifier.result
     return seen
 
 

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from netboard.base.terminal import FittedTable, numbers
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, Spread, Summary, summarise
-from netboard.recording.integrity.verification import Verdict
+from netboard.recording.integrity.verification import Verification
 from netboard.recording.replay.loaded import Reel
 from netboard.recording.replay.position import clock
 
@@ -24,7 +24,7 @@ def summary_tables(summary: Summary) -> RenderableType:
     return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
 
 
-def verdict_line(verdict: Verdict) -> str:
+def verdict_line(verdict: Verification) -> str:
     """Return the result of a verification in one line, with rich markup."""
     gaps = f", across {verdict.gaps} gaps" if verdict.gaps else ""
     if verdict.identical:

@@ -11,7 +11,7 @@ from netboard.windows.operator.words import ATTEMPT_HEADS, Attempt, attempt_cell
 
 Index = QModelIndex | QPersistentModelIndex
 NOWHERE = QModelIndex()
-DOUBTS = ATTEMPT_HEADS.index("Doubtful")
+FLAGS = ATTEMPT_HEADS.index("Flags")
 
 
 class AttemptModel(QAbstractTableModel):
@@ -22,7 +22,7 @@ class AttemptModel(QAbstractTableModel):
         self.attempts: list[Attempt] = []
 
     def take(self, attempts: Sequence[Attempt]) -> bool:
-        """Append new attempts, or start anew if the session is another one; return whether there were new ones."""
+        """Append new attempts, or start again if the session is another one; return whether there were new ones."""
         have = len(self.attempts)
         if len(attempts) < have or list(attempts[:have]) != self.attempts:
             self.beginResetModel()
@@ -79,7 +79,7 @@ class AttemptTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(24)
         head = self.horizontalHeader()
         head.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        head.setSectionResizeMode(DOUBTS, QHeaderView.ResizeMode.Stretch)
+        head.setSectionResizeMode(FLAGS, QHeaderView.ResizeMode.Stretch)
         head.setHighlightSections(False)
         self.setStyleSheet(
             f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"

@@ -26,33 +26,18 @@ SHORTEST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Recent:
-    """Recent counts, and the time left on the disk.
-
-    Attributes
-    ----------
-    minutes : float
-        Time until the disk is full at the present growth; NaN while unknown [min].
-    """
+    """Recent counts, and the time left on the disk."""
 
     late_ticks: int = 0
     lost: dict[str, int] = field(default_factory=dict)
-    minutes: float = nan
+    minutes: float = nan  # time until the disk is full at the present growth; NaN while unknown [min]
 
 
 def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
-    """Estimate the time until a disk is full.
+    """Estimate the time until a disk is full; NaN while unknown, infinite if nothing is written [min].
 
-    A file that has shrunk is a new one, because each block begins a new recording.
-
-    Parameters
-    ----------
-    written : list of (float, int)
-        Times, and the file size in bytes at each [s, 1].
-
-    Returns
-    -------
-    float
-        Time left; NaN while unknown, infinite if nothing is written [min].
+    `written` has times, and the file size in bytes at each [s, 1]. A file that has shrunk is a new one, because each
+    block starts a new recording.
     """
     if len(written) < 2 or written[-1][0] - written[0][0] < SHORTEST:
         return nan
@@ -62,14 +47,14 @@ def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
     return free_bytes / (grown / span) / 60 if grown > 0 else inf
 
 
-class Memory:
+class StatusHistory:
     """The statuses of the last minute."""
 
     def __init__(self) -> None:
         self._session = ""
         self._past: deque[tuple[float, Status]] = deque()
 
-    def remember(self, now: float, status: Status) -> Recent:
+    def add(self, now: float, status: Status) -> Recent:
         """Store a status, and return the recent changes."""
         if status.session != self._session:
             self._past.clear()

@@ -21,19 +21,15 @@ from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
-from netboard.windows.operator.changes import Memory, Recent
-from netboard.windows.operator.commands import RELEASING, WISHES
+from netboard.windows.operator.changes import Recent, StatusHistory
+from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
 from netboard.windows.operator.words import Line, Tone
-from netboard.windows.participant.widget import screenshot
-from netboard.windows.participant.window import application
+from netboard.windows.participant import window as windows
 
 POLL_MS = 66
 """Interval between two polls of the server [ms]."""
-
-WATCH_MS = 50
-"""Interval of the checks for a stop request and for the screenshot [ms]."""
 
 RENEW_S = 1.0
 """Delay before reconnecting after a refusal [s]."""
@@ -41,24 +37,24 @@ RENEW_S = 1.0
 CONFIRM_S = 0.5
 """Timeout for the confirmation of an emergency stop [s]."""
 
-LABELS = {STOP: "EMERGENCY STOP", **{wish.name: wish.label for wish in (*WISHES, RELEASING)}}
+LABELS = {STOP: "EMERGENCY STOP", **{command.name: command.label for command in (*COMMANDS, RELEASING)}}
 
 log = logging.getLogger(__name__)
 
 
-class Desk(QObject):
+class ConsoleClient(QObject):
     """Connect a console window to a server."""
 
     def __init__(self, config: Config, context: sockets.Context, window: ConsoleWindow) -> None:
         super().__init__(window)
         self._config, self._context, self._window = config, context, window
         self._operator: Operator | None = Operator(config.network, context)
-        self._memory, self._recent = Memory(), Recent()
+        self._history, self._recent = StatusHistory(), Recent()
         self.status: Status | None = None
         self._heard_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
         self._asked: dict[int, tuple[str, int]] = {}
-        window.wished.connect(self.do)
+        window.commanded.connect(self.do)
         self._timer = QTimer(self, interval=POLL_MS)
         self._timer.timeout.connect(self.poll)
         self._timer.start()
@@ -70,7 +66,7 @@ class Desk(QObject):
         elif name == RELEASE:
             self._stop_ns = None
         if self._operator is None:
-            self._window.say(Line(f"{LABELS[name]}: the server is not there", Tone.BAD))
+            self._window.say(Line(f"{LABELS[name]}: no connection to the server", Tone.BAD))
             return
         self._asked[self._operator.command(name, argument)] = (name, now_ns())
         log.info("%s %s", name, argument)
@@ -109,7 +105,7 @@ class Desk(QObject):
         status = operator.poll()
         if status is not None:
             self.status, self._heard_ns = status, now_ns()
-            self._recent = self._memory.remember(now_ns() * 1e-9, status)
+            self._recent = self._history.add(now_ns() * 1e-9, status)
             if LACKING in status.waiting_for:
                 self._stop_ns = None
         for number, (name, asked_ns) in list(self._asked.items()):
@@ -119,7 +115,7 @@ class Desk(QObject):
                 self._answered(name, reply)
             elif now_ns() - asked_ns > ANSWER_SECONDS * 1e9:
                 del self._asked[number]
-                self._window.say(Line(f"{LABELS[name]}: the server has not answered", Tone.BAD))
+                self._window.say(Line(f"{LABELS[name]}: no reply from the server", Tone.BAD))
         if self._stop_ns is not None:
             operator.command(STOP)
 
@@ -130,9 +126,9 @@ class Desk(QObject):
         self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
         if name == "open":
             if reply.accepted:
-                self._window.fill_in(False)
+                self._window.show_form(False)
             else:
-                self._window.form.complain(f"The server refuses{reason}")
+                self._window.form.show_problem(f"The server refused the form{reason}")
 
     def _lose(self, trouble: str) -> None:
         """Close a connection that cannot continue, and show why."""
@@ -148,42 +144,18 @@ class Desk(QObject):
 def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:
     """Run the console until its window is closed or the process is asked to stop.
 
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop; polled every `WATCH_MS`.
-    after : float, optional
-        Delay of the screenshot after the first status; the console then goes on. Without a delay, the screenshot is
-        taken at the first status and the console ends [s].
+    A screenshot is taken `after` seconds after the first status, and the console goes on; without a delay, it is taken
+    at the first status and the console ends.
     """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    windows.require_new(picture)
+    windows.application()
     window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
     window.show()
     with sockets.open_context() as context:
-        desk = Desk(config, context, window)
-        pending: list[Path] = [] if picture is None else [picture]
-        first_ns: int | None = None
-
-        def watch() -> None:
-            nonlocal first_ns
-            if desk.status is not None and first_ns is None:
-                first_ns = now_ns()
-            if pending and first_ns is not None and now_ns() - first_ns >= (after or 0.0) * 1e9:
-                screenshot(window, pending.pop())
-                if after is None:
-                    app.quit()
-            if stopping():
-                app.quit()
-
-        turn = QTimer(window, interval=WATCH_MS)
-        turn.timeout.connect(watch)
-        turn.start()
-        window.closed.connect(app.quit)
-        app.exec()
-        turn.stop()
-        if pending:
-            screenshot(window, pending.pop())
-        desk.leave()
+        client = ConsoleClient(config, context, window)
+        photographer = windows.Photographer(window, picture, after, lambda: client.status is not None)
+        windows.run(window, stopping, photographer.look)
+        photographer.take()
+        client.leave()
     window.close()
+    photographer.finish()

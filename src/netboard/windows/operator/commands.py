@@ -25,7 +25,7 @@ Refused = Callable[[Status], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class Command:
     """One command of the operator."""
 
     name: str
@@ -42,11 +42,11 @@ def _always(_status: Status) -> str:
 
 def _in(*phases: str) -> Refused:
     """Allow a command only in some phases."""
-    return lambda status: "" if status.phase in phases else f"not while {status.phase}"
+    return lambda status: "" if status.phase in phases else f"not possible while {status.phase}"
 
 
 def _halted(status: Status) -> str:
-    return "the emergency stop is to be released first: Ctrl+R" if LACKING in status.waiting_for else ""
+    return "release the emergency stop first: Ctrl+R" if LACKING in status.waiting_for else ""
 
 
 def _arm(status: Status) -> str:
@@ -57,8 +57,8 @@ def _arm(status: Status) -> str:
 
 def _start(status: Status) -> str:
     if status.phase != "idle":
-        return f"not while {status.phase}"
-    return _halted(status) if status.opened else "the session's form is to be filled in first: F3"
+        return f"not possible while {status.phase}"
+    return _halted(status) if status.opened else "fill in the session form first: F3"
 
 
 def _resume(status: Status) -> str:
@@ -77,53 +77,65 @@ def _judged(status: Status) -> str:
     return "" if status.outcomes else "there has been no attempt yet"
 
 
-WISHES: tuple[Wish, ...] = (
-    Wish("arm", "Arm", "F1", "Let the devices have forces.", _arm),
-    Wish("start", "Start", "F2", "Begin the block.", _start),
-    Wish("open", "Session form", "F3", "Who takes part: fill in, and open the session.", _open),
-    Wish("note", "Note", "F4", "Write a note: its time is that of the first letter.", _always),
-    Wish("pause", "Pause now", "F5", "Stop the trial at once; it is begun anew.", _in(*ACTIVE)),
-    Wish("pause_after_trial", "Pause after trial", "F6", "Let this trial end, then pause.", _in(*ACTIVE)),
-    Wish("resume", "Resume", "F7", "Go on with the trial.", _resume),
-    Wish("abort", "Abort trial", "F8", "Give up this attempt, and try again.", _in("levelling", "running", "holding")),
-    Wish("repeat", "Repeat trial", "F9", "One more trial at the end, for the marked one or the last.", _judged),
-    Wish("veto", "No repeat", "Shift+F9", "Take back the repeat of the marked trial, or the last.", _judged),
-    Wish("skip", "Skip trial", "F10", "Count this trial as done.", _in(*ACTIVE, "paused"), twice=True),
-    Wish(
+COMMANDS: tuple[Command, ...] = (
+    Command("arm", "Arm", "F1", "Allow the devices to render forces.", _arm),
+    Command("start", "Start", "F2", "Start the block.", _start),
+    Command("open", "Session form", "F3", "Enter the participants, and open the session.", _open),
+    Command("note", "Note", "F4", "Write a note; it is stamped with the time of its first letter.", _always),
+    Command("pause", "Pause now", "F5", "Interrupt the trial at once; it starts again.", _in(*ACTIVE)),
+    Command("pause_after_trial", "Pause after trial", "F6", "Finish this trial, then pause.", _in(*ACTIVE)),
+    Command("resume", "Resume", "F7", "Continue after a pause.", _resume),
+    Command(
+        "abort",
+        "Abort trial",
+        "F8",
+        "Stop this attempt; the trial starts again.",
+        _in("levelling", "running", "holding"),
+    ),
+    Command("repeat", "Repeat trial", "F9", "Repeat the selected or the last trial at the end of the block.", _judged),
+    Command("veto", "Cancel repeat", "Shift+F9", "Cancel the repeat of the selected or the last trial.", _judged),
+    Command(
+        "skip", "Skip trial", "F10", "Count this trial as done without a success.", _in(*ACTIVE, "paused"), twice=True
+    ),
+    Command(
         "stop_after_block",
         "Stop after block",
         "F12",
-        "End the session when this block is over.",
+        "End the session after this block.",
         _in(*ACTIVE, "paused"),
     ),
-    Wish(
-        "disarm", "Disarm", "Shift+F1", "Let no device have a force.", lambda s: "" if s.armed else "nothing is armed"
+    Command(
+        "disarm",
+        "Disarm",
+        "Shift+F1",
+        "Set all forces to zero until you arm again.",
+        lambda s: "" if s.armed else "no device is armed",
     ),
-    Wish("next", "Next block", "Ctrl+N", "Give up what is left of this block.", _opened, twice=True),
-    Wish("end", "End session", "Ctrl+E", "End the session here; it can be resumed.", _opened, twice=True),
-    Wish("take", "Take command", "T", "From now on this console commands.", _always),
+    Command("next", "Next block", "Ctrl+N", "Skip the rest of this block.", _opened, twice=True),
+    Command("end", "End session", "Ctrl+E", "End the session now; it can be resumed.", _opened, twice=True),
+    Command("take", "Take command", "T", "Make this console the commander.", _always),
 )
 """The commands, in the order of their buttons."""
 
-RELEASING = Wish(
+RELEASING = Command(
     RELEASE,
     "Release the stop",
     "Ctrl+R",
-    "End the emergency stop: devices may be armed again.",
+    "Release the emergency stop: devices may be armed again.",
     lambda status: "" if LACKING in status.waiting_for else "there is no emergency stop",
     twice=True,
 )
 """Release of the emergency stop; its button is beside that of the stop."""
 
 
-def refusal(wish: Wish, status: Status | None, own: str) -> str:
+def refusal(command: Command, status: Status | None, own: str) -> str:
     """Return why a command is not possible now; empty if it is."""
     if status is None:
-        return "the server is not there"
+        return "no connection to the server"
     if replayed(status):
-        return "" if wish.name in REPLAYED else "this is a replay"
-    if wish.name == "take" and status.commander == own:
-        return "you command already"
-    if status.commander not in ("", own) and wish.name not in FREE:
-        return f"{status.commander} commands: press T to take over"
-    return wish.refused(status)
+        return "" if command.name in REPLAYED else "this is a replay"
+    if command.name == "take" and status.commander == own:
+        return "you are in command already"
+    if status.commander not in ("", own) and command.name not in FREE:
+        return f"{status.commander} is in command: press T to take over"
+    return command.refused(status)

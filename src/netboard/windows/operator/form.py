@@ -65,13 +65,7 @@ class Choice(QWidget):
 
 
 class SessionForm(QWidget):
-    """The form of a session.
-
-    Signals
-    -------
-    filled
-        Emitted with the answers as JSON, once they are complete and submitted.
-    """
+    """The form of a session; `filled` carries the answers as JSON, once they are complete and submitted."""
 
     filled = Signal(str)
     left = Signal()
@@ -86,7 +80,7 @@ class SessionForm(QWidget):
         self.hand_a, self.hand_b = Choice(hands, entry.hand_a), Choice(hands, entry.hand_b)
         self.seat_a = Choice({"left": "A left, B right", "right": "A right, B left"}, entry.seat_a)
         self.kind = Choice({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
-        self.consent = QCheckBox("Both participants have given their consent in writing")
+        self.consent = QCheckBox("Both participants have given written consent")
         self.consent.setChecked(entry.consent)
         self.trouble = label("", 13, Tone.BAD, bold=True)
         self.trouble.setWordWrap(True)
@@ -119,14 +113,14 @@ class SessionForm(QWidget):
         """Check the answers; send them, or show what is wrong."""
         entry = self.entry
         found = problems(entry)
-        self.complain("\n".join(found.values()))
+        self.show_problem("\n".join(found.values()))
         if found:
             field = next(iter(found))
             (self.consent if field == "consent" else self.texts[field]).setFocus()
             return
         self.filled.emit(as_json(entry))
 
-    def complain(self, trouble: str) -> None:
+    def show_problem(self, trouble: str) -> None:
         """Show what is wrong; an empty text clears the message."""
         self.trouble.setText(trouble)
 
@@ -140,7 +134,7 @@ class SessionForm(QWidget):
         rows = QVBoxLayout(self)
         rows.setContentsMargins(28, 12, 28, 12)
         rows.addWidget(label("Open the session", 20, Tone.PLAIN, bold=True))
-        rows.addWidget(label("Pseudonyms only: the key to the names stays out of this computer.", 12, Tone.QUIET))
+        rows.addWidget(label("Pseudonyms only. Do not store real names on this computer.", 12, Tone.QUIET))
         grid = QGridLayout()
         grid.setVerticalSpacing(7)
         grid.setHorizontalSpacing(20)

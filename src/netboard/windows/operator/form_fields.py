@@ -40,11 +40,11 @@ def problems(entry: Entry) -> dict[str, str]:
         answer = getattr(entry, name)
         if not ID.fullmatch(answer):
             shown = f"found {answer!r}" if answer else "is empty"
-            found[name] = f"{called}: {shown}, expected letters, digits, - and _ only, such as P07. No real names."
+            found[name] = f"{called}: {shown}; expected letters, digits, - and _ only, for example P07. No real names."
     if not found and entry.participant_a == entry.participant_b:
-        found["participant_b"] = f"Participant B: found {entry.participant_b!r} for both, expected two ids."
+        found["participant_b"] = f"Participant B: found {entry.participant_b!r} for both; expected two pseudonyms."
     if not entry.consent and not entry.pilot:
-        found["consent"] = "Consent: not ticked; without it only a pilot can be run."
+        found["consent"] = "Consent: not ticked; without consent only a pilot run is possible."
     return found
 
 

@@ -37,7 +37,7 @@ TONES = {
 """Text colour of each tone."""
 
 
-class Light(QWidget):
+class LampWidget(QWidget):
     """Widget of one lamp."""
 
     def __init__(self, points: int = 12) -> None:
@@ -51,7 +51,7 @@ class Light(QWidget):
         """Return the preferred size [pixels]."""
         return QSize(150, round(2.4 * self._points))
 
-    def shine(self, lamp: Lamp) -> None:
+    def set_lamp(self, lamp: Lamp) -> None:
         """Show a lamp; do nothing if it is unchanged."""
         if lamp == self.lamp:
             return
@@ -84,7 +84,7 @@ class Light(QWidget):
         painter.end()
 
 
-class StationLights(QWidget):
+class StationLamps(QWidget):
     """The lamps of both stations: one row per lamp, one column per side."""
 
     def __init__(self, names: Sequence[str], sides: Sequence[str]) -> None:
@@ -94,24 +94,24 @@ class StationLights(QWidget):
         grid.setSpacing(3)
         grid.setColumnStretch(1, 1)
         grid.setColumnStretch(2, 1)
-        self.columns: dict[str, list[Light]] = {}
+        self.columns: dict[str, list[LampWidget]] = {}
         for row, name in enumerate(names, 1):
             grid.addWidget(label(name, 12, Tone.PLAIN), row, 0)
         for column, side in enumerate(sides, 1):
             head = label(side.upper(), 13, Tone.PLAIN, bold=True)
             head.setAlignment(Qt.AlignmentFlag.AlignCenter)
             grid.addWidget(head, 0, column)
-            self.columns[side] = [Light() for _ in names]
-            for row, light in enumerate(self.columns[side], 1):
-                grid.addWidget(light, row, column)
+            self.columns[side] = [LampWidget() for _ in names]
+            for row, widget in enumerate(self.columns[side], 1):
+                grid.addWidget(widget, row, column)
 
-    def shine(self, side: str, lamps: Sequence[Lamp]) -> None:
+    def set_lamps(self, side: str, lamps: Sequence[Lamp]) -> None:
         """Show the lamps of one side."""
-        for light, lamp in zip(self.columns[side], lamps, strict=True):
-            light.shine(lamp)
+        for widget, lamp in zip(self.columns[side], lamps, strict=True):
+            widget.set_lamp(lamp)
 
 
-class SessionLights(QWidget):
+class SessionLamps(QWidget):
     """The lamps of the session, side by side."""
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -120,17 +120,17 @@ class SessionLights(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(6)
         grid.setVerticalSpacing(2)
-        self.lights = [Light(15) for _ in names]
-        for column, (name, light) in enumerate(zip(names, self.lights, strict=True)):
+        self.widgets = [LampWidget(15) for _ in names]
+        for column, (name, widget) in enumerate(zip(names, self.widgets, strict=True)):
             grid.addWidget(label(name, 10, Tone.QUIET), 0, column)
-            light.setFixedHeight(38)
-            grid.addWidget(light, 1, column)
+            widget.setFixedHeight(38)
+            grid.addWidget(widget, 1, column)
             grid.setColumnStretch(column, 1)
 
-    def shine(self, lamps: Sequence[Lamp]) -> None:
+    def set_lamps(self, lamps: Sequence[Lamp]) -> None:
         """Show the lamps."""
-        for light, lamp in zip(self.lights, lamps, strict=True):
-            light.shine(lamp)
+        for widget, lamp in zip(self.widgets, lamps, strict=True):
+            widget.set_lamp(lamp)
 
 
 def label(words: str, points: int, tone: Tone, *, bold: bool = False) -> QLabel:

@@ -27,8 +27,8 @@ MINUTES_BAD, MINUTES_WATCH = 5.0, 30.0
 BYTES_BAD, BYTES_WATCH = 10**9, 5 * 10**9
 """Free disk space below which the lamp turns to this level [min, bytes]."""
 
-DOUBTFUL_TICKS = 10_000
-"""Attempt length at which limits given as shares are converted to ticks [1]."""
+REFERENCE_TICKS = 10_000
+"""Attempt length for which limits that are shares are converted to ticks [1]."""
 
 
 class Level(IntEnum):
@@ -42,37 +42,22 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """State of one lamp.
-
-    Attributes
-    ----------
-    tip : str
-        What is wrong and what to do; if all is well, what the lamp shows.
-    """
+    """State of one lamp."""
 
     name: str
     level: Level
     words: str
-    tip: str
+    tip: str  # what is wrong and what to do; if all is well, what the lamp shows
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits at which lamps change their level.
+    """Limits at which lamps change their level."""
 
-    Attributes
-    ----------
-    sample_age : float
-        Age above which a sample is stale [s].
-    clock_bound : float
-        Largest uncertainty of the clock offset with which a device is armed [s].
-    lost_ticks, clipped_ticks : int
-        Most ticks without a fresh sample, and with a force at its limit [1].
-    """
-
-    sample_age: float
-    clock_bound: float
+    sample_age: float  # age above which a sample is stale [s]
+    clock_bound: float  # largest uncertainty of the clock offset with which a device is armed [s]
     late_ticks: int
+    # lost_ticks, clipped_ticks: most ticks without a fresh sample, and with a force at its limit [1]
     lost_ticks: int
     clipped_ticks: int
     version: str
@@ -85,25 +70,19 @@ def limits_of(config: Config, version: str) -> Limits:
         network.sample_timeout_ms * 1e-3,
         network.clock_bound_ms * 1e-3,
         quality.late_ticks,
-        round(quality.lost_share * DOUBTFUL_TICKS),
-        round(quality.clipped_share * DOUBTFUL_TICKS),
+        round(quality.lost_share * REFERENCE_TICKS),
+        round(quality.clipped_share * REFERENCE_TICKS),
         version,
     )
 
 
 def session_lamps(status: Status | None, silence: float, recent: Recent, limits: Limits) -> tuple[Lamp, ...]:
-    """Return the lamps of the session, always the same ones in the same order.
-
-    Parameters
-    ----------
-    silence : float
-        Time since the last status; infinite before the first [s].
-    """
+    """Return the lamps of the session, always in the same order; `silence` is the time since the last status [s]."""
     server = _server(silence)
     if status is None:
-        return (server, *(Lamp(name, Level.OFF, "", "Shown when the server is here.") for name in SESSION_LAMPS[1:]))
+        return (server, *(Lamp(name, Level.OFF, "", "Known once the server answers.") for name in SESSION_LAMPS[1:]))
     if replayed(status):
-        tip = "This is a replay: nothing is recorded, nobody feels anything."
+        tip = "This is a replay: nothing is recorded and no device renders a force."
         return (server, *(Lamp(name, Level.OFF, "", tip) for name in SESSION_LAMPS[1:]))
     lamps = (
         _recording(status),
@@ -115,7 +94,7 @@ def session_lamps(status: Status | None, silence: float, recent: Recent, limits:
     return (server, *(faded(lamps) if silence > SILENT else lamps))
 
 
-SESSION_LAMPS = ("Server", "Recording", "Disk", "Late ticks", "Forces", "Session")
+SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Session")
 """Names of the session's lamps."""
 
 
@@ -132,7 +111,12 @@ def replayed(status: Status) -> bool:
 def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
     """Return lamps as out of date: their last text in brackets, level off."""
     return tuple(
-        replace(lamp, level=Level.OFF, words=lamp.words and f"({lamp.words})", tip="From before the link was lost.")
+        replace(
+            lamp,
+            level=Level.OFF,
+            words=lamp.words and f"({lamp.words})",
+            tip="State before the connection was lost.",
+        )
         for lamp in lamps
     )
 
@@ -144,11 +128,16 @@ def over(status: Status, silence: float) -> bool:
 
 def _server(silence: float) -> Lamp:
     if not isfinite(silence):
-        return Lamp("Server", Level.BAD, "not found", "Nobody answers: is the server on, and is that its address?")
+        return Lamp(
+            "Server",
+            Level.BAD,
+            "not found",
+            "No server answers. Check that it is running and that the address is right.",
+        )
     if silence > SILENT:
-        tip = "Its forces fade at the devices. Look at the server and the cable; the console comes back by itself."
+        tip = "The forces fade out at the devices. Check the server and the cable; the console reconnects by itself."
         return Lamp("Server", Level.BAD, f"SILENT {silence:.0f} s", tip)
-    return Lamp("Server", Level.GOOD, "there", "The server answers.")
+    return Lamp("Server", Level.GOOD, "connected", "The server answers.")
 
 
 def _recording(status: Status) -> Lamp:
@@ -158,11 +147,11 @@ def _recording(status: Status) -> Lamp:
     begun = _begun(status)
     if not begun:
         level = Level.WATCH if status.opened else Level.GOOD
-        return Lamp("Recording", level, "ready", "A logger is here. Its file begins when the session is open.")
+        return Lamp("Recording", level, "ready", "A logger is connected. It starts a file when the session is opened.")
     file, age, written, _ = min(begun, key=lambda recording: recording[1])
-    tip = f"{file}, {size(written)}, brought to disk {age:.1f} s ago."
+    tip = f"{file}, {size(written)}, last written to disk {age:.1f} s ago."
     if age > STALLED:
-        return Lamp("Recording", Level.BAD, f"STALLED {age:.0f} s", f"{tip} Look at the logger and its disk.")
+        return Lamp("Recording", Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk.")
     level = Level.WATCH if age > SLOW or not _all_fresh(status) else Level.GOOD
     return Lamp("Recording", level, f"\u25cf {size(written)}", tip)
 
@@ -179,40 +168,40 @@ def _all_fresh(status: Status) -> bool:
 def _disk(status: Status, minutes: float) -> Lamp:
     begun = _begun(status)
     if not begun:
-        return Lamp("Disk", Level.OFF, "", "Known when a logger has begun its file.")
+        return Lamp("Disk", Level.OFF, "", "Known once a logger has started a file.")
     free = min(free for _, _, _, free in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
-    tip = "What is left on the logger's disk, and how long that lasts as the recording grows now."
+    tip = "Free space on the logger's disk, and how long it lasts at the present rate."
     if minutes < MINUTES_BAD or free < BYTES_BAD:
-        return Lamp("Disk", Level.BAD, words, f"{tip} Stop after this block and make room.")
+        return Lamp("Disk", Level.BAD, words, f"{tip} Stop after this block (F12) and free some space.")
     if minutes < MINUTES_WATCH or free < BYTES_WATCH:
-        return Lamp("Disk", Level.WATCH, words, f"{tip} Make room before the next session.")
+        return Lamp("Disk", Level.WATCH, words, f"{tip} Free some space before the next session.")
     return Lamp("Disk", Level.GOOD, words, tip)
 
 
 def _late(status: Status, recently: int, limits: Limits) -> Lamp:
-    tip = f"Ticks later than half a millisecond: {recently} in the last {LATELY:g} s, {status.late_ticks} in all."
+    tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
         return Lamp(
-            "Late ticks", Level.BAD, f"{recently} now", f"{tip} The server's machine is busy with something else."
+            "Deadline misses", Level.BAD, f"{recently} now", f"{tip} Close other programs on the server's computer."
         )
-    words = f"{recently} now, {status.late_ticks} in all" if recently else f"{status.late_ticks} in all"
-    return Lamp("Late ticks", Level.WATCH if recently else Level.GOOD, words, tip)
+    words = f"{recently} now, {status.late_ticks} in total" if recently else f"{status.late_ticks} in total"
+    return Lamp("Deadline misses", Level.WATCH if recently else Level.GOOD, words, tip)
 
 
 def _forces(status: Status) -> Lamp:
     if LACKING in status.waiting_for:
-        return Lamp("Forces", Level.BAD, "STOPPED", "Emergency stop: no device has a force until it is released.")
+        return Lamp("Forces", Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released.")
     if status.armed:
-        return Lamp("Forces", Level.GOOD, "allowed", "Devices may have forces.")
-    return Lamp("Forces", Level.OFF, "disarmed", "No device may have a force until you arm.")
+        return Lamp("Forces", Level.GOOD, "allowed", "Devices may render forces.")
+    return Lamp("Forces", Level.OFF, "disarmed", "No device renders a force until you arm (F1).")
 
 
 def _form(status: Status) -> Lamp:
     if not status.opened:
-        return Lamp("Session", Level.WATCH, "not opened", "The form is to be filled in before a block can begin.")
+        return Lamp("Session", Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start.")
     if not status.consent and not status.pilot:
-        return Lamp("Session", Level.BAD, "NO CONSENT", "Nobody has noted the participants' consent: end the session.")
+        return Lamp("Session", Level.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E).")
     words = "pilot" if status.pilot else "consent given"
     return Lamp("Session", Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}.")
 
@@ -220,27 +209,24 @@ def _form(status: Status) -> Lamp:
 # --- alarm --------------------------------------------------------------------------------------------------------
 
 
-def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
+def alarm(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
     """Return the alarm to write across the window; empty if there is none.
 
-    Parameters
-    ----------
-    unconfirmed : bool
-        Whether the server has failed to confirm an emergency stop in time.
+    `unconfirmed`: the server has failed to confirm an emergency stop in time.
     """
     if unconfirmed and not (status is not None and replayed(status)):
-        return "STOP NOT CONFIRMED: TAKE THE STYLUSES OUT OF THE HANDS"
+        return "STOP NOT CONFIRMED: LET GO OF THE STYLUSES"
     if status is None:
         return ""
     active = status.phase in ACTIVE and not replayed(status)
     if silence > SILENT and not over(status, silence):
-        return f"NO WORD FROM THE SERVER FOR {silence:.0f} s" + (": hands off the styluses" if active else "")
+        return f"NO REPLY FROM THE SERVER FOR {silence:.0f} s" + (": let go of the styluses" if active else "")
     if active and not recorded(status):
-        return "RUNNING BUT NOT RECORDING: pause now (F5), then look at the logger"
+        return "RUNNING BUT NOT RECORDING: pause now (F5), then check the logger"
     if LACKING in status.waiting_for:
-        return "EMERGENCY STOP: no device has a force. To release it press Ctrl+R, twice"
+        return "EMERGENCY STOP: all forces are zero. To release it, press Ctrl+R twice"
     if active and recent.minutes < MINUTES_BAD:
-        return f"THE DISK IS FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"
+        return f"DISK FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"
     return ""
 
 

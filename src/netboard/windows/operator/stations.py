@@ -1,4 +1,4 @@
-"""The lamps of a station: device, link, clock, samples, forces, safety. Pure: no Qt, no clock."""
+"""The lamps of a station: device, connection, clock, samples, forces, safety. Pure: no Qt, no clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ SLOW_RATE = 900.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Seat:
+class _Station:
     """State of one side, taken from a status."""
 
     side: Side
@@ -39,28 +39,28 @@ def station_lamps(status: Status, recent: Recent, side: Side, limits: Limits) ->
         awaited = any(side in lacking for lacking in status.waiting_for)
         device = (
             Lamp(
-                "Device", Level.BAD, "missing", f"No agent for the {side} hand. Start it: netboard up --station {side}"
+                "Device", Level.BAD, "missing", f"No agent for the {side} side. Start it: netboard up --station {side}"
             )
             if awaited
-            else Lamp("Device", Level.OFF, "not needed", "No agent is here, and none is awaited.")
+            else Lamp("Device", Level.OFF, "not needed", "No agent is connected, and this block needs none.")
         )
-        dark = [Lamp(name, Level.OFF, "", "Shown when the agent is here.") for name in _NAMES[1:]]
-        return (device, *dark, display)
+        unknown = [Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _NAMES[1:]]
+        return (device, *unknown, display)
     found = next((station for station in status.stations if station[0] == side), (side, nan, 0, 0.0, 0, 0))
     _, age, bits, rendered, lost_ticks, clipped_ticks = found
-    seat = _Seat(
+    now = _Station(
         side, status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, recent.lost.get(agent, 0)
     )
-    return (*(lamp(seat, limits) for lamp in _LAMPS), display)
+    return (*(lamp(now, limits) for lamp in _LAMPS), display)
 
 
-def _device(seat: _Seat, limits: Limits) -> Lamp:
-    _, name, version, *_ = seat.link
-    if Safeguard.DEVICE_LOST in seat.bits:
-        tip = "The device does not answer. Look at its cable and its power; the agent finds it again by itself."
+def _device(now: _Station, limits: Limits) -> Lamp:
+    _, name, version, *_ = now.link
+    if Safeguard.DEVICE_LOST in now.bits:
+        tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
         return Lamp("Device", Level.BAD, "lost", tip)
-    if Safeguard.NOT_READY in seat.bits:
-        tip = "Not calibrated, not in a hand, or outside of its workspace: calibrate it, take it in the hand."
+    if Safeguard.NOT_READY in now.bits:
+        tip = "Not calibrated, not held, or outside its workspace: calibrate it, and hold the stylus."
         return Lamp("Device", Level.WATCH, "not ready", tip)
     if version != limits.version:
         tip = f"The agent {name} has version {version}, this console {limits.version}. Install the same everywhere."
@@ -68,88 +68,86 @@ def _device(seat: _Seat, limits: Limits) -> Lamp:
     return Lamp("Device", Level.GOOD, "ready", f"Agent {name}, version {version}.")
 
 
-def _link(seat: _Seat, limits: Limits) -> Lamp:
-    heard, rate = seat.link[3], seat.link[7]
-    tip = f"Heard {milliseconds(heard)} ago, {rate:.0f} messages a second."
-    if heard > limits.sample_age:
-        return Lamp("Link", Level.BAD, "silent", f"{tip} Look at the cable, and whether the station is on.")
+def _link(now: _Station, limits: Limits) -> Lamp:
+    age, rate = now.link[3], now.link[7]
+    tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
+    if age > limits.sample_age:
+        return Lamp("Link", Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on.")
     if rate < SLOW_RATE:
-        return Lamp("Link", Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000: look at the load of the station.")
+        return Lamp("Link", Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station.")
     return Lamp("Link", Level.GOOD, f"{rate:.0f} Hz", tip)
 
 
-def _round_trip(seat: _Seat, limits: Limits) -> Lamp:
-    trip = seat.link[4]
-    tip = f"Shortest round trip of late: {milliseconds(trip)}."
+def _round_trip(now: _Station, limits: Limits) -> Lamp:
+    trip = now.link[4]
+    tip = f"Shortest recent round-trip time: {milliseconds(trip)}."
     if isnan(trip):
-        return Lamp("Round trip", Level.WATCH, "unknown", "Not measured yet; wait some seconds.")
+        return Lamp("Round trip", Level.WATCH, "unknown", "Not measured yet; wait a few seconds.")
     if trip > limits.sample_age:
         return Lamp("Round trip", Level.BAD, milliseconds(trip), f"{tip} The network is too slow for a trial.")
     if trip > 2 * limits.clock_bound:
-        worry = f"{tip} Above {milliseconds(2 * limits.clock_bound)} the clock cannot be known well: use a cable."
+        worry = (
+            f"{tip} Above {milliseconds(2 * limits.clock_bound)} the clock offset is uncertain: use a cable, not Wi-Fi."
+        )
         return Lamp("Round trip", Level.WATCH, milliseconds(trip), worry)
     return Lamp("Round trip", Level.GOOD, milliseconds(trip), tip)
 
 
-def _clock(seat: _Seat, limits: Limits) -> Lamp:
-    bound = seat.link[5]
+def _clock(now: _Station, limits: Limits) -> Lamp:
+    bound = now.link[5]
     if not bound <= limits.clock_bound:  # NaN included
-        known = f"its clock is known to {milliseconds(limits.clock_bound)}"
-        tip = f"The device is not armed until {known}: wait some seconds, or see to the link."
+        known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
+        tip = f"Not armed until {known}: wait a few seconds, or check the network."
         return Lamp("Clock", Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip)
     level = Level.WATCH if bound > limits.clock_bound / 2 else Level.GOOD
-    tip = f"The station's clock is known to {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
+    tip = f"Clock offset known to {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
     return Lamp("Clock", level, f"\u00b1{milliseconds(bound)}", tip)
 
 
-def _sample(seat: _Seat, limits: Limits) -> Lamp:
-    if isnan(seat.age):
-        return Lamp("Sample", Level.BAD, "none", "The stylus has never been read: look at the device.")
-    words, most = f"{milliseconds(seat.age)} old", milliseconds(limits.sample_age)
-    tip = f"The newest reading of the stylus is {words}; a trial pauses at {most}."
-    if seat.age > limits.sample_age:
-        return Lamp("Sample", Level.BAD, words, f"{tip} Look at the link and the device.")
-    level = Level.WATCH if seat.age > limits.sample_age / 5 else Level.GOOD
+def _sample(now: _Station, limits: Limits) -> Lamp:
+    if isnan(now.age):
+        return Lamp("Sample", Level.BAD, "none", "No sample of the stylus so far: check the device.")
+    words, most = f"{milliseconds(now.age)} old", milliseconds(limits.sample_age)
+    tip = f"The newest sample of the stylus is {words}; a trial pauses at {most}."
+    if now.age > limits.sample_age:
+        return Lamp("Sample", Level.BAD, words, f"{tip} Check network and device.")
+    level = Level.WATCH if now.age > limits.sample_age / 5 else Level.GOOD
     return Lamp("Sample", level, words, tip)
 
 
-def _loop(seat: _Seat, limits: Limits) -> Lamp:
-    late, most = next((loop[1:] for loop in seat.status.loops if loop[0] == seat.link[0]), (nan, nan))
+def _latency(now: _Station, limits: Limits) -> Lamp:
+    late, most = next((loop[1:] for loop in now.status.loops if loop[0] == now.link[0]), (nan, nan))
     if isnan(late):
-        return Lamp("Loop", Level.OFF, "unknown", "From reading the stylus to rendering the answer: not measured yet.")
+        return Lamp("Latency", Level.OFF, "unknown", "Sample-to-force latency: not measured yet.")
     words = milliseconds(late)
-    tip = (
-        f"From reading the stylus to rendering the answer: {words}; alone the device is stable to {milliseconds(most)}."
-    )
+    tip = f"Sample-to-force latency {words}; without a hand on it, the device is stable up to {milliseconds(most)}."
     if late > most:
-        return Lamp(
-            "Loop", Level.BAD, milliseconds(late), f"{tip} The hand may feel a buzz: pause, and see to the link."
-        )
+        return Lamp("Latency", Level.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network.")
     level = Level.WATCH if late > most / 2 else Level.GOOD
-    return Lamp("Loop", level, words, tip)
+    return Lamp("Latency", level, words, tip)
 
 
-def _drops(seat: _Seat, limits: Limits) -> Lamp:
+def _drops(now: _Station, limits: Limits) -> Lamp:
     tip = (
-        f"Messages lost in the last {LATELY:g} s: {seat.lost}, since the start: {seat.link[8]}. "
-        f"Ticks of this attempt without a fresh sample: {seat.lost_ticks}."
+        f"Messages lost in the last {LATELY:g} s: {now.lost}; since the start: {now.link[8]}. "
+        f"Ticks of this attempt without a fresh sample: {now.lost_ticks}."
     )
-    most = max(seat.lost, seat.lost_ticks)
+    most = max(now.lost, now.lost_ticks)
     if most > limits.lost_ticks:
-        return Lamp("Drops", Level.BAD, f"{most} drops", f"{tip} The trial will be doubtful: see to the link.")
+        return Lamp("Drops", Level.BAD, f"{most} drops", f"{tip} This attempt will be flagged: check the network.")
     return Lamp("Drops", Level.WATCH if most else Level.GOOD, f"{most} drops" if most else "none", tip)
 
 
-def _force(seat: _Seat, limits: Limits) -> Lamp:
-    known = not isnan(seat.rendered)
-    words = f"{seat.rendered:+.2f} N" if known else "unknown"
-    tip = f"Vertical force on the hand. Ticks of this attempt with a force at its limit: {seat.clipped_ticks}."
-    if Safeguard.CLAMPED in seat.bits:
-        return Lamp("Force", Level.WATCH, f"CLAMP {words}", f"{tip} The force wanted is above the device's limit now.")
-    if Safeguard.SLEWED in seat.bits:
-        return Lamp("Force", Level.WATCH, f"SLEW {words}", f"{tip} The force wanted changes faster than allowed.")
-    if seat.clipped_ticks > limits.clipped_ticks:
-        return Lamp("Force", Level.WATCH, f"CLIP {words}", f"{tip} The trial will be doubtful.")
+def _force(now: _Station, limits: Limits) -> Lamp:
+    known = not isnan(now.rendered)
+    words = f"{now.rendered:+.2f} N" if known else "unknown"
+    tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {now.clipped_ticks}."
+    if Safeguard.CLAMPED in now.bits:
+        return Lamp("Force", Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit.")
+    if Safeguard.SLEWED in now.bits:
+        return Lamp("Force", Level.WATCH, f"SLEW LIMIT {words}", f"{tip} The commanded force changes too fast.")
+    if now.clipped_ticks > limits.clipped_ticks:
+        return Lamp("Force", Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged.")
     return Lamp("Force", Level.GOOD if known else Level.WATCH, words, tip)
 
 
@@ -163,40 +161,40 @@ _TRIPS = (
 )
 
 
-def _safety(seat: _Seat, _limits: Limits) -> Lamp:
+def _safety(now: _Station, _limits: Limits) -> Lamp:
     for cause, words in _TRIPS:
-        if cause in seat.bits:
-            return Lamp("Safety", Level.BAD, words, f"No force, or less of it: {WORDS[cause]}.")
-    if Safeguard.RAMPING in seat.bits:
-        return Lamp("Safety", Level.WATCH, "arming", "Armed a moment ago: the force is let in over a second.")
-    if Safeguard.ARMED in seat.bits:
-        return Lamp("Safety", Level.GOOD, "ARMED", "The device gives forces.")
-    if seat.status.armed and LACKING not in seat.status.waiting_for:
-        return Lamp("Safety", Level.WATCH, "not armed", "It is let, but does not give forces: look at the lamps above.")
-    return Lamp("Safety", Level.OFF, "disarmed", "The device gives no force.")
+        if cause in now.bits:
+            return Lamp("Safety", Level.BAD, words, f"Force reduced or zero: {WORDS[cause]}.")
+    if Safeguard.RAMPING in now.bits:
+        return Lamp("Safety", Level.WATCH, "arming", "Just armed: the force increases over one second.")
+    if Safeguard.ARMED in now.bits:
+        return Lamp("Safety", Level.GOOD, "ARMED", "The device renders forces.")
+    if now.status.armed and LACKING not in now.status.waiting_for:
+        return Lamp("Safety", Level.WATCH, "not armed", "No force although allowed: see the lamps above.")
+    return Lamp("Safety", Level.OFF, "disarmed", "The device renders no force.")
 
 
 def _display(status: Status, side: Side) -> Lamp:
     what = f"display.{side}"
     start = f"Start it: netboard display --station {side}"
     if what in status.peers:
-        return Lamp("Display", Level.GOOD, "there", f"The {side} participant's display is connected.")
+        return Lamp("Display", Level.GOOD, "connected", f"The display of the {side} participant is connected.")
     if what in status.waiting_for:
         return Lamp("Display", Level.BAD, "missing", start)
-    return Lamp("Display", Level.WATCH, "none", f"This participant sees nothing. {start}")
+    return Lamp("Display", Level.WATCH, "none", f"This participant has no display. {start}")
 
 
-_LAMPS: tuple[Callable[[_Seat, Limits], Lamp], ...] = (
+_LAMPS: tuple[Callable[[_Station, Limits], Lamp], ...] = (
     _device,
     _link,
     _round_trip,
     _clock,
     _sample,
-    _loop,
+    _latency,
     _drops,
     _force,
     _safety,
 )
-_NAMES = ("Device", "Link", "Round trip", "Clock", "Sample", "Loop", "Drops", "Force", "Safety")
+_NAMES = ("Device", "Link", "Round trip", "Clock", "Sample", "Latency", "Drops", "Force", "Safety")
 STATION_LAMPS = (*_NAMES, "Display")
 """Names of a station's lamps."""

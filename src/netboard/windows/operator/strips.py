@@ -37,13 +37,7 @@ Point = tuple[int, float, float, float, float, float, float, float]
 
 
 class Strips(QWidget):
-    """Three strip charts, one above the other.
-
-    Parameters
-    ----------
-    config : Config
-        Source of the axis limits and of the target positions.
-    """
+    """Three strip charts, one above the other; axis limits and target positions come from the configuration."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -63,9 +57,9 @@ class Strips(QWidget):
             *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", BALL, BALL_COLOUR),), 1e3),
         ]
 
-    def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
-        """Append the new points; clear the buffer first if `anew`, or if a replay goes back in time."""
-        if anew or (points and points[-1][TICK] < self._newest):
+    def take(self, points: Sequence[Point], *, restart: bool = False) -> None:
+        """Append the new points; clear the buffer first if `restart`, or if a replay goes back in time."""
+        if restart or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1
         new = list(takewhile(lambda point: point[TICK] > self._newest, reversed(points)))

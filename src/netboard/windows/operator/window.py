@@ -19,9 +19,9 @@ from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
-from netboard.windows.operator.buttons import CommandBar, StopPanel, WishButton
 from netboard.windows.operator.changes import Recent
-from netboard.windows.operator.commands import STOP_KEYS, Wish, refusal
+from netboard.windows.operator.commands import STOP_KEYS, Command, refusal
+from netboard.windows.operator.controls import CommandBar, CommandButton, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
 from netboard.windows.operator.form_fields import first_entry
 from netboard.windows.operator.lamp_widget import (
@@ -30,17 +30,17 @@ from netboard.windows.operator.lamp_widget import (
     PLAIN,
     TONES,
     WATCH,
-    SessionLights,
-    StationLights,
+    SessionLamps,
+    StationLamps,
     label,
 )
-from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, faded, session_lamps, shout
-from netboard.windows.operator.note import NoteBox
+from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.strips import Point, Strips
 from netboard.windows.operator.words import Attempt, Line, Tone
+from netboard.windows.participant.window import Window
 
-SURE_MS = 5000
+CONFIRM_MS = 5000
 """Timeout for the second press [ms]."""
 
 SOON_NS = 400_000_000
@@ -52,29 +52,20 @@ STRIP_TURNS = 2
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Everything that the console shows.
-
-    Attributes
-    ----------
-    silence : float
-        Time since the last status; infinite before the first [s].
-    unconfirmed : bool
-        Whether the server has failed to confirm an emergency stop in time.
-    """
+    """Everything that the console shows."""
 
     status: Status | None = None
-    silence: float = float("inf")
+    silence: float = float("inf")  # time since the last status; infinite before the first [s]
     recent: Recent = field(default_factory=Recent)
-    unconfirmed: bool = False
+    unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
     attempts: Sequence[Attempt] = ()
     points: Sequence[Point] = ()
 
 
-class ConsoleWindow(QWidget):
+class ConsoleWindow(Window):
     """The console's window."""
 
-    wished = Signal(str, str)
-    closed = Signal()
+    commanded = Signal(str, str)
 
     def __init__(self, config: Config, limits: Limits, own: str) -> None:
         super().__init__()
@@ -88,10 +79,10 @@ class ConsoleWindow(QWidget):
         self._where = f"{config.network.host}:{config.network.port}"
         self._shown = 0
         self._session = ""
-        self._sure: Wish | None = None
-        self._sure_ns = 0
-        self._doubt = QTimer(self, singleShot=True, interval=SURE_MS)
-        self._doubt.timeout.connect(self._unsure)
+        self._to_confirm: Command | None = None
+        self._asked_ns = 0
+        self._confirm_timer = QTimer(self, singleShot=True, interval=CONFIRM_MS)
+        self._confirm_timer.timeout.connect(self._cancel_confirmation)
         self._leaving = False
         self._make(config)
         self._lay_out()
@@ -113,15 +104,15 @@ class ConsoleWindow(QWidget):
         _say(self.block, Line(words.block(status), Tone.PLAIN))
         _say(self.commander, words.commander(status, self._own))
         named = [("", lamp) for lamp in session_lamps(status, silence, state.recent, self._limits)]
-        self.session.shine([lamp for _, lamp in named])
+        self.session.set_lamps([lamp for _, lamp in named])
         if status is not None:
             for side in SIDES:
                 lamps = station_lamps(status, state.recent, side, self._limits)
                 lamps = faded(lamps) if silence > SILENT else lamps
-                self.stations.shine(side, lamps)
+                self.stations.set_lamps(side, lamps)
                 named += [(side, lamp) for lamp in lamps]
             self._show_status(status)
-        self._show_alarm(shout(status, silence, state.recent, state.unconfirmed), words.worst(named))
+        self._show_alarm(alarm(status, silence, state.recent, state.unconfirmed), words.worst(named))
         for button in (*self.bar.buttons, self.stop.release):
             button.allow(status if silence < float("inf") else None, self._own)
 
@@ -130,26 +121,26 @@ class ConsoleWindow(QWidget):
         if other:
             self._session = status.session
             self.form.propose(status.name, pilot=status.pilot)
-            self.fill_in(not status.opened and status.phase == "idle")
+            self.show_form(not status.opened and status.phase == "idle")
         elif status.opened and self.middle.currentWidget() is self.form:
-            self.fill_in(False)
+            self.show_form(False)
         self.table.take(self.state.attempts)
         points = self.state.points
         self.note.tick = max(status.tick, points[-1][0] if points else 0)
         self._shown += 1
-        self.strips.take(points, anew=other)
+        self.strips.take(points, restart=other)
         if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
             self.strips.redraw()
 
-    def _show_alarm(self, alarm: str, worst: Line) -> None:
+    def _show_alarm(self, urgent: str, worst: Line) -> None:
         """Write the alarm across the window; without one, the next step or the worst lamp."""
         line = words.advice(self.state.status, self._where)
         if not line.words:
             line = worst
-        look = _LOUD if alarm else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
-        if self.alarm.text() != (alarm or line.words):
-            self.alarm.setText(alarm or line.words)
-            self.alarm.setToolTip(alarm or line.words)
+        look = _LOUD if urgent else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
+        if self.alarm.text() != (urgent or line.words):
+            self.alarm.setText(urgent or line.words)
+            self.alarm.setToolTip(urgent or line.words)
         if self.alarm.styleSheet() != look:
             self.alarm.setStyleSheet(look)
 
@@ -157,69 +148,71 @@ class ConsoleWindow(QWidget):
         """Show the result of a command."""
         _say(self.reply, line)
 
-    def fill_in(self, wanted: bool) -> None:
+    def show_form(self, wanted: bool) -> None:
         """Show or hide the session's form; in the form, Space types and ticks instead of being the emergency stop."""
         self.middle.setCurrentWidget(self.form if wanted else self.live)
         self._space.setEnabled(not wanted)
         if wanted:
-            self.form.complain("")
+            self.form.show_problem("")
             self.form.texts["name"].setFocus()
         else:
             self.setFocus()
 
     # --- commands ----------------------------------------------------------------------------------------------
 
-    def press(self, wish: Wish) -> None:
+    def press(self, command: Command) -> None:
         """Execute the command of a key or button, or show why it is not possible."""
-        if wish.name == "open" and self.middle.currentWidget() is self.form:
-            self.fill_in(False)
+        if command.name == "open" and self.middle.currentWidget() is self.form:
+            self.show_form(False)
             return
-        reason = refusal(wish, self.state.status, self._own)
+        reason = refusal(command, self.state.status, self._own)
         if reason:
-            self._unsure()
-            self.say(Line(f"{wish.label}: {reason}", Tone.WATCH))
-        elif wish.twice and self._sure is not wish:
-            self._ask(wish)
-        elif not wish.twice or now_ns() - self._sure_ns >= SOON_NS:
-            self._unsure()
-            self._do(wish)
+            self._cancel_confirmation()
+            self.say(Line(f"{command.label}: {reason}", Tone.WATCH))
+        elif command.twice and self._to_confirm is not command:
+            self._ask(command)
+        elif not command.twice or now_ns() - self._asked_ns >= SOON_NS:
+            self._cancel_confirmation()
+            self._do(command)
 
-    def _do(self, wish: Wish) -> None:
-        match wish.name:
+    def _do(self, command: Command) -> None:
+        match command.name:
             case "open":
-                self.fill_in(True)
+                self.show_form(True)
             case "note":
                 self.note.toggle()
             case "repeat" | "veto":
-                self._repeat(wish)
+                self._repeat(command)
             case _:
-                self.wished.emit(wish.name, "")
+                self.commanded.emit(command.name, "")
 
-    def _repeat(self, wish: Wish) -> None:
+    def _repeat(self, command: Command) -> None:
         """Send the command for the selected trial, if it is one of this block, or for the last."""
         marked, status = self.table.marked, self.state.status
         if marked is not None and status is not None and marked[0] != status.block:
-            self.say(Line(f"{wish.label}: trial {marked[1]} is of block {marked[0]}, which is over", Tone.WATCH))
+            self.say(
+                Line(f"{command.label}: trial {marked[1]} belongs to block {marked[0]}, which is over", Tone.WATCH)
+            )
             return
-        self.wished.emit(wish.name, "" if marked is None else str(marked[1]))
+        self.commanded.emit(command.name, "" if marked is None else str(marked[1]))
 
-    def _ask(self, wish: Wish) -> None:
+    def _ask(self, command: Command) -> None:
         """Start to wait for the second press."""
-        self._unsure()
-        self._sure, self._sure_ns = wish, now_ns()
-        self._doubt.start()
-        self._button(wish).ask(True)
-        self.say(Line(f"{wish.label}: press {wish.key} once more to do it", Tone.WATCH))
+        self._cancel_confirmation()
+        self._to_confirm, self._asked_ns = command, now_ns()
+        self._confirm_timer.start()
+        self._button(command).ask(True)
+        self.say(Line(f"{command.label}: press {command.key} once more to confirm", Tone.WATCH))
 
-    def _unsure(self) -> None:
+    def _cancel_confirmation(self) -> None:
         """Stop waiting for a second press."""
-        self._doubt.stop()
-        if self._sure is not None:
-            self._button(self._sure).ask(False)
-            self._sure = None
+        self._confirm_timer.stop()
+        if self._to_confirm is not None:
+            self._button(self._to_confirm).ask(False)
+            self._to_confirm = None
 
-    def _button(self, wish: Wish) -> WishButton:
-        return next(button for button in (*self.bar.buttons, self.stop.release) if button.wish is wish)
+    def _button(self, command: Command) -> CommandButton:
+        return next(button for button in (*self.bar.buttons, self.stop.release) if button.command is command)
 
     # --- Qt ----------------------------------------------------------------------------------------------------
 
@@ -228,12 +221,11 @@ class ConsoleWindow(QWidget):
         status = self.state.status
         if not self._leaving and self.isVisible() and status is not None and status.phase in ACTIVE:
             self._leaving = True
-            QTimer.singleShot(SURE_MS, self, self._stay)
-            self.say(Line("A block is on, and goes on without this window. Close it once more to leave.", Tone.WATCH))
+            QTimer.singleShot(CONFIRM_MS, self, self._stay)
+            self.say(Line("The block continues without this window. Close it once more to leave.", Tone.WATCH))
             event.ignore()
             return
         super().closeEvent(event)
-        self.closed.emit()
 
     def _stay(self) -> None:
         self._leaving = False
@@ -248,11 +240,11 @@ class ConsoleWindow(QWidget):
         self.alarm = label("", 20, Tone.PLAIN, bold=True)
         self.alarm.setFixedHeight(48)
         self.stop, self.bar = StopPanel(), CommandBar()
-        self.session = SessionLights(SESSION_LAMPS)
-        self.stations = StationLights(STATION_LAMPS, SIDES)
+        self.session = SessionLamps(SESSION_LAMPS)
+        self.stations = StationLamps(STATION_LAMPS, SIDES)
         self.strips, self.table = Strips(config), AttemptTable()
         self.form = SessionForm(first_entry(config.session))
-        self.note = NoteBox()
+        self.note = NoteField()
         self.reply, self.commander = label("", 13, Tone.QUIET), label("", 13, Tone.QUIET)
         self.live = QSplitter(Qt.Orientation.Horizontal)
         self.middle = QStackedWidget()
@@ -287,22 +279,22 @@ class ConsoleWindow(QWidget):
     def _connect(self) -> None:
         """Connect buttons, shortcuts and signals."""
         for button in (*self.bar.buttons, self.stop.release):
-            press = partial(self.press, button.wish)
+            press = partial(self.press, button.command)
             button.clicked.connect(lambda _checked, press=press: press())
-            self._key(button.wish.key, press)
+            self._key(button.command.key, press)
         stops = [self._key(key, self._stop) for key in STOP_KEYS]
         self._space = stops[-1]
         self.stop.stopped.connect(self._stop)
         self._key("Up", lambda: self.table.step(-1))
         self._key("Down", lambda: self.table.step(1))
         self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
-        self.note.written.connect(lambda note: self.wished.emit("note", note))
-        self.form.filled.connect(lambda answers: self.wished.emit("open", answers))
-        self.form.left.connect(lambda: self.fill_in(False))
+        self.note.written.connect(lambda note: self.commanded.emit("note", note))
+        self.form.filled.connect(lambda answers: self.commanded.emit("open", answers))
+        self.form.left.connect(lambda: self.show_form(False))
 
     def _stop(self) -> None:
-        self._unsure()
-        self.wished.emit(STOP, "")
+        self._cancel_confirmation()
+        self.commanded.emit(STOP, "")
 
     def _key(self, key: str, do: Callable[[], None]) -> QShortcut:
         shortcut = QShortcut(QKeySequence(key), self, autoRepeat=False, context=Qt.ShortcutContext.ApplicationShortcut)

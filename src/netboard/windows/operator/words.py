@@ -26,7 +26,7 @@ PHASES = {
 OUTCOMES = {
     "success": "success",
     "fell": "ball fell",
-    "timed_out": "too long",
+    "timed_out": "time limit",
     "aborted": "aborted",
     "paused": "paused",
     "skipped": "skipped",
@@ -126,9 +126,9 @@ def advice(status: Status | None, where: str) -> Line:
     if replayed(status):
         return Line(status.notice)
     if status.pending:
-        return Line(f"To come: {status.pending}", Tone.WATCH)
+        return Line(f"Next: {status.pending}", Tone.WATCH)
     if not status.opened and status.phase == "idle":
-        return Line("Fill in the session's form: F3")
+        return Line("Fill in the session form: F3")
     lacking = [what for what in status.waiting_for if what != LACKING]
     if lacking and status.phase not in ACTIVE:
         return Line("Waiting for " + ", ".join(lacking), Tone.WATCH)
@@ -139,27 +139,21 @@ def advice(status: Status | None, where: str) -> Line:
 def _next(status: Status) -> str:
     """Return the next key to press, if the session waits for the operator."""
     if LACKING in status.waiting_for:
-        return "release the emergency stop: Ctrl+R, twice"
+        return "release the emergency stop: press Ctrl+R twice"
     if status.phase == "idle":
         return "start the block: F2" if status.armed else "arm the devices: F1, then start the block: F2"
-    return "go on: F7" if status.phase == "paused" else ""
+    return "resume: F7" if status.phase == "paused" else ""
 
 
 def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
-    """Return the text of the most severe lamp, and how many other lamps need attention.
-
-    Parameters
-    ----------
-    lamps : sequence of (str, Lamp)
-        Each lamp with its station; empty for the lamps of the session.
-    """
-    unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
-    if not unwell:
+    """Return the text of the most severe lamp, and how many others need attention; each lamp comes with its station."""
+    warnings = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
+    if not warnings:
         return Line("", Tone.QUIET)
-    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first of equal severity
-    others = f"   (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
+    where, lamp = max(warnings, key=lambda named: named[1].level)  # the first of equal severity
+    others = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
     named = f"{where.upper()} {lamp.name.lower()}".strip()
-    return Line(f"{named}: {lamp.words}. {lamp.tip}{others}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
+    return Line(f"{named}: {lamp.words}{others}. {lamp.tip}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
 
 
 def commander(status: Status | None, own: str) -> Line:
@@ -167,36 +161,36 @@ def commander(status: Status | None, own: str) -> Line:
     if status is None:
         return Line("", Tone.QUIET)
     if replayed(status):
-        return Line("Whoever is connected may command a replay", Tone.PLAIN)
+        return Line("Every console may control a replay", Tone.PLAIN)
     if status.commander == own:
-        return Line("You command", Tone.GOOD)
+        return Line("You are in command", Tone.GOOD)
     if status.commander:
-        return Line(f"{status.commander} commands, you watch: press T to take over", Tone.WATCH)
-    return Line("Nobody commands: your first command takes it, or press T", Tone.PLAIN)
+        return Line(f"{status.commander} is in command. Press T to take over", Tone.WATCH)
+    return Line("Nobody is in command: press T, or send a command", Tone.PLAIN)
 
 
 def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
     """Return the cells of an attempt's row, one per column of `ATTEMPT_HEADS`."""
-    number, trial, count, outcome, seconds, doubts, repeats = attempt
+    number, trial, count, outcome, seconds, flags, repeats = attempt
     return (
         str(number),
         str(trial),
         str(count),
         OUTCOMES.get(outcome, outcome),
         "" if isnan(seconds) else f"{seconds:.2f} s",
-        doubts.replace("_", " ").replace(",", ", "),
+        flags.replace("_", " ").replace(",", ", "),
         f"trial {repeats}" if repeats else "",
     )
 
 
-ATTEMPT_HEADS = ("Block", "Trial", "Try", "Outcome", "Time", "Doubtful", "Repeats")
+ATTEMPT_HEADS = ("Block", "Trial", "Attempt", "Outcome", "Time", "Flags", "Repeats")
 """Column headers of the table of attempts."""
 
 
 def attempt_tone(attempt: Attempt) -> Tone:
     """Return the tone of an attempt: flagged, success or other."""
-    outcome, doubts = attempt[3], attempt[5]
-    if doubts:
+    outcome, flags = attempt[3], attempt[5]
+    if flags:
         return Tone.WATCH
     return Tone.GOOD if outcome == "success" else Tone.PLAIN
 

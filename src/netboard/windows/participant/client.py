@@ -21,7 +21,7 @@ from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse
-from netboard.base.errors import ConfigError, NetboardError, WireError
+from netboard.base.errors import ConfigError, WireError
 from netboard.base.process import NAME, Seldom
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
@@ -29,12 +29,12 @@ from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusa
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, sockets
 from netboard.stage.view import View
+from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import load_words
 from netboard.windows.participant.markers import open_markers
 from netboard.windows.participant.scene import Picture, extent
 from netboard.windows.participant.screens import blank
 from netboard.windows.participant.showing import Player, Showing
-from netboard.windows.participant.widget import screenshot
 from netboard.windows.participant.window import BoardWindow, application
 
 log = logging.getLogger(__name__)
@@ -55,11 +55,7 @@ Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
 class DisplayClient(QObject):
     """Connect one station to the server, and show the views in its window.
 
-    Parameters
-    ----------
-    config : Config
-        The local configuration: address of the server, `[display]`, and the board until the server has sent its
-        configuration.
+    Of the local `config`, only the address of the server and `[display]` are used once the server has sent its own.
     """
 
     def __init__(
@@ -141,7 +137,7 @@ class DisplayClient(QObject):
             return
         self._view_ns = now
         if not self.linked:
-            log.info("views are coming")
+            log.info("receiving views")
         self.linked = self._seen = True
 
     # --- control -----------------------------------------------------------------------------------------------
@@ -157,11 +153,11 @@ class DisplayClient(QObject):
                     sockets.send(self._control, encode(Pong(ping_ns, received_ns, now_ns())))
                 case Refusal(reason=reason):
                     self.session = ""
-                    self._complain(f"the server refuses this display: {reason}")
+                    self._complain(f"the server has refused this display: {reason}")
                 case Goodbye(reason=reason):
                     self.session = ""
                     self._over = True
-                    log.info("the server says goodbye: %s", reason)
+                    log.info("the server has closed the connection: %s", reason)
 
     def _welcome(self, session: str, text: str) -> None:
         """Apply the server's configuration."""
@@ -171,7 +167,7 @@ class DisplayClient(QObject):
             self._complain(str(error))
             return
         if session != self.session:
-            log.info("welcomed by session %s", session)
+            log.info("connected to session %s", session)
         self.session = session
         self._trouble = ""
         self._over = False
@@ -184,7 +180,7 @@ class DisplayClient(QObject):
         room, wanted = self.window.board.metres_across, extent(config)[0]
         if self.own.mm_per_pixel > 0 and room < wanted:
             log.warning(
-                "the window is %.0f mm wide and the board needs %.0f mm: its ends may not be seen",
+                "the window is %.0f mm wide but the board needs %.0f mm: its ends may be outside",
                 room * 1e3,
                 wanted * 1e3,
             )
@@ -224,7 +220,7 @@ class DisplayClient(QObject):
         self._take_views()
         self._take_words()
         now = now_ns()
-        self.showing.pace()
+        self.showing.read_refresh_rate()
         if now - self._view_ns > self._link_timeout_ns:
             self._blank()
         if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_NS:
@@ -252,38 +248,6 @@ class DisplayClient(QObject):
         return blank(self.config, words, words.waiting, self._trouble or server)
 
 
-class _Photographer(QObject):
-    """Take one screenshot of a window, a delay after the first painted view."""
-
-    def __init__(self, client: DisplayClient, path: Path, after: float, done: Callable[[], None]) -> None:
-        super().__init__(client)
-        self._client = client
-        self._path = path
-        self._done = done
-        self.error: NetboardError | None = None
-        self.taken = False
-        self._delay = QTimer(self, singleShot=True, interval=round(after * 1000))
-        self._delay.timeout.connect(self.take)
-        client.window.board.painted.connect(self._look)
-
-    def _look(self) -> None:
-        """Start the delay at the first painted view."""
-        if self._client.tally.painted and not self.taken and not self._delay.isActive():
-            self._delay.start()
-
-    def take(self) -> None:
-        """Take the screenshot, unless it was taken before or no view has been painted."""
-        if self.taken or not self._client.tally.painted:
-            return
-        self.taken = True
-        self._delay.stop()
-        try:
-            screenshot(self._client.window, self._path)
-        except NetboardError as error:
-            self.error = error
-        self._done()
-
-
 def run(
     config: Config,
     station: Side,
@@ -294,38 +258,21 @@ def run(
 ) -> None:
     """Run the display of a station until its window is closed or the process is asked to stop.
 
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop; polled every `ROUND_MS`.
-    after : float, optional
-        Delay of the screenshot after the first painted view, or less if the display ends before. The display then
-        goes on. Without a delay, the screenshot is taken at the first painted view and the display ends [s].
-    play : callable, optional
-        Makes the player of this side, if this display is also its input.
+    A screenshot is taken `after` seconds after the first painted view, or at the end; without a delay, it is taken at
+    the first painted view and the display ends. `play` makes the player, if this display is also the input of its side.
     """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    windows.require_new(picture)
+    application()
     window = BoardWindow(f"netboard: {station} station")
     window.present(config.display)
     with sockets.open_context() as context:
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)
-        photographer = None
-        if picture is not None:
-            done = (lambda: None) if after is not None else app.quit
-            photographer = _Photographer(client, picture, after or 0.0, done)
-        watch = QTimer(window, interval=ROUND_MS)
-        watch.timeout.connect(lambda: app.quit() if stopping() else None)
-        watch.start()
-        window.closed.connect(app.quit)
-        app.exec()
-        watch.stop()
-        if photographer is not None:
+        photographer = windows.Photographer(window, picture, after, lambda: client.tally.painted)
+        windows.run(window, stopping, photographer.look)
+        if client.tally.painted:
             photographer.take()
         client.close()
     window.close()
     log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)
-    if photographer is not None and photographer.error is not None:
-        raise photographer.error
+    photographer.finish()

@@ -23,13 +23,7 @@ MOST_NS = 3600 * 1_000_000_000
 
 
 class FrameTally:
-    """Count the frames of one station.
-
-    Parameters
-    ----------
-    period_ns : int
-        Time in which one frame is due [ns].
-    """
+    """Count the frames of one station, of which one is due in each `period_ns` [ns]."""
 
     def __init__(self, station: Side, period_ns: int) -> None:
         self.station = station
@@ -42,13 +36,7 @@ class FrameTally:
         self._reported = 0
 
     def receive(self, seq: int, sent_ns: int) -> None:
-        """Note that a view arrived, and count the frames lost with the views missing before it.
-
-        Parameters
-        ----------
-        seq : int
-            Sequence number of the view; if it does not grow, the sequence starts anew [1].
-        """
+        """Note that a view arrived, and count the frames lost with missing views; without growth, `seq` starts anew."""
         if self._newest is not None:
             missing, elapsed = seq - self._newest[0] - 1, sent_ns - self._newest[1]
             if missing > 0 and 0 < elapsed < MOST_NS:

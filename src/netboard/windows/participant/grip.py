@@ -39,13 +39,7 @@ def grip_of(
     *,
     keys: bool,
 ) -> Grip:
-    """Return what is drawn of the player's own hand.
-
-    Parameters
-    ----------
-    force : float or None
-        Vertical force on the hand, + = up; None if it is not known [N].
-    """
+    """Return what is drawn of the player's own hand; the vertical force is + = up, None if unknown [N]."""
     how = _how(words, station, keys) if pointer is not None else words.take_press if keys else words.take_point
     own = None if view is None else view.left if station == "left" else view.right
     if own is None or pointer is None:

@@ -11,13 +11,7 @@ LANGUAGES = ("en", "de", "fr", "es", "it")
 
 
 def load_words(language: str) -> Words:
-    """Load the texts of a language.
-
-    Parameters
-    ----------
-    language : str
-        One of `LANGUAGES`, or the path of a TOML file of texts.
-    """
+    """Load the texts of one of `LANGUAGES`, or of a TOML file."""
     if language in LANGUAGES:
         text = (resources.files("netboard.windows.participant") / "languages" / f"{language}.toml").read_text(
             encoding="utf-8"
@@ -27,6 +21,6 @@ def load_words(language: str) -> Words:
         text = Path(language).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of words ({error})"
+            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of texts ({error})"
         ) from None
     return parse_words(text, language)

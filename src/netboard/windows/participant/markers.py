@@ -50,13 +50,7 @@ class NoMarkers:
 
 
 class LslMarkers:
-    """An LSL outlet: one channel of strings, of type ``Markers``.
-
-    Parameters
-    ----------
-    station : str
-        ``left`` or ``right``; the stream is named ``netboard.left`` or ``netboard.right``.
-    """
+    """An LSL outlet with one channel of strings, of type ``Markers``, named ``netboard.left`` or ``netboard.right``."""
 
     def __init__(self, station: Side) -> None:
         try:
@@ -119,13 +113,7 @@ class SerialMarkers:
 
 
 def open_markers(outlet: str, station: Side) -> Markers:
-    """Open the outlet of a display.
-
-    Parameters
-    ----------
-    outlet : str
-        ``none``, ``lsl`` or the path of a serial port, as in ``[display] markers``.
-    """
+    """Open the outlet of a display: ``none``, ``lsl`` or a serial port, as in ``[display] markers``."""
     match outlet:
         case "none":
             return NoMarkers()

@@ -34,21 +34,12 @@ Rates = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The newest view, and the rates to extrapolate it with.
-
-    Attributes
-    ----------
-    rates : tuple of float or None
-        Rates of z, theta, p, left, right and share; None if nothing is extrapolated [1/ns].
-    interval_ns : int
-        Time between the two newest views [ns].
-    origin_ns : int
-        Zero of the server's clock on the display's clock, from the recent view with the shortest delay [ns].
-    """
+    """The newest view, and the rates to extrapolate it with."""
 
     view: View
-    rates: Rates | None
-    interval_ns: int
+    rates: Rates | None  # rates of z, theta, p, left, right and share; None if nothing is extrapolated [1/ns]
+    interval_ns: int  # time between the two newest views [ns]
+    # zero of the server's clock on the display's clock, from the recent view with the shortest delay [ns]
     origin_ns: int
 
     def age(self, now_ns: int) -> int:
@@ -76,8 +67,8 @@ class Motion:
         )
 
 
-def heard(motion: Motion | None, view: View, received_ns: int) -> Motion:
-    """Return the motion after a view that has arrived."""
+def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
+    """Return the motion after another view has arrived."""
     origin = received_ns - view.sent_ns
     if motion is None:
         return Motion(view, None, 0, origin)

@@ -56,27 +56,20 @@ class Mood(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Colours:
-    """Colours by role, as ``#rrggbb``.
+    """Colours by role, as ``#rrggbb``."""
 
-    Attributes
-    ----------
-    background, board, edge, target, ball, cursor, guide : str
-        Parts of the scene; the edge outlines the board.
-    hint, fill : str
-        Arrows that show where an end must go; progress while the board is level or the ball is in the target.
-    headline, detail, quiet : str
-        Text: the main line, the line below, and small text.
-    """
-
+    # background to cursor, guide: parts of the scene; the edge outlines the board
     background: str = "#11151a"
     board: str = "#78828f"
     edge: str = "#aeb7c2"
     target: str = "#0072b2"
     ball: str = "#e69f00"
     cursor: str = "#ffffff"
+    # hint, fill: arrows that show where an end must go; progress while the board is level or the ball is in the target
     hint: str = "#f0e442"
     fill: str = "#2fc79b"
     guide: str = "#4b5663"
+    # headline, detail, quiet: text: the main line, the line below, and small text
     headline: str = "#e8ecf0"
     detail: str = "#aeb7c2"
     quiet: str = "#6d7885"
@@ -106,87 +99,45 @@ PILOT_BACK, PILOT_INK = "#f0e442", "#000000"
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """What is drawn of a player's own hand when it is played with a pointer.
-
-    Attributes
-    ----------
-    mark : tuple of points
-        Ends of the bar at the height of the pointer; empty for none [m].
-    spring : tuple of points
-        Corners of the spring from pointer to stylus; empty for none [m].
-    arrow : tuple of points
-        Corners of the force arrow; empty for none [m].
-    label_at : point
-        Centre of the arrow's label [m].
-    """
+    """What is drawn of a player's own hand when it is played with a pointer."""
 
     hint: tuple[str, str]
-    mark: tuple[Point, ...] = ()
-    spring: tuple[Point, ...] = ()
-    arrow: tuple[Point, ...] = ()
+    mark: tuple[Point, ...] = ()  # ends of the bar at the height of the pointer; empty for none [m]
+    spring: tuple[Point, ...] = ()  # corners of the spring from pointer to stylus; empty for none [m]
+    arrow: tuple[Point, ...] = ()  # corners of the force arrow; empty for none [m]
     label: str = ""
-    label_at: Point = (0.0, 0.0)
+    label_at: Point = (0.0, 0.0)  # centre of the arrow's label [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Everything that a display draws.
-
-    Attributes
-    ----------
-    extent : tuple of float
-        Width and height of the visible scene, centred on the origin [m].
-    headline, detail, counter, notice : str
-        Main line; completion times; trial number; what to do, or a notice.
-    pilot : str
-        Label of a pilot run; empty for a real one.
-    board : tuple of points
-        Corners of the board; empty for none [m].
-    target : tuple of points
-        Corners of the target strip; empty for none [m].
-    handles : tuple of points
-        Control points of the board [m].
-    ball : point or None
-        Centre of the ball [m].
-    ball_radius : float
-        Radius of the ball [m].
-    cursors : tuple of points
-        The styluses that this participant may see [m].
-    guide : float or None
-        Half length of the line that shows the level position, at the height of the origin [m].
-    fill : tuple of points
-        Corners of the filled part of the target: the elapsed share of the hold time; empty for none [m].
-    bar, level : tuple of points
-        Corners of the progress bar for the time that the board must stay level, and of its filled part [m].
-    arrows : tuple of tuples of points
-        Corners of the arrows at ends that are not level [m].
-    patch : bool or None
-        Whether the patch for a photodiode is white; None for no patch.
-    grip : Grip or None
-        The player's own hand, from `netboard.windows.participant.grip`; None unless this display is played.
-    """
+    """Everything that a display draws."""
 
     mood: Mood
     colours: Colours
-    extent: tuple[float, float]
+    extent: tuple[float, float]  # width and height of the visible scene, centred on the origin [m]
+    # headline, detail, counter, notice: main line; completion times; trial number; what to do, or a notice
     headline: str = ""
     detail: str = ""
     counter: str = ""
     notice: str = ""
     text: str = ""
-    pilot: str = ""
-    board: tuple[Point, ...] = ()
-    target: tuple[Point, ...] = ()
-    handles: tuple[Point, ...] = ()
-    ball: Point | None = None
-    ball_radius: float = 0.0
-    cursors: tuple[Point, ...] = ()
-    guide: float | None = None
+    pilot: str = ""  # label of a pilot run; empty for a real one
+    board: tuple[Point, ...] = ()  # corners of the board; empty for none [m]
+    target: tuple[Point, ...] = ()  # corners of the target strip; empty for none [m]
+    handles: tuple[Point, ...] = ()  # control points of the board [m]
+    ball: Point | None = None  # centre of the ball [m]
+    ball_radius: float = 0.0  # radius of the ball [m]
+    cursors: tuple[Point, ...] = ()  # the styluses that this participant may see [m]
+    guide: float | None = None  # half length of the line that shows the level position, at the height of the origin [m]
+    # corners of the filled part of the target: the elapsed share of the hold time; empty for none [m]
     fill: tuple[Point, ...] = ()
+    # bar, level: corners of the progress bar for the time that the board must stay level, and of its filled part [m]
     bar: tuple[Point, ...] = ()
     level: tuple[Point, ...] = ()
-    arrows: tuple[tuple[Point, ...], ...] = ()
-    patch: bool | None = None
+    arrows: tuple[tuple[Point, ...], ...] = ()  # corners of the arrows at ends that are not level [m]
+    patch: bool | None = None  # whether the patch for a photodiode is white; None for no patch
+    # the player's own hand, from `netboard.windows.participant.grip`; None unless this display is played
     grip: Grip | None = None
 
 

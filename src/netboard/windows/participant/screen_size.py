@@ -4,12 +4,11 @@ Bank cards have the size ID-1 (ISO/IEC 7810): 85.60 mm by 53.98 mm. The left and
 pixel, with shift by ten; Enter accepts, Esc cancels.
 """
 
-from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QCloseEvent, QColor, QKeyEvent, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPaintEvent, QPen
 
 from netboard.windows.participant.scene import COLOURS, Mood
-from netboard.windows.participant.window import application, in_words, numbered_screen
+from netboard.windows.participant.window import Window, application, in_words, numbered_screen, run
 
 CARD_WIDTH, CARD_HEIGHT, CARD_CORNER = 85.60, 53.98, 3.18
 """Width, height and corner radius of a bank card [mm]."""
@@ -18,30 +17,17 @@ LEAST, GUESS = 0.02, 0.25
 """Smallest plausible pixel size, and the size assumed if the screen does not report one [mm]."""
 
 HELP = (
-    "Hold a bank card against the screen. \u2190 \u2192 make the outline fit it (shift: quicker).",
-    "Its upper and lower edge must fit too, or the pixels are not square.   Enter: done   Esc: leave",
+    "Hold a bank card against the screen and match its width with \u2190 \u2192 (Shift: faster).",
+    "Its height must match too; otherwise the pixels are not square.   Enter: done   Esc: cancel",
 )
 
 
-class CalibrationWindow(QWidget):
-    """A window that shows the outline of a card, and a ruler.
-
-    Parameters
-    ----------
-    claimed : float
-        Pixel size that the screen reports; 0 if it does not [mm].
-
-    Attributes
-    ----------
-    mm_per_pixel : float
-        Pixel size measured with the card [mm].
-    """
-
-    closed = Signal()
+class CalibrationWindow(Window):
+    """A window that shows the outline of a card, and a ruler; `claimed` is the pixel size that the screen reports."""
 
     def __init__(self, claimed: float) -> None:
         super().__init__()
-        self.setWindowTitle("netboard: how large is a pixel?")
+        self.setWindowTitle("netboard: measure the pixel size")
         self.done = False
         self._card = round(CARD_WIDTH / (claimed if claimed > LEAST else GUESS))
 
@@ -67,11 +53,6 @@ class CalibrationWindow(QWidget):
             case _:
                 super().keyPressEvent(event)
         self.update()
-
-    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`."""
-        super().closeEvent(event)
-        self.closed.emit()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Draw outline, ruler and text."""
@@ -106,12 +87,11 @@ class CalibrationWindow(QWidget):
 
 def calibrate(number: int) -> tuple[float | None, str]:
     """Return the measured pixel size [mm], or None if cancelled, and the description of the screen."""
-    app = application()
+    application()
     screen = numbered_screen(number)
     pixels = screen.size().width() * screen.devicePixelRatio()
     window = CalibrationWindow(screen.physicalSize().width() / pixels if pixels else 0.0)
     window.setGeometry(screen.geometry())
     window.showFullScreen()
-    window.closed.connect(app.quit)
-    app.exec()
+    run(window, lambda: False)
     return window.mm_per_pixel if window.done else None, in_words(number, screen)

@@ -11,7 +11,7 @@ from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
 from netboard.stage.view import View
 from netboard.windows.participant.scene import COLOURS, Mood, Picture, extent, with_board
-from netboard.windows.participant.story import SUCCEEDED
+from netboard.windows.participant.trial_events import SUCCEEDED
 from netboard.windows.participant.words import Words, instructions
 
 _MOODS = {
@@ -35,18 +35,7 @@ IN_TRIAL = ("running", "holding")
 
 
 def compose(view: View, config: Config, words: Words, result: str = "") -> Picture:
-    """Return the picture of a view.
-
-    Parameters
-    ----------
-    result : str
-        How the last trial ended, ``succeeded`` or ``failed``, while that is still displayed; else empty.
-
-    Raises
-    ------
-    WireError
-        If the view has a phase or a notice that does not exist, or is not finite.
-    """
+    """Return the picture of a view; `result` is how the last trial ended, while that is still displayed."""
     check(view)
     mood = _MOODS[view.phase]
     picture = replace(_empty(mood, config, words), patch=_patch(config, view.phase in IN_TRIAL))
@@ -62,20 +51,14 @@ def compose(view: View, config: Config, words: Words, result: str = "") -> Pictu
 
 
 def check(view: View) -> None:
-    """Refuse a view that cannot be drawn; a peer that sends one breaks the protocol.
-
-    Raises
-    ------
-    WireError
-        If the view has a phase or a notice that does not exist, or is not finite.
-    """
+    """Raise WireError for a view with an unknown phase or notice, or a number that is not finite."""
     if view.phase not in _MOODS:
         raise WireError(f"a view in the unknown phase {view.phase!r}")
     if view.notice not in NOTICES:
         raise WireError(f"a view with the unknown notice {view.notice!r}")
     shown = (view.z, view.theta, view.target, view.p, view.left, view.right, view.share)
-    told = (view.completion, view.best, view.rest)
-    if not all(math.isfinite(number) for number in (*shown, *told) if number is not None):
+    times = (view.completion, view.best, view.rest)
+    if not all(math.isfinite(number) for number in (*shown, *times) if number is not None):
         raise WireError("a view with a number that is not finite")
 
 
@@ -110,12 +93,10 @@ def _before(picture: Picture, view: View, config: Config, words: Words) -> Pictu
 
 
 def _away(picture: Picture, view: View, words: Words) -> Picture:
-    """Add the texts for a participant who does not take part in this block."""
+    """Add the texts for a participant who does not take part in this block: not the trials, which are the partner's."""
     left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
-    counter = words.trial.format(trial=min(view.trial, view.trials), trials=view.trials)
     block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
-    counter = "   ".join(line for line in (block, counter) if line)
-    return replace(picture, headline=words.away, detail=left or words.away_text, counter=counter)
+    return replace(picture, headline=words.away, detail=left or words.away_text, counter=block)
 
 
 def _after(picture: Picture, view: View, words: Words) -> Picture:

@@ -61,25 +61,14 @@ SMALLEST_LETTERS = 8
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A polygon, a line or a disc in metres of the scene.
+    """A polygon, a line or a disc in metres of the scene."""
 
-    Attributes
-    ----------
-    points : tuple of points
-        Corners, or the centre of a disc [m].
-    radius : float
-        Radius of a disc; 0 for a polygon or a line [m].
-    width : float
-        Width of the edge [pixels].
-    closed, dashed : bool
-        Whether it is a polygon rather than a line; whether the edge is dashed.
-    """
-
-    points: tuple[Point, ...]
-    radius: float = 0.0
+    points: tuple[Point, ...]  # corners, or the centre of a disc [m]
+    radius: float = 0.0  # radius of a disc; 0 for a polygon or a line [m]
     fill: str = ""
     edge: str = ""
-    width: float = 0.0
+    width: float = 0.0  # width of the edge [pixels]
+    # closed, dashed: whether it is a polygon rather than a line; whether the edge is dashed
     closed: bool = True
     dashed: bool = False
 
@@ -94,19 +83,11 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of text centred on a point.
-
-    Attributes
-    ----------
-    middle : point
-        Centre of the line [pixels].
-    letters : int
-        Size of the font [pixels].
-    """
+    """A line of text centred on a point."""
 
     words: str
-    middle: Point
-    letters: int
+    middle: Point  # centre of the line [pixels]
+    letters: int  # size of the font [pixels]
     colour: str
     bold: bool = False
 

@@ -22,10 +22,10 @@ from netboard.base.process import Seldom
 from netboard.stage.view import View
 from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers
-from netboard.windows.participant.motion import Motion, heard
+from netboard.windows.participant.motion import Motion, motion_after
 from netboard.windows.participant.scene import Grip, Picture
 from netboard.windows.participant.screens import check, compose
-from netboard.windows.participant.story import Story, follow
+from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.window import BoardWindow, screen_of
 from netboard.windows.participant.words import Words
 
@@ -53,13 +53,7 @@ class Player(Protocol):
 
 
 class Showing(QObject):
-    """Turn the views of one station into frames, counts and markers.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of board and block; replaced when the server sends its own.
-    """
+    """Turn the views of one station into frames, counts and markers; the server's configuration replaces `config`."""
 
     def __init__(
         self,
@@ -74,7 +68,7 @@ class Showing(QObject):
         self.config = config
         self._words, self._markers, self._window, self._player = words, markers, window, player
         self._said = Seldom(log)
-        self._story: Story | None = None
+        self._events: TrialEvents | None = None
         self._motion: Motion | None = None
         self._received_ns = 0
         self._planned_ns = self._due_ns = -(2**62)
@@ -92,7 +86,7 @@ class Showing(QObject):
         """Refresh rate of the screen [Hz]."""
         return 1e9 / self._refresh_ns
 
-    def pace(self) -> None:
+    def read_refresh_rate(self) -> None:
         """Read the refresh rate of the screen that the window is on."""
         rate = screen_of(self._window).refreshRate()
         self._refresh_ns = round(1e9 / (rate if rate > 1 else DEFAULT_REFRESH_HZ))
@@ -102,9 +96,9 @@ class Showing(QObject):
         """Take a view that has arrived, and schedule its frame."""
         check(view)
         self.tally.receive(view.seq, view.sent_ns)
-        self._story = follow(self._story, view)
-        self._happened += self._story.events
-        self._motion = heard(self._motion, view, received_ns)
+        self._events = events_after(self._events, view)
+        self._happened += self._events.events
+        self._motion = motion_after(self._motion, view, received_ns)
         self._received_ns = received_ns
         self._plan(received_ns)
 
@@ -113,7 +107,7 @@ class Showing(QObject):
         self._turn.stop()
         if self._motion is not None:
             self._happened.append("blank")
-        self._motion = self._story = None
+        self._motion = self._events = None
         self._to_mark += self._happened
         self._happened.clear()
         if not self._window.board.show_picture(self._held(picture, None)):
@@ -139,14 +133,14 @@ class Showing(QObject):
 
     def _frame(self) -> None:
         """Compose the picture of now, and give it to the window if it differs."""
-        motion, story, now = self._motion, self._story, now_ns()
-        if motion is None or story is None:
+        motion, events, now = self._motion, self._events, now_ns()
+        if motion is None or events is None:
             return
         late = now - self._planned_ns > self._refresh_ns
         self._due_ns = (now if late else self._planned_ns) + self._refresh_ns
         smooth = self.config.display.smooth
         view = motion.at(now + self._painting_ns, self.config) if smooth else motion.view
-        picture = self._held(compose(view, self.config, self._words, story.result), view)
+        picture = self._held(compose(view, self.config, self._words, events.result), view)
         self._to_mark += self._happened
         self._happened.clear()
         if self._window.board.show_picture(picture):

@@ -7,7 +7,6 @@ uses (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in wh
 
 from functools import cache
 from math import ceil
-from pathlib import Path
 
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt, Signal
 from PySide6.QtGui import (
@@ -23,7 +22,6 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from netboard.base.errors import NetboardError
 from netboard.windows.participant.scene import Picture, Point
 from netboard.windows.participant.shapes import TEXT_MARGIN, Line, Panel, Part, Shape, Text, shapes_of, words_of
 
@@ -34,13 +32,7 @@ WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
 
 
 class BoardView(QWidget):
-    """Widget that shows one picture at a time.
-
-    Attributes
-    ----------
-    mm_per_pixel : float
-        Pixel size of the screen; 0 scales the picture to the window [mm].
-    """
+    """Widget that shows one picture at a time."""
 
     painted = Signal()
 
@@ -63,7 +55,7 @@ class BoardView(QWidget):
     @mm_per_pixel.setter
     def mm_per_pixel(self, size: float) -> None:
         self._mm_per_pixel = size
-        self._arrange_anew()
+        self._rearrange()
 
     @property
     def metres_across(self) -> float:
@@ -89,7 +81,7 @@ class BoardView(QWidget):
             before.extent,
             before.colours.background,
         ):
-            self._arrange_anew()
+            self._rearrange()
             return True
         parts = self._arranged(picture, self._parts)
         dirty = QRect()
@@ -103,7 +95,7 @@ class BoardView(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
         """Adapt scale and layout to the new size."""
         super().resizeEvent(event)
-        self._arrange_anew()
+        self._rearrange()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Paint the parts in the requested rectangle, then emit `painted`."""
@@ -116,7 +108,7 @@ class BoardView(QWidget):
                         self._paint(painter, part)
         self.painted.emit()
 
-    def _arrange_anew(self) -> None:
+    def _rearrange(self) -> None:
         """Compute the scale, lay out every part and repaint the whole window."""
         if self.picture is None:
             return
@@ -155,15 +147,6 @@ class BoardView(QWidget):
             painter.fillRect(QRectF(*part.place), QColor(part.fill))
         else:
             _paint_words(painter, part)
-
-
-def screenshot(widget: QWidget, path: Path) -> None:
-    """Write the content of a widget to a PNG file."""
-    if path.exists():
-        raise NetboardError(f"{path} exists; a screenshot never overwrites a file")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not widget.grab().save(str(path), "PNG"):
-        raise NetboardError(f"cannot write a screenshot to {path}")
 
 
 @cache

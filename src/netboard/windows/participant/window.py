@@ -1,20 +1,26 @@
-"""A participant's window: only the board. Esc or Q closes it; F11 toggles full screen."""
+"""Windows: the Qt application, its event loop, screens, and a participant's window, which shows only the board."""
 
 import logging
 import os
 import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import cast
 
 from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType, Signal, qInstallMessageHandler
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
+from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.base.errors import ConfigError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.widget import BoardView
 
 log = logging.getLogger(__name__)
+
+WATCH_MS = 50
+"""Interval at which a running window checks whether the process is asked to stop [ms]."""
 
 USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
@@ -48,6 +54,83 @@ def work(seconds: float) -> None:
     loop.exec()
 
 
+class Window(QWidget):
+    """A top-level window that emits `closed`."""
+
+    closed = Signal()
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Emit `closed`."""
+        super().closeEvent(event)
+        self.closed.emit()
+
+
+def run(window: Window, stopping: Callable[[], bool], look: Callable[[], object] = lambda: None) -> None:
+    """Run Qt's event loop until the window is closed or the process is asked to stop; call `look` at each check."""
+    app = application()
+
+    def watch() -> None:
+        look()
+        if stopping():
+            app.quit()
+
+    timer = QTimer(window, interval=WATCH_MS)
+    timer.timeout.connect(watch)
+    timer.start()
+    window.closed.connect(app.quit)
+    app.exec()
+    timer.stop()
+
+
+def require_new(picture: Path | None) -> None:
+    """Refuse to take a screenshot into an existing file."""
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture}: exists already; a screenshot does not overwrite a file")
+
+
+def screenshot(widget: QWidget, picture: Path) -> None:
+    """Write the content of a widget to a PNG file."""
+    require_new(picture)
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    if not widget.grab().save(str(picture), "PNG"):
+        raise NetboardError(f"{picture}: cannot be written")
+
+
+class Photographer:
+    """Take one screenshot of a window, a delay after `ready` [s]; without a delay, take it then and end the loop."""
+
+    def __init__(self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object]) -> None:
+        require_new(picture)
+        self._window, self._picture, self._after, self._ready = window, picture, after, ready
+        self._ready_ns: int | None = None
+        self._error: NetboardError | None = None
+
+    def look(self) -> None:
+        """Take the screenshot if it is due."""
+        if self._picture is None:
+            return
+        if self._ready_ns is None and self._ready():
+            self._ready_ns = now_ns()
+        if self._ready_ns is not None and now_ns() - self._ready_ns >= (self._after or 0.0) * 1e9:
+            self.take()
+            if self._after is None:
+                application().quit()
+
+    def take(self) -> None:
+        """Take the screenshot, unless it was taken before."""
+        picture, self._picture = self._picture, None
+        if picture is not None:
+            try:
+                screenshot(self._window, picture)
+            except NetboardError as error:  # raised later: Qt has called this
+                self._error = error
+
+    def finish(self) -> None:
+        """Raise what went wrong with the screenshot."""
+        if self._error is not None:
+            raise self._error
+
+
 def screen_of(widget: QWidget) -> QScreen:
     """Return the screen that a widget is on.
 
@@ -78,14 +161,12 @@ def in_words(number: int, screen: QScreen) -> str:
     name = screen.name() or "unnamed"
     return (
         f"{number}: {name}, {size.width()} x {size.height()} pixels at {screen.refreshRate():.2f} Hz, "
-        f"{mm.width():.0f} x {mm.height():.0f} mm by its own account ({claimed:.4f} mm a pixel)"
+        f"{mm.width():.0f} x {mm.height():.0f} mm as reported by the screen ({claimed:.4f} mm per pixel)"
     )
 
 
-class BoardWindow(QWidget):
-    """A window that shows a `BoardView`."""
-
-    closed = Signal()
+class BoardWindow(Window):
+    """A window that shows a `BoardView`. Esc or Q closes it; F11 toggles full screen."""
 
     def __init__(self, title: str) -> None:
         super().__init__()
@@ -141,8 +222,3 @@ class BoardWindow(QWidget):
             self.fill_screen(not self.isFullScreen())
         else:
             super().keyPressEvent(event)
-
-    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
-        """Emit `closed`."""
-        super().closeEvent(event)
-        self.closed.emit()

@@ -94,21 +94,14 @@ FILLED: dict[str, set[str]] = {
 
 
 def parse_words(text: str, source: str) -> Words:
-    """Parse the texts of a language.
-
-    Raises
-    ------
-    ConfigError
-        If the file is not valid TOML, or a text is unknown, missing, not a string, or has other placeholders than
-        expected. The message has one line per problem.
-    """
+    """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
     try:
         found = tomllib.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
     known = [field.name for field in fields(Words)]
     problems = [
-        f"{source}: {key}: unknown word, expected one of {', '.join(known)}" for key in found.keys() - set(known)
+        f"{source}: {key}: unknown text, expected one of {', '.join(known)}" for key in found.keys() - set(known)
     ]
     for key in known:
         wrong = _wrong(key, found.get(key))
@@ -122,7 +115,7 @@ def parse_words(text: str, source: str) -> Words:
 def _wrong(key: str, word: Any) -> str:
     """Describe what is wrong with a text; empty if nothing is."""
     if word is None:
-        return "missing; a list has every word"
+        return "missing; expected every text"
     if not isinstance(word, str) or not word:
         return f"found {word!r}, expected a text that is not empty"
     wanted = FILLED.get(key, set())
@@ -132,7 +125,7 @@ def _wrong(key: str, word: Any) -> str:
         return f"found {word!r}: {error}"
     if asked != wanted:
         listed = " and ".join(f"{{{name}}}" for name in sorted(wanted))
-        return f"found {word!r}, expected {listed or 'nothing'} in braces in it"
+        return f"found {word!r}, expected {listed or 'no'} placeholders"
     return ""
 
 

@@ -16,19 +16,18 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
-from netboard.base.errors import NetboardError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import Reel
 from netboard.recording.replay.marks import Mark, near
 from netboard.recording.replay.pairing import Sync, pair
 from netboard.recording.replay.position import Playback, clock
 from netboard.stage.view import View
+from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
 from netboard.windows.participant.scene import COLOURS, Mood
 from netboard.windows.participant.screens import compose
-from netboard.windows.participant.story import Story, follow
-from netboard.windows.participant.widget import BoardView, screenshot
-from netboard.windows.participant.window import BoardWindow, application
+from netboard.windows.participant.trial_events import TrialEvents, events_after
+from netboard.windows.participant.widget import BoardView
 from netboard.windows.replay.timebar import TimeBar
 
 FRAME_MS = 16
@@ -38,14 +37,14 @@ STEP, LONG_STEP = 1.0, 10.0
 """Distance that the arrow keys seek [s]."""
 
 NEAR_TICKS = 1000
-"""Ticks between two views above which the story starts anew [1]."""
+"""Ticks between two views above which the trial events start anew [1]."""
 
 MOST_WIDE = 1600
 """Largest initial width of boards side by side [pixels]."""
 
 KEYS = (
     "space: play, pause   \u2190 \u2192: 1 s   , .: one tick   PgUp PgDn: trial   \u2191 \u2193: speed   "
-    "L: loop   Home: begin again   Q: close"
+    "L: loop   Home: start   Q: close"
 )
 """Help line with the keys."""
 
@@ -58,25 +57,19 @@ class Pane:
         self._station = station
         language = reel.config.display.language
         self._words = load_words(language if language in LANGUAGES else LANGUAGES[0])
-        self._story: Story | None = None
+        self._events: TrialEvents | None = None
 
     def show(self, position: float) -> View:
         """Show the view at a position [s], and return it."""
         view = self.reel.view(self.reel.at(position), self._station)
-        near_by = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
-        self._story = follow(self._story if near_by else None, view)
-        self.board.show_picture(compose(view, self.reel.config, self._words, self._story.result))
+        near_by = self._events is not None and 0 <= view.tick - self._events.view.tick < NEAR_TICKS
+        self._events = events_after(self._events if near_by else None, view)
+        self.board.show_picture(compose(view, self.reel.config, self._words, self._events.result))
         return view
 
 
-class PlayerWindow(BoardWindow):
-    """A window that plays recordings.
-
-    Parameters
-    ----------
-    now : callable
-        A monotonic clock [s].
-    """
+class PlayerWindow(windows.BoardWindow):
+    """A window that plays recordings by a monotonic clock [s]."""
 
     def __init__(
         self,
@@ -153,14 +146,14 @@ class PlayerWindow(BoardWindow):
     def _in_words(self, position: float, view: View) -> str:
         """Format the state of the replay in one line."""
         here = self.playback
-        told = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
-        told.append(f"{here.speed:g}\u00d7")
+        texts = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
+        texts.append(f"{here.speed:g}\u00d7")
         if here.loop is not None:
-            told.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
-        told.append(f"{self._station} station")
+            texts.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
+        texts.append(f"{self._station} station")
         if not self._captions:
-            told += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
-        return "   ".join(filter(None, told))
+            texts += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
+        return "   ".join(filter(None, texts))
 
     def toggle(self) -> None:
         """Play or pause."""
@@ -232,18 +225,9 @@ def run(
     sync: Sync = "time",
     at: float | None = None,
 ) -> None:
-    """Play recordings until the window is closed or the process is asked to stop.
-
-    Parameters
-    ----------
-    stopping : callable
-        Whether the process has been asked to stop; polled every 50 ms.
-    at : float or None
-        Start position; None for the start of the block [s].
-    """
-    if picture is not None and picture.exists():
-        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    app = application()
+    """Play recordings from a position [s], or from the start of the block, until the window is closed."""
+    windows.require_new(picture)
+    app = windows.application()
     window = PlayerWindow(reels, station, speed, sync)
     shown = reels[0].config.display
     window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MOST_WIDE)))
@@ -251,14 +235,9 @@ def run(
         window.seek(at)
     if picture is not None:
         app.processEvents()
-        screenshot(window, picture)
+        windows.screenshot(window, picture)
         window.close()
         return
-    watch = QTimer(window, interval=50)
-    watch.timeout.connect(lambda: app.quit() if stopping() else None)
-    watch.start()
-    window.closed.connect(app.quit)
     window.toggle()
-    app.exec()
-    watch.stop()
+    windows.run(window, stopping)
     window.close()

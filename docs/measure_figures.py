@@ -1,9 +1,9 @@
-"""Draw the pictures of docs/reference/measures.md: one trial of simulated people, measured as every trial is.
+"""Draw the figures of docs/reference/measures.md: the measures of one trial of simulated participants.
 
-    python docs/measure_pictures.py
+    python docs/measure_figures.py
 
-A block of the paper's plan is rehearsed, recorded and read back; nothing in the pictures is drawn by hand. Trials
-differ a little from one kind of processor to another, and so do the pictures.
+A block of the paper's plan is rehearsed, recorded and read back; nothing in the figures is drawn by hand. Trials
+differ a little from one kind of processor to another, and so do the figures.
 """
 
 import tempfile
@@ -25,7 +25,7 @@ BLOCK, TRIAL = 9, 4
 
 
 def main() -> None:
-    """Write a picture for each part of the sheet of a trial."""
+    """Write a figure for each part of the sheet of a trial."""
     plan = list(shortened(blocks_of(Config(), paper_study(), 1, 2), BLOCK, TRIAL))
     with tempfile.TemporaryDirectory() as name:
         (job,) = jobs_of(plan[-1:], 1, 2, Path(name))

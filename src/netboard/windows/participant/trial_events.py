@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from netboard.stage.view import View
 
-TOLD_TICKS = 1500
+SHOWN_TICKS = 1500
 """Longest time for which a result is displayed, in ticks of 1 ms [1]."""
 
 NEARLY = 0.9
@@ -19,35 +19,27 @@ SUCCEEDED, FAILED = "succeeded", "failed"
 
 
 @dataclass(frozen=True, slots=True)
-class Story:
-    """The events up to a view.
-
-    Attributes
-    ----------
-    events : tuple of str
-        Phases that began since the view before, in order, whether a view showed them or not.
-    result : str
-        ``succeeded`` or ``failed`` while the result is displayed, else empty.
-    """
+class TrialEvents:
+    """The events up to a view."""
 
     view: View
-    events: tuple[str, ...]
-    result: str = ""
+    events: tuple[str, ...]  # phases that began since the previous view, in order, whether a view showed them or not
+    result: str = ""  # ``succeeded`` or ``failed`` while the result is displayed, else empty
     since: int = 0
 
 
-def follow(story: Story | None, view: View) -> Story:
-    """Return the story after a view; one of another block or of an earlier tick begins a new story."""
-    if story is None or view.block != story.view.block or view.tick < story.view.tick:
-        return Story(view, (view.phase,))
-    before = story.view
+def events_after(last: TrialEvents | None, view: View) -> TrialEvents:
+    """Return the events after another view; a view of another block or of an earlier tick starts anew."""
+    if last is None or view.block != last.view.block or view.tick < last.view.tick:
+        return TrialEvents(view, (view.phase,))
+    before = last.view
     result = _result(before, view)
     begun = view.phase if view.phase != before.phase or result not in ("", view.phase) else ""
     events = tuple(dict.fromkeys(name for name in (result, begun) if name))
     if result:
-        return Story(view, events, result, view.tick)
-    over = view.phase not in ("levelling", SUCCEEDED, FAILED) or view.tick - story.since > TOLD_TICKS
-    return Story(view, events, "" if over else story.result, story.since)
+        return TrialEvents(view, events, result, view.tick)
+    over = view.phase not in ("levelling", SUCCEEDED, FAILED) or view.tick - last.since > SHOWN_TICKS
+    return TrialEvents(view, events, "" if over else last.result, last.since)
 
 
 def _result(before: View, view: View) -> str:

@@ -1,7 +1,6 @@
 """A session that follows a plan: its blocks and its journal, from the beginning or resumed."""
 
 import hashlib
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import version
@@ -16,7 +15,6 @@ from netboard.base.tables.experiment import Session
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.recovery.journal_file import Journal, journal_path
-from netboard.services import studies
 from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
 from netboard.task.journal.progress import progress_of, resume_words
 from netboard.task.journal.same_session import changes, require_same_plan
@@ -27,8 +25,6 @@ from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seat
 from netboard.task.studies.study import Study, resolve_study
 
 console = Console(highlight=False)
-
-AGREED = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,24 +59,17 @@ class Wanted:
 
 
 class Planned:
-    """One session of a plan on a rig.
+    """One session of a plan on a rig; raise ConfigError if the plan has no such session, or it does not fit the rig."""
 
-    Raises
-    ------
-    ConfigError
-        If there is no such study or session, or its blocks do not fit the rig.
-    """
-
-    def __init__(self, config: Config, wanted: Wanted) -> None:
-        self.study: Study = studies.load(wanted.study)
-        self.wanted = wanted
+    def __init__(self, config: Config, study: Study, wanted: Wanted) -> None:
+        self.study, self.wanted = study, wanted
         hands = (config.session.hand_a, config.session.hand_b)
         self.plan: Plan = plan_of(self.study, wanted.seed, wanted.dyad, hands)
         require_balance(self.study, self.plan)
         if not 1 <= wanted.session <= len(self.plan.sessions):
             raise ConfigError(
-                f"--session: found {wanted.session}, expected 1 to {len(self.plan.sessions)}, as the study "
-                f"{self.study.name} has"
+                f"--session: found {wanted.session}, expected 1 to {len(self.plan.sessions)}: the sessions of "
+                f"the study {self.study.name}"
             )
         self.session: PlanSession = self.plan.sessions[wanted.session - 1]
         self.config = named(seated(config, self.plan), wanted)
@@ -94,7 +83,7 @@ class Planned:
         """Return the configuration of each block, for a session with this form."""
         if not session.pilot and (self.wanted.blocks or self.wanted.trials):
             raise ConfigError(
-                "--blocks, --trials: expected a pilot run ([session] pilot), for that is not the whole plan"
+                "--blocks, --trials: shorten the plan, which only a pilot run may do; expected [session] pilot = true"
             )
         config = replace(self.config, session=session)
         whole = [config_of(config, self.session, block.number) for block in self.session.blocks]
@@ -129,21 +118,15 @@ class Planned:
         """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
-                f"{self.path}: exists already: this session was begun before. Go on with it: netboard server --resume; "
-                "or give the new session another name in its form (name, dyad), else it will not open",
+                f"{self.path}: exists already: this session was started before. Resume it with --resume, or enter "
+                "another name or dyad in the form of the new session; otherwise it cannot be opened",
                 soft_wrap=True,
             )
         attempts = Attempts(lambda config: Journal.create(self._path(config), self.header(config.session)))
         return BlockSequence(self.blocks(self.config.session), self.blocks), attempts
 
     def resumed(self, ask: Callable[[str], bool]) -> tuple[BlockSequence, Attempts]:
-        """Resume a session where it was left.
-
-        Parameters
-        ----------
-        ask : callable
-            Shows the operator what will be done, and returns whether that is right.
-        """
+        """Resume the session where it was interrupted, if `ask` confirms what it is shown."""
         journal, header, entries, torn = Journal.reopen(self.path)
         try:
             session = form_in(entries, self.config.session, header)
@@ -154,28 +137,14 @@ class Planned:
                 raise ConfigError(f"{self.path}: {resume_words(progress)}")
             said = [f"{self.path}: {resume_words(progress)}", *changes(header, now)]
             if torn:
-                said.append("the last line of the journal was torn, and is left out")
+                said.append("the last line of the journal is incomplete, and is ignored")
             if not ask("\n".join(said)):
-                raise ConfigError("not resumed")
+                raise ConfigError("--resume: not confirmed; nothing was started")
         except BaseException:
             journal.close()
             raise
         blocks = self.blocks(session)
         return BlockSequence(blocks, self.blocks, progress.block - 1), Attempts(journal=journal, progress=progress)
-
-
-def agreed(yes: bool) -> Callable[[str], bool]:
-    """Make a function that shows the operator what will be done and asks for confirmation, unless `yes` gives it."""
-
-    def ask(words: str) -> bool:
-        console.print(words, soft_wrap=True)
-        if yes:
-            return True
-        if not sys.stdin.isatty():
-            raise ConfigError("--resume: nobody is here to agree to that: say --yes, or run it in a terminal")
-        return input("Go on there? [y/N] ").strip().casefold() in AGREED
-
-    return ask
 
 
 def named(config: Config, wanted: Wanted) -> Config:

@@ -1,4 +1,4 @@
-"""Rehearses blocks with simulated participants and the live stage, as fast as possible, and tabulates the results."""
+"""Rehearsal of blocks with simulated participants and the live stage, with progress bars and a table of the results."""
 
 import json
 import time
@@ -20,7 +20,7 @@ from netboard.nodes.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehears
 console = Console(highlight=False)
 
 
-def main(
+def rehearse_blocks(
     blocks: Sequence[Config],
     seed: int,
     dyad: int,
@@ -35,9 +35,9 @@ def main(
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise NetboardError(f"{folder}: cannot be made: {error.strerror}") from error
+            raise NetboardError(f"{folder}: cannot be created: {error.strerror}") from error
     jobs = jobs_of(blocks, seed, dyad, folder, fast)
-    with console.status("getting the kernels ready (compiled once, then kept)"):
+    with console.status("compiling (only once)"):
         for job in jobs:
             next(Rehearsal(job.config, job.people).pieces(1))
     began = time.perf_counter()
@@ -107,8 +107,8 @@ def in_total(sheets: Sequence[Sheet], took: float) -> str:
     ticks, hours = sum(s.ticks for s in sheets), sum(s.ticks for s in sheets) * TICK_SECONDS / 3600
     successes, failures = sum(s.successes for s in sheets), sum(s.failures for s in sheets)
     return (
-        f"{len(sheets)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of the "
-        f"people's time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, "
+        f"{len(sheets)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of "
+        f"simulated time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, "
         f"{ticks * TICK_SECONDS / took:.0f} x real time"
     )
 

@@ -1,0 +1,163 @@
+"""A whole analysis: from recordings to a folder with tables, figures and a report, and a summary in words.
+
+An analysis that was done before, with the same code and settings, is written from the cache. Modules that compute or
+draw are therefore imported only when something must be computed.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from netboard.analysis.extraction.kept import keep, key_of_analysis, take
+from netboard.analysis.extraction.store import Store, default_folder
+from netboard.analysis.report.command import PLACEHOLDER, name_command
+from netboard.base.errors import ConfigError
+from netboard.base.process import peak_memory
+from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
+from netboard.recording.files.locate import find_recordings
+
+if TYPE_CHECKING:
+    from netboard.analysis.extraction.running import Harvest
+    from netboard.analysis.extraction.settings import Readings
+    from netboard.analysis.extraction.study import Study
+    from netboard.analysis.extraction.workers import Crew
+
+LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
+"""Packages that an analysis needs beyond those of a session."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """How to run an analysis. Of these options, only `skip` (leave out unreadable recordings) changes its numbers."""
+
+    workers: int | None = None
+    dask: str | None = None
+    cache: Path | None = None
+    keep: bool = True
+    skip: bool = False
+    beside_the_paper: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The settings of an analysis as given: a file, or None for the defaults, and the overrides."""
+
+    file: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> bytes:
+        """The contents of the file; empty if it cannot be read."""
+        return self.file.read_bytes() if self.file is not None and self.file.is_file() else b""
+
+
+def analyse(
+    named: Sequence[Path],
+    output: Path | None,
+    asked: Asked,
+    wishes: Wishes,
+    read: "Callable[[], Readings]",
+    telling: Callable[[], AbstractContextManager[Progress]],
+) -> list[str]:
+    """Analyse recordings into a new folder, and return a summary of a few lines.
+
+    Parameters
+    ----------
+    output : Path or None
+        The new folder; None names it after the first recording or folder.
+    read : callable
+        Reads the settings; called only if the analysis is not in the cache.
+    telling : callable
+        Makes a context that shows the progress.
+    """
+    began = time.perf_counter()
+    need("analysis", *LIBRARIES)
+    if wishes.dask is not None and wishes.workers is not None:
+        raise ConfigError("--workers: found with --dask, whose cluster has its own workers; expected one of them")
+    folder = output or Path(f"{named[0].resolve().stem}_analysis")
+    refuse_existing(folder)
+    recordings = find_recordings(named)
+    store = Store(wishes.cache or default_folder()) if wishes.keep else None
+    with telling() as tell, new_folder(folder) as part:
+        tell("looking in the cache", 0, 1)
+        options = (*asked.overrides, f"skip={wishes.skip}", f"paper={wishes.beside_the_paper}")
+        key = key_of_analysis(recordings, asked.text, options) if store else ""
+        words = take(store, key, part) if store else None
+        before, peak = "all from the cache", 0.0
+        if words is None:
+            words, kept, peak = _analysed(recordings, part, read(), wishes, store, tell)
+            before = f"{kept} from the cache" if kept else ""
+            if store:
+                keep(store, key, part, words)
+        name_command(part, ["netboard", *sys.argv[1:]])
+    first, *others = words
+    return [first + f"; {before}" * bool(before), *others, _in_total(folder, time.perf_counter() - began, peak)]
+
+
+def _analysed(
+    recordings: Sequence[Path], part: Path, readings: "Readings", wishes: Wishes, store: Store | None, tell: Progress
+) -> tuple[tuple[str, ...], int, float]:
+    """Analyse recordings into a folder.
+
+    Return a summary in words, how many recordings came from the cache, and the largest memory of a process [bytes].
+    """
+    from netboard.analysis.extraction.cache import Cache
+    from netboard.analysis.extraction.exclusions import require_recordings
+    from netboard.analysis.extraction.path_table import Shelf
+    from netboard.analysis.extraction.running import harvest
+    from netboard.analysis.extraction.study import study_of
+    from netboard.analysis.report.folder import write_analysis
+
+    cache = None if store is None else Cache(store)
+    require_recordings(readings.exclusions, {path.stem for path in recordings})
+    with TemporaryDirectory(dir=part) as paths:
+        found = harvest(recordings, readings, _crew(wishes), cache, Shelf(Path(paths)), tell, skip=wishes.skip)
+        study = study_of(found.measured, readings, found.paths)
+        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
+    words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
+    return words, sum(source.kept for source in found.sources), found.peak
+
+
+def _crew(wishes: Wishes) -> "Crew":
+    """Choose the workers that extract the measures."""
+    from netboard.analysis.extraction.workers import cores, dask, processes
+
+    if wishes.dask is None:
+        return processes(wishes.workers or cores())
+    return dask(wishes.dask)
+
+
+def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
+    """Yield what was measured, and what was excluded."""
+    hours = study.blocks["duration"].sum() / 3600
+    recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
+    yield f"{recordings}, {hours:.2f} h"
+    for one in found.left_out:
+        yield f"  left out: {one.file}: {one.why}"
+    silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
+    if len(silent):
+        yield f"  no attempt at a trial: {len(silent)} of these, the first is {silent.iloc[0]}"
+    from netboard.analysis.extraction.completions import notes
+
+    left_out = study.exclusions
+    failed = int((study.trials["outcome"] != "success").sum())
+    excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))
+    yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
+    for why, count in left_out["why"].value_counts().sort_index().items():
+        yield f"  excluded: {count} x {why}"
+    yield from (f"  {note}" for note in notes(study))
+
+
+def _in_total(folder: Path, seconds: float, peak: float) -> str:
+    """Return a line with the folder, the duration and the memory."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    size = sum(path.stat().st_size for path in files) / 1e6
+    most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (
+        f", {peak / 1e6:.0f} MB where it was measured" * bool(peak)
+    )
+    return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"

@@ -1,0 +1,123 @@
+"""Connected USB devices: presence and permissions only; no device is opened.
+
+On Linux, /sys shows devices and the files in /dev that drive them, without permissions. On other systems pyusb and
+hidapi are the only sources, and either may be missing. Serial numbers come from /sys or hidapi, because pyusb would
+have to open the device.
+"""
+
+import os
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from netboard.base.errors import DeviceNotFound
+from netboard.base.finding import Finding, text_of
+from netboard.devices.contract.registry import BACKENDS
+
+ROOT = Path("/")
+
+NAMES = {
+    (f"{vendor:04x}", f"{product:04x}"): name
+    for backend in BACKENDS.values()
+    for (vendor, product), name in backend.usb.items()
+}
+"""Supported devices, by vendor and product as in /sys."""
+
+ADVICE = "install deploy/udev/70-netboard.rules and join the group netboard; see docs/how-to/two-stations.md"
+
+
+class Plugged(NamedTuple):
+    """A connected device.
+
+    Attributes
+    ----------
+    place : str
+        Connection, as named by the source that found it.
+    nodes : tuple of Path
+        Files in /dev that drive it, on Linux.
+    """
+
+    vendor: str
+    product: str
+    serial: str
+    place: str
+    nodes: tuple[Path, ...] = ()
+
+    @property
+    def shut(self) -> tuple[str, ...]:
+        """Files that this user may not open."""
+        return tuple(str(node) for node in self.nodes if not os.access(node, os.R_OK | os.W_OK))
+
+
+def has_sysfs(root: Path = ROOT) -> bool:
+    """Tell whether /sys shows the USB."""
+    return (root / "sys/bus/usb/devices").is_dir()
+
+
+def by_sysfs(root: Path = ROOT) -> Iterator[Plugged]:
+    """Yield the supported devices in Linux's /sys."""
+    for device in sorted((root / "sys/bus/usb/devices").iterdir()):
+        vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
+        if (vendor, product) in NAMES:
+            nodes = tuple(node for node in device_nodes(device, root) if node.exists())
+            yield Plugged(vendor, product, text_of(device / "serial"), device.name, nodes)
+
+
+def by_pyusb() -> tuple[Plugged, ...]:
+    """List the devices on the USB."""
+    core = _library("usb.core", "pyusb")
+    try:
+        devices = tuple(core.find(find_all=True))
+    except core.NoBackendError:
+        raise DeviceNotFound("pyusb finds no libusb; install libusb 1.0") from None
+    except core.USBError as error:
+        raise DeviceNotFound(f"pyusb cannot look at the USB: {error}") from error
+    return tuple(
+        Plugged(f"{each.idVendor:04x}", f"{each.idProduct:04x}", "", f"bus {each.bus} address {each.address}")
+        for each in devices
+    )
+
+
+def by_hidapi() -> tuple[Plugged, ...]:
+    """List the HID devices, each once."""
+    # On Linux the module hid uses libusb and opens every device to read its name; hidraw asks udev.
+    module = _library("hidraw" if sys.platform == "linux" else "hid", "hidapi")
+    found = module.enumerate()
+    return tuple(
+        dict.fromkeys(
+            Plugged(f"{each['vendor_id']:04x}", f"{each['product_id']:04x}", each.get("serial_number") or "", "HID")
+            for each in found
+        )
+    )
+
+
+def _library(module: str, package: str) -> Any:
+    """Import an optional library."""
+    try:
+        return import_module(module)
+    except (ImportError, OSError) as error:
+        raise DeviceNotFound(f"{package} is missing ({error}); install netboard with the extra devices") from error
+
+
+def devices(root: Path = ROOT) -> Finding:
+    """Check that the connected devices may be opened through a group, not by world permissions."""
+    name = "USB devices"
+    if not has_sysfs(root):
+        return Finding(name, "green", "not offered here")
+    there = list(by_sysfs(root))
+    found = ", ".join(f"{NAMES[each.vendor, each.product]} at {each.place}" for each in there)
+    if shut := [node for each in there for node in each.shut]:
+        return Finding(name, "red", f"{found}; no permission for {', '.join(shut)}", ADVICE)
+    if open_to_all := [str(node) for each in there for node in each.nodes if node.stat().st_mode & 0o002]:
+        return Finding(name, "yellow", f"{found}; everybody may open {', '.join(open_to_all)}", ADVICE)
+    return Finding(name, "green", found or "no haptic device is plugged in")
+
+
+def device_nodes(device: Path, root: Path) -> list[Path]:
+    """Return the files in /dev that drive a device: raw USB, HID or serial."""
+    nodes = [root / "dev" / line[8:] for line in text_of(device / "uevent").splitlines() if line.startswith("DEVNAME=")]
+    nodes += [root / "dev" / at.name for at in device.glob("**/hidraw/hidraw*")]
+    nodes += [root / "dev" / at.name for at in device.glob("**/tty/tty*")]
+    return nodes

@@ -1,0 +1,90 @@
+"""Requests of shell commands to a server: each waits for its answer, or raises an error for the operator."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from math import isnan
+
+from netboard.base.errors import NetboardError
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.control import Reply, Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
+from netboard.nodes.ports.emergency import STOP
+
+LOOK_SECONDS = 0.05
+"""Interval at which the server is asked while waiting for a phase [s]."""
+
+
+@contextmanager
+def connected(network: Network) -> Iterator[Operator]:
+    """Connect to the server, and take leave of it."""
+    with sockets.open_context() as context:
+        operator = Operator(network, context)
+        try:
+            yield operator
+        finally:
+            operator.leave()
+
+
+def status_of(operator: Operator, network: Network) -> Status:
+    """Return the status; ask until the server answers or the timeout."""
+    until = time.monotonic() + ANSWER_SECONDS
+    while time.monotonic() < until:
+        answer = operator.ask(0.2)
+        if answer is not None:
+            return answer
+    raise NetboardError(
+        f"no server answers at {network.host}:{network.port} within {ANSWER_SECONDS:.0f} s; check that it is running "
+        "and uses this address"
+    )
+
+
+def end(operator: Operator) -> Reply:
+    """End the session; if the reply is lost and the server no longer answers, the command has succeeded."""
+    try:
+        return operator.do("end")
+    except NetboardError:
+        if operator.ask(ANSWER_SECONDS) is not None:
+            raise
+        return Reply(0, True, "the server has stopped")
+
+
+def wait(
+    operator: Operator, network: Network, until: str, seconds: float | None, stopping: Callable[[], bool]
+) -> Status:
+    """Wait for a phase of the trial, or for the timeout [s]."""
+    began = time.monotonic()
+    while True:
+        status = status_of(operator, network)
+        over = seconds is not None and time.monotonic() - began > seconds
+        if status.phase == until or over or stopping():
+            return status
+        operator.attend(LOOK_SECONDS)
+
+
+def carry_out(operator: Operator, network: Network, name: str) -> None:
+    """Send a command, and raise an error if it is not carried out."""
+    status_of(operator, network)
+    try:
+        reply = operator.do(name)
+    except NetboardError as error:
+        if name == STOP:
+            raise NetboardError(f"{error}: LET GO OF THE STYLUSES") from None
+        raise
+    if not reply.accepted:
+        raise NetboardError(reply.reason)
+
+
+def plain(status: Status) -> dict[str, object]:
+    """Return the status for JSON: links as objects, unknown values as null."""
+    names = ("peer", "name", "version", "age", "round_trip", "clock_bound", "drift_ppm", "rate", "lost")
+    links = [{name: _known(value) for name, value in zip(names, link, strict=True)} for link in status.links]
+    loops = [{"peer": peer, "late": _known(late), "limit": limit} for peer, late, limit in status.loops]
+    return {**asdict(status), "links": links, "loops": loops}
+
+
+def _known(value: object) -> object:
+    """Return None for NaN, which JSON does not have."""
+    return None if isinstance(value, float) and isnan(value) else value

@@ -1,0 +1,122 @@
+"""Tabular exports (CSV and Parquet): one file of ticks per recording, and one per short table over all recordings.
+
+The data dictionary lies beside them, and the configuration of each recording in ``configurations``.
+
+CSV files are UTF-8 with commas, a header line and line feeds; texts are quoted where necessary. Numbers have the fewest
+digits that read back as the same float64, so values survive bit for bit. The exception is the payload of a NaN, which
+is written as ``nan``. Parquet files have typed, compressed columns with texts as dictionaries, and unit and meaning of
+each column in its metadata. Their values are bit-exact, NaN payloads included.
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from netboard.recording.export.dictionary import Described, write_dictionary
+from netboard.recording.export.formats import Progress, library
+from netboard.recording.export.tables import TICKS, Rows, Subject, Table, small_tables
+from netboard.recording.files.reader import Recording
+
+Sheet = Callable[[Rows], None]
+"""Callback that writes the next rows of a table."""
+
+OpenSheet = Callable[[Path, Table], AbstractContextManager[Sheet]]
+"""Function that opens a new file for a table."""
+
+
+def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
+    """Open the recordings one by one and write their configurations.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the export; configurations go to its subfolder ``configurations``.
+    """
+    texts = folder / "configurations"
+    texts.mkdir()
+    for path in recordings:
+        with Recording(path) as recording:
+            subject = Subject(recording)
+            (texts / f"{subject.name}.toml").write_text(recording.config_text, encoding="utf-8")
+            yield subject
+
+
+def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
+    """Yield the ticks of a recording in batches and report progress."""
+    done = 0
+    progress(subject.name, done, subject.ticks)
+    for rows in TICKS.portions(subject):
+        yield rows
+        done += len(rows["tick"])
+        progress(subject.name, done, subject.ticks)
+
+
+def write_sheets(
+    recordings: Sequence[Path], folder: Path, progress: Progress, open_sheet: OpenSheet, ending: str
+) -> None:
+    """Write all tables of the recordings."""
+    places = f"ticks/RECORDING{ending}: the ticks of each recording; NAME{ending}: another table, of all recordings"
+    tables = small_tables(recordings)
+    write_dictionary(folder, (TICKS, *tables), places)
+    (folder / "ticks").mkdir()
+    with ExitStack() as stack:
+        small = {table: stack.enter_context(open_sheet(folder / f"{table.name}{ending}", table)) for table in tables}
+        for subject in subjects(recordings, folder):
+            with open_sheet(folder / "ticks" / f"{subject.name}{ending}", TICKS) as put:
+                for rows in tick_portions(subject, progress):
+                    put(rows)
+            for table, put in small.items():
+                for rows in table.portions(subject):
+                    put(rows)
+
+
+def write_csv(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as CSV files."""
+    write_sheets(recordings, folder, progress, open_csv, ".csv")
+
+
+@contextmanager
+def open_csv(path: Path, table: Described) -> Iterator[Sheet]:
+    """Open a CSV file and write its header line."""
+    with path.open("x", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(field.name for field in table.fields)
+
+        def put(rows: Rows) -> None:
+            # Convert to Python numbers: csv writes those with repr, which reads back bit for bit.
+            writer.writerows(zip(*(column.tolist() for column in rows.values()), strict=True))
+
+        yield put
+
+
+def write_parquet(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as Parquet files."""
+    library("pyarrow.parquet", "parquet")
+    write_sheets(recordings, folder, progress, open_parquet, ".parquet")
+
+
+@contextmanager
+def open_parquet(path: Path, table: Described) -> Iterator[Sheet]:
+    """Open a Parquet file; its columns are typed even without rows."""
+    arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
+    schema = _schema(arrow, table)
+    texts = [field.name for field in table.fields if field.kind == "string"]
+    counts = {field.name: "DELTA_BINARY_PACKED" for field in table.fields if field.kind == "integer"}
+    packing = {"compression": "zstd", "use_dictionary": texts, "column_encoding": counts}
+    with parquet.ParquetWriter(path, schema, **packing) as writer:
+
+        def put(rows: Rows) -> None:
+            writer.write_table(arrow.table(dict(rows), schema))
+
+        yield put
+
+
+def _schema(arrow: Any, table: Described) -> Any:
+    kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": arrow.string()}
+    columns = [
+        arrow.field(field.name, kinds[field.kind], nullable=False, metadata={"unit": field.unit, "about": field.text})
+        for field in table.fields
+    ]
+    return arrow.schema(columns, {"about": table.about})

@@ -1,0 +1,160 @@
+"""Simulation of a scene from recorded hands: one file of hands in, one file of results out, and a summary of each."""
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import ADAPTER, Config, resolve
+from netboard.base.errors import ConfigError
+from netboard.base.settings import read
+from netboard.base.tables.scene import Physics
+from netboard.base.terminal import FittedTable
+from netboard.physics.hands.sampled import Hands
+from netboard.physics.simulation import Motion, Steps, columns_of, energies_of, is_stably_integrated, simulate
+from netboard.recording.importing.hand_files import doubts, read_hands, write_table
+
+SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
+"""Signals whose range is shown, with their units."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """The options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
+
+    hold: str
+    gaps: str
+    method: str
+    dt: float
+    substeps: int
+    ball: str
+    board0: tuple[float, ...]
+    p0: tuple[float, ...]
+    v0: tuple[float, ...]
+    energy: bool
+
+    def start(self, balls: int) -> tuple[float, ...]:
+        """Return the initial state; balls start at rest at the centre by default."""
+        if any(len(given) not in (0, balls) for given in (self.p0, self.v0)):
+            raise ConfigError(
+                f"--p0, --v0: found {len(self.p0)} and {len(self.v0)} values, expected none or one for each ball; "
+                f"the scene has {balls} (physics.balls)"
+            )
+        pairs = zip(self.p0 or (0.0,) * balls, self.v0 or (0.0,) * balls, strict=True)
+        return (*self.board0, *(value for pair in pairs for value in pair))
+
+
+def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
+    """Read a scene: of a configuration only the table [physics] counts; without a file, the paper's scene."""
+    try:
+        text = file.read_text(encoding="utf-8") if file else ""
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return read(ADAPTER, Config, text, str(file or "defaults"), overrides)
+
+
+Tell = Callable[..., None]
+"""Progress callback: share done [1], and what is being done."""
+
+Sheet = dict[str, str]
+"""Summary of one file, by heading."""
+
+
+def simulate_file(
+    path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, force: bool, tell: Tell
+) -> tuple[Sheet, list[str]]:
+    """Simulate one file; return its summary, and warnings."""
+    began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
+    tell(0.0, "reading")
+    hands = read_hands(path, wishes.gaps)
+    tell(0.0)
+    start = wishes.start(physics.balls)
+    try:
+        motion = simulate(hands, physics, start, free=free, hold=wishes.hold, dt=wishes.dt, steps=steps, progress=tell)
+    except ConfigError as fault:
+        raise ConfigError(f"{path}: {fault}") from None
+    columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
+    if wishes.energy:
+        energies = energies_of(motion, hands, physics, free)
+        columns.update(energies)
+        sheet["energy"] = balance(energies)
+    tell(1.0, "writing")
+    write_table(result, columns, provenance(path, config, wishes), force)
+    notes = doubts(hands)
+    if not is_stably_integrated(motion, physics, free):
+        step = f"{motion.longest * 1e3:.3g} ms"
+        notes.append(f"{steps.method} is unstable for this scene in steps of {step}: the result is invalid")
+    return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}, notes
+
+
+def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
+    """Return how a result was made, for its file."""
+    options = {name: str(value) for name, value in asdict(wishes).items()}
+    made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
+
+
+# --- descriptions ------------------------------------------------------------------------------------------------
+
+
+def scene_in_words(physics: Physics, free: bool) -> str:
+    """Describe the scene."""
+    balls = f"{physics.balls} {'free' if free else 'fixed'} ball{'' if physics.balls == 1 else 's'}"
+    return f"{physics.model} model, {physics.board} board, {balls if physics.balls else 'no ball'}"
+
+
+def steps_in_words(steps: Steps, wishes: Wishes) -> str:
+    """Describe the steps, and why they were chosen."""
+    if wishes.method != "auto":
+        return f"{steps.method}, as requested"
+    why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
+    return f"{steps.method} in steps of at most {steps.longest * 1e3:.3g} ms{why}"
+
+
+def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
+    """Summarise inputs and outputs."""
+    intervals = np.diff(hands.t) * 1e3
+    low, high, usual = intervals.min(), intervals.max(), np.median(intervals)
+    columns = columns_of(motion)
+    return {
+        "input": str(path),
+        "samples": str(len(hands.t)),
+        "lasts": f"{hands.t[-1] - hands.t[0]:.6g} s",
+        "every": f"{usual:.4g} ms" if high - low < 1e-3 * usual else f"{low:.4g} to {high:.4g} ms",
+        "rows": str(len(motion.t)),
+        "steps": f"{motion.count}, at most {motion.longest * 1e3:.3g} ms",
+        **{f"{name} [{unit}]": range_of(columns[name]) for name, unit in SHOWN.items() if name in columns},
+    }
+
+
+def range_of(column: NDArray[np.float64]) -> str:
+    """Return the range of a signal."""
+    return f"{column.min():.3g} to {column.max():.3g}"
+
+
+def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
+    """Return how well energies and works agree."""
+    stored = np.sum([column for name, column in energies.items() if name.startswith("E_")], axis=0)
+    worked = np.sum([column for name, column in energies.items() if name.startswith("W_")], axis=0)
+    return f"balanced to {np.abs(stored - stored[0] - worked).max():.2g} J; it varies by {np.ptp(stored):.3g} J"
+
+
+def table_of(sheets: Sequence[Sheet]) -> FittedTable:
+    """Show one sheet from top to bottom; for several, a row each with what may be unusual about one."""
+    if len(sheets) == 1:
+        table = FittedTable("", "", header=False)
+        for name, value in sheets[0].items():
+            table.add_row(name, value)
+        return table
+    names = [name for name in sheets[0] if name in ("input", "samples", "lasts", "theta [rad]", "p [m]", "took")]
+    table = FittedTable(*names)
+    for sheet in sheets:
+        table.add_row(*(sheet[name] for name in names))
+    return table

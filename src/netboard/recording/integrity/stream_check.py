@@ -1,0 +1,195 @@
+"""Checks the streams of a recording: numbers, losses, rendered forces, and times."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import chain, pairwise
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+
+from netboard.base.config import SIDES
+from netboard.base.tick import TICK_NS
+from netboard.network.protocol.records import EventRecord, FrameRecord
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.backfill import unknown_ticks
+from netboard.recording.format.channels import CHANNELS
+from netboard.recording.format.summary import find_gaps
+from netboard.recording.integrity.account import OF_THE_SERVER, Stretch, cause_of_loss
+from netboard.recording.integrity.severity import Finding, Severity, numbers_in_words
+from netboard.recording.integrity.walk import ACTIVE, Evidence
+from netboard.task.trials.state_machine import Phase
+
+TICKS = CHANNELS[0].topic
+"""Topic of the ticks."""
+
+_LONGEST_BATCH_NS = 5_000_000_000
+
+
+def check_numbers(evidence: Evidence) -> Iterator[Finding]:
+    """Check that every stream is in order, and that the file notes every missing record."""
+    recording = evidence.recording
+    problems = [*_wrong_totals(evidence), *_wrong_ticks(evidence), *_wrong_records(evidence)]
+    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    if not problems:
+        words = ", ".join(f"{count} on {topic}" for topic, count in recording.counts.items() if count)
+        yield Finding(Severity.SOUND, f"in order: {words or 'no record at all'}")
+    yield from chain(_missing_frames(recording.frames()), _noted_losses(evidence))
+
+
+def _wrong_totals(evidence: Evidence) -> Iterator[str]:
+    """Compare the totals read with those in the file and with the log-channel numbers; yield the differences."""
+    recording, read = evidence.recording, evidence.seen.count
+    if read != recording.counts[TICKS]:
+        yield f"{read} ticks were read, and the file says it has {recording.counts[TICKS]}"
+    end = recording.end
+    if not {"records", "lost", "next_record"} <= end.keys() or recording.first_record is None:
+        return
+    written = sum(recording.counts[topic] for topic in OF_THE_SERVER)
+    if not recording.recovery and written != int(end["records"]):
+        yield f"{written} records are there, and {end['records']} were written"
+    span = int(end["next_record"]) - recording.first_record
+    if span != int(end["records"]) + int(end["lost"]):
+        yield (
+            f"records {recording.first_record} to {int(end['next_record']) - 1} of the log channel are {span}, and "
+            f"{end['records']} were written and {end['lost']} noted as lost"
+        )
+
+
+def _wrong_ticks(evidence: Evidence) -> Iterator[str]:
+    """Describe the ticks that are out of order, or missing although the logger noted no loss."""
+    seen = evidence.seen
+    if seen.disordered:
+        where = numbers_in_words(np.array(seen.disordered))
+        yield f"{len(seen.disordered)} ticks come after one with the same or a higher number: {where}"
+    noted_after = lost_after(evidence.remarks)
+    unexplained = [gap for gap in seen.gaps if noted_after[gap.first - 1] < gap.count]
+    if unexplained and not evidence.excuses_gaps:
+        count = sum(gap.count for gap in unexplained)
+        where = numbers_in_words(np.array([gap.first for gap in unexplained]))
+        yield f"{count} ticks are missing without a note by the logger, from tick {where} on"
+
+
+def _wrong_records(evidence: Evidence) -> Iterator[str]:
+    """Describe the other numbered streams that have records out of order, or more missing than noted."""
+    lost = lost_after(evidence.remarks).total()
+    streams = (("events", evidence.events), ("clock probes", evidence.probes), ("log messages", evidence.remarks))
+    for name, records in streams:
+        numbers = np.array([record.seq for record in records], np.int64)
+        missing = sum(gap.count for gap in find_gaps(numbers))
+        if missing > lost and not evidence.excuses_gaps:
+            yield f"{missing} {name} are missing without a note by the logger"
+        if np.any(np.diff(numbers) <= 0):
+            yield f"the numbers of the {name} are not in order"
+
+
+def _missing_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
+    """List the missing frame numbers of displays, whose reports may be lost on the way."""
+    for station in sorted({frame.station for frame in frames}):
+        numbers = np.array([frame.seq for frame in frames if frame.station == station], np.int64)
+        if missing := sum(gap.count for gap in find_gaps(numbers)):
+            yield Finding(Severity.LOSS, f"{missing} frames of the {station} display were never reported")
+
+
+def _noted_losses(evidence: Evidence) -> Iterator[Finding]:
+    """List the losses that the logger noted, each with the cause that the server gave."""
+    causes = [event for event in evidence.events if event.name == "log_lost"]
+    for remark in evidence.remarks:
+        if remark.name == "log_lost":
+            first, count = int(remark.details["first"]), int(remark.details["count"])
+            cause = cause_of_loss(Stretch(first, first + count - 1), causes) or "the server no longer had them"
+            after = remark.details.get("after_tick", "?")
+            yield Finding(Severity.LOSS, f"{count} records were lost after tick {after}: {cause}")
+
+
+def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
+    """Count the records that the logger noted as lost directly after each tick."""
+    lost: Counter[int] = Counter()
+    for remark in remarks:
+        if remark.name == "log_lost":
+            lost[int(remark.details.get("after_tick", -1))] += int(remark.details["count"])
+    return lost
+
+
+def check_end(recording: Recording) -> Iterator[Finding]:
+    """List what the whole file lacks: recovered, ended early, or computed instead of recorded."""
+    if recording.recovery:
+        what = recording.recovery.get("damage") or "only what was not on disk yet"
+        yield Finding(Severity.LOSS, f"recovered from {recording.recovery.get('source', '?')}; lost: {what}")
+    ended = recording.end.get("ended", "")
+    if ended != "complete" and not (recording.recovery and not ended):
+        yield Finding(Severity.LOSS, f"ends before its session: {ended or 'no cause is noted'}")
+    if "what_if" in recording.metadata:
+        source, scene = recording.metadata.get("source", "?"), recording.metadata["what_if"]
+        text = f"not a recording of people: computed from {source} with {scene}; has no ticks between attempts"
+        yield Finding(Severity.LOSS, text)
+
+
+def check_rendered(recording: Recording) -> Iterator[Finding]:
+    """Count the ticks with an unknown rendered force: within a trial they are a loss."""
+    columns = recording.columns("phase", *(f"{side}_rendered" for side in SIDES))
+    active = ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)]
+    for side in SIDES:
+        rendered = columns[f"{side}_rendered"]
+        count, in_trials = unknown_ticks(rendered), unknown_ticks(rendered, active)
+        if count:
+            severity = Severity.LOSS if in_trials else Severity.SOUND
+            told = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
+            yield Finding(severity, f"the rendered force of the {side} device is unknown at {count} ticks, {told}")
+
+
+def check_time(evidence: Evidence) -> Iterator[Finding]:
+    """Check that time never decreases, and that ticks are 1 ms apart except where the server reported a stall."""
+    stalls_ms: Counter[int] = Counter()
+    for event in evidence.events:
+        if event.name == "stood_still":
+            stalls_ms[event.tick] += int(event.details["milliseconds"])
+    problems = [*_wrong_times(evidence, stalls_ms)]
+    yield from (Finding(Severity.DAMAGE, problem) for problem in problems)
+    if stalls_ms:
+        text = f"the server stalled {len(stalls_ms)} times, for {stalls_ms.total()} ms in all"
+        yield Finding(Severity.LOSS, text)
+    if not problems:
+        seconds = evidence.seen.count * 1e-3
+        yield Finding(Severity.SOUND, f"ticks are 1 ms apart over {seconds:.3f} s, no time stamp decreases")
+
+
+def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
+    """Describe the time stamps that contradict each other or the server's events.
+
+    If records were lost, the server's reports may be among them. A counterfactual recording has the times of its source
+    without the source's events.
+    """
+    seen, events, noted_after = evidence.seen, evidence.events, lost_after(evidence.remarks)
+    before = {gap.first + gap.count: gap.first - 1 for gap in seen.gaps}
+    wrong = [
+        tick
+        for tick, more_ns in seen.jumps
+        if more_ns != stalls_ms[tick] * TICK_NS
+        and not (_is_stall(more_ns) and (evidence.excuses_gaps or before.get(tick, tick - 1) in noted_after))
+    ]
+    if wrong:
+        yield f"{len(wrong)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(wrong))}"
+    back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
+    if back:
+        yield f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}"
+    if stepped := _log_time_steps(evidence.recording.path):
+        yield f"the log time decreases at {stepped} chunks"
+
+
+def _is_stall(more_ns: int) -> bool:
+    """Return True for a jump that a stalled server makes: forward by whole ticks."""
+    return more_ns > 0 and more_ns % TICK_NS == 0
+
+
+def _log_time_steps(path: Path) -> int:
+    """Count the chunks that begin before the end of an earlier chunk, by the file's own index.
+
+    Ticks are written in batches, later than events that occurred while the batch grew. This delay does not count.
+    """
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+    times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
+    ended = np.maximum.accumulate(times[:, 1])[:-1]
+    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS))

@@ -1,0 +1,80 @@
+"""A plan as tables: its blocks, the levels of its factors, how many blocks and trials; and what contradicts the rig."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.settings import tables
+from netboard.task.plans.balance import Table
+from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, seated
+from netboard.task.studies.study import Study
+
+
+def blocks_table(study: Study, session: PlanSession) -> Table:
+    """Return a table of the blocks of a session, without columns that are empty."""
+    names = ("block", "kind", "role", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
+    rows = [tuple(_cells(study, block)) for block in session.blocks]
+    used = [place for place, name in enumerate(names) if name in study.factors or any(row[place] for row in rows)]
+    columns = tuple(names[place] for place in used)
+    return Table(f"Session {session.number}", columns, tuple(tuple(row[place] for place in used) for row in rows))
+
+
+def levels_table(study: Study) -> Table:
+    """Return what each level of a factor changes, with units."""
+    keys = [(*table.path, key.name, key.unit) for table in tables(Config) for key in table.keys]
+    units = {tuple(name): f" {unit}" * (unit != "1") for *name, unit in keys}
+    rows = []
+    for name, factor in study.factors.items():
+        for level, changes in factor.levels.items():
+            differs = [
+                f"{table}.{key} = {value}{units[table, key]}".rstrip()
+                for table, changed in changes.changed().items()
+                for key, value in changed.items()
+            ]
+            rows.append((name, level, ", ".join(differs) or "nothing"))
+    return Table("Factors", ("factor", "level", "what differs"), tuple(rows))
+
+
+def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
+    """Yield the cells of a block's row."""
+    levels = dict(block.conditions)
+    alone = "" if block.other_hand == "own" else f" ({block.other_hand})"
+    role = "" if block.role in ("test", block.kind) else block.role
+    yield from (str(block.number), block.kind, role, block.performer + alone)
+    yield from (levels.get(factor, "") or _within(block, factor) for factor in study.factors)
+    yield f"{block.duration:g} s" if block.duration else str(block.count)
+    yield block.first_target
+    yield " ".join(map(str, block.catch))
+    yield f"{block.rest:g} s" if block.rest else ""
+    yield ", ".join(name for name, _ in block.questionnaires)
+
+
+def _within(block: PlanBlock, factor: str) -> str:
+    """Return how many trials have which level of a factor that varies within a block."""
+    found = Counter(block.design.trials.get(factor, ()))
+    return ", ".join(f"{count} {level}" for level, count in sorted(found.items()))
+
+
+def by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
+    """Count blocks and trials of each role, tests first."""
+    for role in sorted({block.role for block in blocks}, key=lambda role: (role != "test", role)):
+        own = [block for block in blocks if block.role == role]
+        trials = sum(block.count for block in own)
+        many = f"{len(own)} {'' if role == 'test' else f'{role} '}block{'s' * (len(own) > 1)}"
+        yield f"{many}, {trials} trials" if role == "test" else f"{many} with {trials} trials"
+
+
+def misfits(config: Config, plans: Sequence[Plan]) -> list[str]:
+    """Find blocks that contradict the rig's configuration; the same problem of several blocks is reported once."""
+    found: dict[str, str] = {}
+    for plan in plans:
+        entered = seated(config, plan)
+        for session in plan.sessions:
+            for block in session.blocks:
+                try:
+                    config_of(entered, session, block.number)
+                except ConfigError as error:
+                    for line in str(error).splitlines():
+                        found.setdefault(line.partition("): ")[2], f"dyad {plan.dyad}, {line}")
+    return list(found.values())

@@ -1,0 +1,160 @@
+"""The operator's controls: command buttons labelled with their keys, the emergency stop, and the note field.
+
+No button takes the keyboard focus. Otherwise Space would press the button that was clicked last instead of the
+emergency stop.
+"""
+
+import json
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+
+from netboard.base.tick import TICK_SECONDS
+from netboard.network.protocol.control import Status
+from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, Command, refusal
+from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH, label
+from netboard.windows.operator.words import Tone
+
+STOP_RED = "#c8102e"
+COLUMNS = 8
+"""Buttons per row [1]."""
+
+LONGEST_NOTE = 2000
+"""Maximum length of a note, in characters [1]."""
+
+STYLE = f"""
+QPushButton {{ background: #2b3541; color: {PLAIN.headline}; border: 1px solid {PLAIN.guide}; border-radius: 6px;
+    padding: 4px; font-size: 15px; }}
+QPushButton:hover {{ border-color: {PLAIN.cursor}; }}
+QPushButton:disabled {{ background: {PANEL}; color: {PLAIN.quiet}; border-color: {PANEL}; }}
+QPushButton[sure="true"] {{ background: {WATCH}; color: {PLAIN.background}; font-weight: bold; }}
+"""
+
+STOP_STYLE = f"""
+QPushButton {{ background: {STOP_RED}; color: white; border: 4px solid white; border-radius: 12px;
+    font-size: 26px; font-weight: bold; padding: 6px; }}
+QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
+"""
+
+
+class CommandButton(QPushButton):
+    """The button of one command."""
+
+    def __init__(self, command: Command) -> None:
+        super().__init__()
+        self.command = command
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.setMinimumHeight(46)
+        self.setStyleSheet(STYLE)
+        self.ask(False)
+
+    def ask(self, sure: bool) -> None:
+        """Ask for a second press as confirmation, or stop asking."""
+        words = (
+            f"{self.command.label}?\npress {self.command.key} again"
+            if sure
+            else f"{self.command.label}\n{self.command.key}"
+        )
+        if words == self.text():
+            return
+        self.setText(words)
+        self.setProperty("sure", sure)
+        self.setStyleSheet(STYLE)
+
+    def allow(self, status: Status | None, own: str) -> None:
+        """Enable the button if its command is possible now; else say why not in the tooltip."""
+        reason = refusal(self.command, status, own)
+        self.setEnabled(not reason)
+        tip = f"{self.command.tip} ({reason})" if reason else self.command.tip
+        if tip != self.toolTip():
+            self.setToolTip(tip)
+
+
+class StopPanel(QWidget):
+    """The emergency stop, and its release; `stopped` is emitted when the button goes down, not when it is released."""
+
+    stopped = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.button = QPushButton(f"EMERGENCY STOP\n{' or '.join(STOP_KEYS)}")
+        self.button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.button.setMinimumSize(290, 84)
+        self.button.setStyleSheet(STOP_STYLE)
+        self.button.pressed.connect(self.stopped)
+        self.release = CommandButton(RELEASING)
+        rows = QVBoxLayout(self)
+        rows.setContentsMargins(0, 0, 0, 0)
+        rows.addWidget(self.button, 1)
+        rows.addWidget(self.release)
+
+
+class CommandBar(QWidget):
+    """The buttons of all other commands."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(6)
+        self.buttons = [CommandButton(command) for command in COMMANDS]
+        for place, button in enumerate(self.buttons):
+            grid.addWidget(button, *divmod(place, COLUMNS))
+            grid.setColumnStretch(place % COLUMNS, 1)
+
+
+class NoteField(QWidget):
+    """A text field for notes, stamped with the tick of their first letter, because writing takes time.
+
+    `written` carries the note as JSON: its text, and that tick. The console window keeps `tick` up to date.
+    """
+
+    written = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tick = 0
+        self._begun: int | None = None
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        self.text = QLineEdit()
+        self.text.setMaxLength(LONGEST_NOTE)
+        self.text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
+        self.text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        self.text.setPlaceholderText("Note: press F4, write, press Enter. Its time is that of the first letter.")
+        self.text.setStyleSheet(
+            f"QLineEdit {{ background: {PANEL}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};"
+            f" border-radius: 5px; padding: 5px; font-size: 16px; }}"
+            f"QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}"
+        )
+        self.stamp = label("", 12, Tone.QUIET)
+        self.stamp.setMinimumWidth(150)
+        row.addWidget(self.text, 1)
+        row.addWidget(self.stamp)
+        self.text.textEdited.connect(self._edited)
+        self.text.returnPressed.connect(self._send)
+
+    def toggle(self) -> None:
+        """Focus the field, or leave it and keep its text."""
+        if self.text.hasFocus():
+            self.text.clearFocus()
+        else:
+            self.text.setFocus()
+
+    def _edited(self, words: str) -> None:
+        """Stamp the first letter; clear the stamp of an empty note."""
+        if not words:
+            self._begun = None
+        elif self._begun is None:
+            self._begun = self.tick
+        self.stamp.setText("" if self._begun is None else f"started at {self._begun * TICK_SECONDS:.1f} s")
+
+    def _send(self) -> None:
+        words = self.text.text().strip()
+        if words and self._begun is not None:
+            self.written.emit(json.dumps({"text": words, "tick": self._begun}))
+        self.text.clear()
+        self._edited("")
+        self.text.clearFocus()
