@@ -11,8 +11,8 @@ from pathlib import Path
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.trials import Block
-from netboard.analysis.figures.figure import as_bytes
-from netboard.analysis.figures.trial import PANELS, panel
+from netboard.analysis.topics.figure import as_bytes
+from netboard.analysis.topics.trial import PANELS, panel
 from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse
 from netboard.recording.export.runs import runs_of

@@ -48,8 +48,8 @@ def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", outp
     from netboard.recording.export.formats import library
 
     library("matplotlib", "analysis")
-    from netboard.analysis.figures.figure import as_bytes
-    from netboard.analysis.figures.trial import sheet
+    from netboard.analysis.topics.figure import as_bytes
+    from netboard.analysis.topics.trial import sheet
 
     output = output or Path(f"{path.stem}_trial{trial}.png")
     kind = output.suffix.removeprefix(".")

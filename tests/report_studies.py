@@ -11,7 +11,7 @@ from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.extraction.tables import columns_of
-from netboard.analysis.results.result import Result, table_of
+from netboard.analysis.topics.result import Result, table_of
 from netboard.recording.format.channels import Field
 
 _EMPTY: Mapping[str, Any] = {"integer": 0, "number": float("nan"), "string": ""}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks
-from netboard.analysis.results.classes import Classes, classes
+from netboard.analysis.topics.classes import Classes, classes
 
 
 def moved(*seconds: tuple[float, float, float, float]) -> list[dict[str, float]]:

@@ -9,9 +9,9 @@ from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.results.contrasts import Comparison, Comparisons, comparisons, questions_of
-from netboard.analysis.results.measures import MEASURES
-from netboard.analysis.results.result import table_of
+from netboard.analysis.topics.contrasts import Comparison, Comparisons, comparisons, questions_of
+from netboard.analysis.topics.measures import MEASURES
+from netboard.analysis.topics.result import table_of
 
 ON_IN_DYADS = "dyadic, haptics on less off"
 COMPARED = [measure for measure in MEASURES if measure.compared]

@@ -7,7 +7,7 @@ import pytest
 from made_modern import Path, modern_study, with_paths, without_paths
 from made_study import Block
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results.paths import Course, courses
+from netboard.analysis.topics.paths import Course, courses
 
 
 def course_of(study: Study, quantity: str) -> Course:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks, times
-from netboard.analysis.results.delay import APART, RISE, Delay, delay
-from netboard.analysis.results.result import Result
+from netboard.analysis.topics.delay import APART, RISE, Delay, delay
+from netboard.analysis.topics.result import Result
 
 
 def moves(*delays: float, own: float = 0.0, rise: float = 0.0, **said: float) -> list[dict[str, float]]:

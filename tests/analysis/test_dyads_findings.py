@@ -5,7 +5,7 @@ import pytest
 
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results.dyads import Comparison, dyads
+from netboard.analysis.topics.dyads import Comparison, dyads
 
 
 def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Block]:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from made_study import Block, made_study, times
-from netboard.analysis.results.groups import (
+from netboard.analysis.topics.groups import (
     comparisons,
     conditions,
     counted,

@@ -9,8 +9,8 @@ import pytest
 
 from made_modern import Path, modern_blocks, modern_study, with_paths, without_paths
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results import influence
-from netboard.analysis.results.influence import Influence, influences
+from netboard.analysis.topics import influence
+from netboard.analysis.topics.influence import Influence, influences
 
 SAMPLES = 120
 

@@ -5,8 +5,8 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.results.leadership import QUESTIONS, Leaders, leaders
-from netboard.analysis.results.measures import Levels
+from netboard.analysis.topics.leadership import QUESTIONS, Leaders, leaders
+from netboard.analysis.topics.measures import Levels
 
 
 def lead_of(found: Leaders, question: str, condition: str) -> Levels:

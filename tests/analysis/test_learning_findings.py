@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks, times
-from netboard.analysis.results.groups import CLASSES
-from netboard.analysis.results.learning import Learning, learning
-from netboard.analysis.results.result import Result
+from netboard.analysis.topics.groups import CLASSES
+from netboard.analysis.topics.learning import Learning, learning
+from netboard.analysis.topics.result import Result
 
 BLOCKS = (
     Block("D01", "D01A", "bimanual", "full", times(9, 7, 3, 1)),

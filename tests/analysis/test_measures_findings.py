@@ -7,8 +7,8 @@ import pytest
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results.measures import MEASURES, Levels, Overview, as_read, levels, overview, rows_of
-from netboard.analysis.results.result import table_of
+from netboard.analysis.topics.measures import MEASURES, Levels, Overview, as_read, levels, overview, rows_of
+from netboard.analysis.topics.result import table_of
 
 
 def level_of(found: Overview, measure: str, condition: str) -> Levels:

@@ -160,7 +160,7 @@ def test_the_code_that_measures_is_all_that_it_imports(tmp_path: Path, monkeypat
         assert found[f"netboard.{name}"].is_file()
     for name in (
         *("analysis.extraction.study", "analysis.extraction.exclusions", "analysis.extraction.cache"),
-        *("analysis.results.result", "analysis.figures.figure"),
+        *("analysis.topics.result", "analysis.topics.figure"),
     ):
         assert f"netboard.{name}" not in found
     before = fingerprint.fingerprint()

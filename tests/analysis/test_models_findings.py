@@ -9,10 +9,10 @@ import pytest
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results.models import Fits, fits
-from netboard.analysis.results.result import table_of
 from netboard.analysis.statistics.factors import paper_factors
 from netboard.analysis.statistics.models import log_time_model
+from netboard.analysis.topics.models import Fits, fits
+from netboard.analysis.topics.result import table_of
 
 
 def _columns(study: Study) -> tuple[Any, ...]:

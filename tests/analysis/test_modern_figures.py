@@ -12,20 +12,20 @@ from matplotlib.figure import Figure
 from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, made_study, random_block, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.figures import contrasts, influence, models, passive
-from netboard.analysis.figures.everything import MODERN
-from netboard.analysis.figures.figure import Picture, as_bytes
-from netboard.analysis.results.contrasts import comparisons
-from netboard.analysis.results.everything import MODERN as FOUND
-from netboard.analysis.results.influence import influences
-from netboard.analysis.results.leadership import leaders
-from netboard.analysis.results.measures import overview
-from netboard.analysis.results.models import fits
-from netboard.analysis.results.passive_partner import controls
-from netboard.analysis.results.paths import courses
-from netboard.analysis.results.quality import quality as find_quality
-from netboard.analysis.results.result import table_of
-from netboard.analysis.results.units import read_in
+from netboard.analysis.topics import contrasts, influence, models, passive
+from netboard.analysis.topics.contrasts import comparisons
+from netboard.analysis.topics.everything import MODERN as FOUND
+from netboard.analysis.topics.everything import MODERN_FIGURES as MODERN
+from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.influence import influences
+from netboard.analysis.topics.leadership import leaders
+from netboard.analysis.topics.measures import overview
+from netboard.analysis.topics.models import fits
+from netboard.analysis.topics.passive import controls
+from netboard.analysis.topics.paths import courses
+from netboard.analysis.topics.quality import quality as find_quality
+from netboard.analysis.topics.result import table_of
+from netboard.analysis.topics.units import read_in
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
 NAMES = [draw.__module__.rpartition(".")[2] for draw in MODERN]
@@ -187,7 +187,7 @@ def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
     shown = [fit for fit in found.fits if fit.model.fitted]
     assert shown
     for fit in shown:
-        for effect in models.factors_of(fit):
+        for effect in models.effects_shown(fit):
             assert points(terms, f"{fit.measure}: {effect.name}")[0, 0] == effect.ratio.value
     diagnostics = shown[0].model.diagnostics
     assert diagnostics is not None

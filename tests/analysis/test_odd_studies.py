@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 
 from made_study import SMALL, made_study, random_blocks
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.figures.everything import PICTURES, drawn
-from netboard.analysis.figures.figure import Picture, as_bytes
 from netboard.analysis.report.folder import write_tables
 from netboard.analysis.report.html import write_report
-from netboard.analysis.results.everything import NOT_COMPUTED, results_in, results_of
-from netboard.analysis.results.windows import windows_of
+from netboard.analysis.topics.everything import NOT_COMPUTED, PICTURES, drawn, results_in, results_of
+from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.windows import windows_of
 from report_studies import provenance_of
 from thinned_study import LACKS, lacking
 

@@ -10,16 +10,17 @@ from matplotlib.figure import Figure
 
 from made_study import SMALL, Block, made_study, random_block, random_blocks, times
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.figures import classes, delay, dyads, learning, strategy
-from netboard.analysis.figures.everything import PAPER, pictures
-from netboard.analysis.figures.figure import Picture, as_bytes
-from netboard.analysis.results.classes import classes as find_classes
-from netboard.analysis.results.delay import PERCENT
-from netboard.analysis.results.delay import delay as find_delay
-from netboard.analysis.results.dyads import dyads as find_dyads
-from netboard.analysis.results.groups import CLASSES
-from netboard.analysis.results.learning import learning as find_learning
-from netboard.analysis.results.strategy import strategy as find_strategy
+from netboard.analysis.topics import classes, delay, dyads, learning, strategy
+from netboard.analysis.topics.classes import classes as find_classes
+from netboard.analysis.topics.delay import PERCENT
+from netboard.analysis.topics.delay import delay as find_delay
+from netboard.analysis.topics.dyads import dyads as find_dyads
+from netboard.analysis.topics.everything import PAPER_FIGURES as PAPER
+from netboard.analysis.topics.everything import pictures
+from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.groups import CLASSES
+from netboard.analysis.topics.learning import learning as find_learning
+from netboard.analysis.topics.strategy import strategy as find_strategy
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
 

@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 from made_study import SMALL, Block, made_study, random_blocks, times
-from netboard.analysis.results.everything import PAPER, results_of
-from netboard.analysis.results.paper import COMPARISON, REMINDER, REPORTED, Kind, Reported, compare
-from netboard.analysis.results.result import RESULTS
+from netboard.analysis.topics.everything import PAPER, results_of
+from netboard.analysis.topics.paper import COMPARISON, REMINDER, REPORTED, Kind, Reported, compare
+from netboard.analysis.topics.result import RESULTS
 
 FORCES = ["full", "partner_only", "environment_only", "none", "unrelated"]
 

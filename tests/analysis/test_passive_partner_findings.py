@@ -5,9 +5,8 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study
-from netboard.analysis.figures.passive import picture
-from netboard.analysis.results.passive_partner import Control, controls
-from netboard.analysis.results.result import table_of
+from netboard.analysis.topics.passive import Control, controls, picture
+from netboard.analysis.topics.result import table_of
 
 OFF = (0.40, 0.42, 0.38, 0.44)
 

@@ -7,8 +7,8 @@ import pytest
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
-from netboard.analysis.results.performers import PEOPLE, people_of
-from netboard.analysis.results.result import kept
+from netboard.analysis.topics.performers import PEOPLE, people_of
+from netboard.analysis.topics.result import kept
 from rehearsed_study import measured, rehearse
 
 pytestmark = pytest.mark.slow

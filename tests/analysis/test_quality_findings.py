@@ -5,7 +5,7 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.analysis.results.quality import quality
+from netboard.analysis.topics.quality import quality
 
 
 def test_attempts_of_a_block_are_counted_by_their_ends() -> None:

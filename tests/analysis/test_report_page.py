@@ -12,9 +12,9 @@ import pytest
 
 from netboard.analysis.extraction.settings import Exclusions, Filters, Readings
 from netboard.analysis.extraction.study import Study, study_of
-from netboard.analysis.figures.figure import Picture, new_figure
 from netboard.analysis.report.html import write_report
-from netboard.analysis.results.result import table_of
+from netboard.analysis.topics.figure import Picture, new_figure
+from netboard.analysis.topics.result import table_of
 from netboard.base.errors import NetboardError
 from pages import Element, read_page
 from report_studies import block, few_results, provenance_of, sha256_of, small_study

@@ -11,9 +11,9 @@ from netboard.analysis.extraction.settings import parse
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.numbers import after, between, unit_of, written
 from netboard.analysis.report.summary import THEMES, Main, summary
-from netboard.analysis.results.everything import results_of
-from netboard.analysis.results.result import Result, table_of
-from netboard.analysis.results.units import read_in
+from netboard.analysis.topics.everything import results_of
+from netboard.analysis.topics.result import Result, table_of
+from netboard.analysis.topics.units import read_in
 from rehearsed_study import measured, rehearse
 
 NAN = float("nan")

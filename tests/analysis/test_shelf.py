@@ -9,8 +9,8 @@ from netboard.analysis.extraction.path_table import Shelf
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.trials import sparklines
-from netboard.analysis.results.influence import influences
-from netboard.analysis.results.paths import courses
+from netboard.analysis.topics.influence import influences
+from netboard.analysis.topics.paths import courses
 from netboard.base.errors import RecordingError
 from report_studies import block
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from made_study import Block, made_study, random_blocks
-from netboard.analysis.results.strategy import EVERYBODY, Strategy, strategy
+from netboard.analysis.topics.strategy import EVERYBODY, Strategy, strategy
 
 
 def braked(*points: tuple[float, float]) -> list[dict[str, float]]:

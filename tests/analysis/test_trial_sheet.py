@@ -11,8 +11,8 @@ from netboard.analysis.extraction.details import delays_of
 from netboard.analysis.extraction.recordings import Measured
 from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.trials import Block, Take
-from netboard.analysis.figures.figure import as_bytes
-from netboard.analysis.figures.trial import PANELS, panel, sheet
+from netboard.analysis.topics.figure import as_bytes
+from netboard.analysis.topics.trial import PANELS, panel, sheet
 from netboard.base.errors import NetboardError
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording

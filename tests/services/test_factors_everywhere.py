@@ -18,11 +18,11 @@ from netboard.analysis.extraction.settings import Readings, parse
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.report.design import design
 from netboard.analysis.report.folder import write_tables
-from netboard.analysis.results.contrasts import comparisons
-from netboard.analysis.results.everything import results_of
-from netboard.analysis.results.groups import bounded, conditions
-from netboard.analysis.results.models import fits
-from netboard.analysis.results.quality import quality
+from netboard.analysis.topics.contrasts import comparisons
+from netboard.analysis.topics.everything import results_of
+from netboard.analysis.topics.groups import bounded, conditions
+from netboard.analysis.topics.models import fits
+from netboard.analysis.topics.quality import quality
 from netboard.base.config import Config
 from netboard.nodes.rehearsal.jobs import jobs_of, rehearse_all
 from netboard.recording.export.formats import export

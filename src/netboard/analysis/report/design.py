@@ -10,7 +10,7 @@ from netboard.analysis.extraction.conditions import StudyFactor
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.analysis.report.wording import amount, counted
-from netboard.analysis.results.groups import FORCES
+from netboard.analysis.topics.groups import FORCES
 from netboard.base.config import SIDES
 from netboard.task.studies.factors import level_text
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from netboard.analysis.figures.figure import Picture, as_bytes
 from netboard.analysis.report.wording import visible
+from netboard.analysis.topics.figure import Picture, as_bytes
 
 LARGEST_SVG = 400_000
 """Largest SVG file that is embedded; larger figures are embedded as PNG, in bytes [1]."""

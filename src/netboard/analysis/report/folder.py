@@ -21,13 +21,12 @@ from netboard.analysis.extraction.running import Harvest, LeftOut
 from netboard.analysis.extraction.settings import resolve
 from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study
 from netboard.analysis.extraction.tables import DTYPES, Columns, words
-from netboard.analysis.figures.everything import pictures
-from netboard.analysis.figures.figure import Picture, as_bytes
 from netboard.analysis.report.html import write_report
-from netboard.analysis.results.everything import NOT_COMPUTED, results_of
-from netboard.analysis.results.paper import COMPARISON, compare
-from netboard.analysis.results.performers import PEOPLE, people_of
-from netboard.analysis.results.result import RESULTS
+from netboard.analysis.topics.everything import NOT_COMPUTED, pictures, results_of
+from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.paper import COMPARISON, compare
+from netboard.analysis.topics.performers import PEOPLE, people_of
+from netboard.analysis.topics.result import RESULTS
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.tabular import open_csv, open_parquet, write_dictionary
 from netboard.recording.format.channels import Field

@@ -16,7 +16,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.figures.figure import Picture
 from netboard.analysis.report.design import design, participants
 from netboard.analysis.report.drawings import drawing
 from netboard.analysis.report.numbers import comparison_grid, topics
@@ -25,6 +24,7 @@ from netboard.analysis.report.soundness import soundness
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import css_text, visible
+from netboard.analysis.topics.figure import Picture
 from netboard.base.errors import NetboardError
 
 NAME = "report.html"
@@ -44,7 +44,7 @@ def write_report(
     Parameters
     ----------
     results : DataFrame
-        Tidy table of all results, with the columns of `netboard.analysis.results.result.RESULTS`.
+        Tidy table of all results, with the columns of `netboard.analysis.topics.result.RESULTS`.
     pictures : sequence of Picture
         Figures in reading order; results belong to a figure by its name.
     provenance : mapping

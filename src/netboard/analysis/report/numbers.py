@@ -1,6 +1,6 @@
 """Results in a report: numbers with their intervals, result tables, and the comparison with the paper.
 
-Numbers are in display units (`netboard.analysis.results.units`); the tables of an analysis are in SI units.
+Numbers are in display units (`netboard.analysis.topics.units`); the tables of an analysis are in SI units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ import pandas as pd
 
 from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.analysis.report.wording import NONE, amount, counted, decimals
-from netboard.analysis.results.units import Unit, read_in
+from netboard.analysis.topics.units import Unit, read_in
 
 
 def unit_of(row: Mapping[str, Any]) -> Unit:

@@ -15,7 +15,7 @@ import pandas as pd
 from netboard.analysis.report.grids import Column, Grid, grid, name, number
 from netboard.analysis.report.numbers import after, between, records, unit_of, written
 from netboard.analysis.report.wording import amount, counted
-from netboard.analysis.results.delay import OVER_ALL, RISE
+from netboard.analysis.topics.delay import OVER_ALL, RISE
 
 _STAGES = r"(?P<team>.+), last (?P<count>\d+) less first \d+"
 _GROUPS = r"(?P<team>.+), last group less first"

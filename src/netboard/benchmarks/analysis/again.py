@@ -19,8 +19,8 @@ from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of
 from netboard.analysis.extraction.trials import Block, Take
-from netboard.analysis.results.delay import PERCENT
-from netboard.analysis.results.groups import CLASSES
+from netboard.analysis.topics.delay import PERCENT
+from netboard.analysis.topics.groups import CLASSES
 from netboard.base.config import SIDES
 from netboard.benchmarks.analysis.disturbances import Disturbance
 from netboard.benchmarks.analysis.forms import Form, compared

@@ -146,7 +146,7 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
 
 
 def _save(folder: Folder, figure: Any) -> None:
-    from netboard.analysis.figures.figure import as_bytes
+    from netboard.analysis.topics.figure import as_bytes
 
     for kind in ("png", "svg"):
         (folder.path / f"analysis-paths.{kind}").write_bytes(as_bytes(figure, kind))

@@ -101,7 +101,7 @@ def draw_paths(
     default: dict[str, float], paths: Sequence[dict[str, float]], singles: Sequence[dict[str, float]]
 ) -> Any:
     """Draw how the headline numbers are spread over the paths."""
-    from netboard.analysis.figures.figure import BLUE, SKY, VERMILION, new_figure
+    from netboard.analysis.topics.figure import BLUE, SKY, VERMILION, new_figure
 
     figure, axes = new_figure(3.9, columns=4, rows=2)
     for axis, (name, label, factor) in zip(axes, HEADLINES, strict=True):

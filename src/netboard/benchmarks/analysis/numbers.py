@@ -1,6 +1,6 @@
 """The numbers that the paper reports, of a study, under a name each, so that two readings can be compared.
 
-They are those of `netboard.analysis.results`; what is added are the means of the strategy, the sides of the ellipses,
+They are those of `netboard.analysis.topics`; what is added are the means of the strategy, the sides of the ellipses,
 and what the last group's spread is of the first one's.
 """
 
@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from math import nan
 
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.results.classes import classes
-from netboard.analysis.results.delay import PERCENT, delay
-from netboard.analysis.results.dyads import dyads
-from netboard.analysis.results.groups import CLASSES, conditions, counted, of_dyads, of_performers
-from netboard.analysis.results.learning import learning
-from netboard.analysis.results.strategy import EVERYBODY, TeamStrategy, strategy
+from netboard.analysis.topics.classes import classes
+from netboard.analysis.topics.delay import PERCENT, delay
+from netboard.analysis.topics.dyads import dyads
+from netboard.analysis.topics.groups import CLASSES, conditions, counted, of_dyads, of_performers
+from netboard.analysis.topics.learning import learning
+from netboard.analysis.topics.strategy import EVERYBODY, TeamStrategy, strategy
 from netboard.benchmarks.analysis.readings import Family
 
 OF: dict[str, Family] = {"completion": "time", "peaks": "peaks"}

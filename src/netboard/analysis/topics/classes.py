@@ -1,0 +1,252 @@
+"""Movement classes (the paper's figure 4): shares of time with cooperative, competitive, single or no movement.
+
+Shares are computed for each trial, averaged for each performer and then for each dyad. A setting decides whether every
+trial or every second has equal weight within a performer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.movements import Average, mean_shares
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.topics.figure import CLASS_COLOURS, Picture
+from netboard.analysis.topics.groups import (
+    CLASSES,
+    Condition,
+    comparisons,
+    conditions,
+    counted,
+    estimate,
+    estimated,
+    of_dyads,
+)
+from netboard.analysis.topics.marks import (
+    apart,
+    draw_dyads,
+    draw_mean,
+    how_many,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
+from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.units import PERCENT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TOPIC = "classes"
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Shares of the classes in a condition.
+
+    Attributes
+    ----------
+    performers : DataFrame
+        Shares of each dyad and performer (rows) and class (columns) [1].
+    dyads : DataFrame
+        Shares of each dyad (rows) and class (columns) [1].
+    """
+
+    condition: Condition
+    performers: pd.DataFrame
+    dyads: pd.DataFrame
+    means: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Classes:
+    """Shares of the classes in all conditions."""
+
+    shares: tuple[Shares, ...]
+    results: tuple[Result, ...]
+
+
+def classes(study: Study) -> Classes:
+    """Return the shares of the movement classes in all conditions."""
+    trials = counted(study)
+    found = tuple(
+        _shares(one, trials[trials["condition"] == one.name], study.readings.summaries.shares)
+        for one in conditions(study)
+    )
+    return Classes(found, tuple(_results(found)))
+
+
+def _shares(condition: Condition, rows: pd.DataFrame, of: Average) -> Shares:
+    each = {
+        key: mean_shares(own[list(CLASSES)].to_numpy(np.float64), of=of)
+        for key, own in rows.groupby(["dyad", "performer"])
+    }
+    performers = _table(each)
+    dyads = of_dyads(performers)
+    return Shares(condition, performers, dyads, tuple(estimate(dyads[name]) for name in CLASSES))
+
+
+def _table(each: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame:
+    """Return shares as a table; performers without shares are left out."""
+    known = {key: values for key, values in each.items() if np.isfinite(values).all()}
+    index = pd.MultiIndex.from_tuples(list(known), names=["dyad", "performer"]) if known else _NOBODY
+    return pd.DataFrame(np.array(list(known.values())).reshape(-1, len(CLASSES)), index, columns=list(CLASSES))
+
+
+_NOBODY = pd.MultiIndex.from_arrays([[], []], names=["dyad", "performer"])
+
+
+def _results(found: tuple[Shares, ...]) -> Iterator[Result]:
+    for one in found:
+        for name, mean in zip(CLASSES, one.means, strict=True):
+            yield estimated(TOPIC, f"share of {_words(name)}", one.condition.label, mean, "1")
+    every = tuple(one.condition for one in found)
+    for name in CLASSES:
+        values = {one.condition.name: one.dyads[name] for one in found}
+        for group, differences in comparisons(every, values):
+            yield estimated(TOPIC, f"share of {_words(name)}", group, estimate(differences), "1", "a difference")
+
+
+def _words(name: str) -> str:
+    """Return the name of a movement class."""
+    return "stillness" if name == "still" else f"{name} movement"
+
+
+TITLE = "Classes of movement"
+
+STACK = ("cooperative", "single", "competitive", "still")
+"""From the left; dark and light colours alternate, so that neighbours also differ in grey."""
+
+_READABLE = 6.0
+"""Smallest share with a number in its bar [%]."""
+
+_FEW = 4
+"""Largest number of conditions for the narrow layout of dots."""
+
+_NAME = 13.0
+"""Width reserved for a name below the bars [%]."""
+
+_BESIDE = 0.25
+"""Offset of a mean from its dyads, as a fraction of the distance between conditions [1]."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the shares of the movement classes.
+
+    Bars show means over dyads; the other panels show dyads and means with 95 % t intervals.
+    """
+    found = [one for one in classes(study).shares if len(one.dyads)]
+    if not found:
+        return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
+    many_of = _crowded(found)
+    dots = (
+        [[name for name in pair for _ in range(2)] for pair in (CLASSES[:2], CLASSES[2:])]
+        if many_of
+        else [list(CLASSES)]
+    )
+    below = 0.5 + 0.3 * len(found)
+    height = [below, 1.6, 3.2] if many_of else [below, 2.2]
+    figure, axes = new_mosaic(sum(height) + 0.4, [["bars"] * len(CLASSES), *dots], height_ratios=height)
+    _bars(axes["bars"], found)
+    titled(axes["bars"], "A", "mean shares")
+    for name, letter in zip(CLASSES, "BCDE", strict=True):
+        _dots(axes[name], found, name)
+        titled(axes[name], letter, name)
+        if name == CLASSES[0] or (many_of and name == CLASSES[2]):
+            axes[name].set_ylabel("share of the time [%]")
+        if many_of and name in CLASSES[:2]:
+            axes[name].tick_params(axis="x", labelbottom=False)
+    return Picture("classes", TITLE, _caption(study, found), figure)
+
+
+def _crowded(found: list[Shares]) -> bool:
+    """Return whether the team names do not fit: many conditions, or levels in the names."""
+    return len(found) > _FEW or any(one.condition.among for one in found)
+
+
+def _bars(axes: Axes, found: list[Shares]) -> None:
+    """Draw a bar of all shares for each condition."""
+    for row, one in enumerate(found):
+        begin = 0.0
+        for name in STACK:
+            share = PERCENT.scale * one.means[CLASSES.index(name)].value
+            label = f"_{one.condition.name}: {name}"
+            axes.barh(row, share, 0.72, begin, color=CLASS_COLOURS[name], edgecolor="white", linewidth=0.6, label=label)
+            if share >= _READABLE:
+                axes.text(begin + share / 2, row, f"{share:.0f}", ha="center", va="center", fontsize=7.5)
+            begin += share
+    shares = PERCENT.scale * np.array([found[-1].means[CLASSES.index(name)].value for name in STACK])
+    for name, middle in zip(STACK, apart(list(np.cumsum(shares) - shares / 2), _NAME), strict=True):
+        axes.text(middle, len(found) - 0.55, name, ha="center", va="top", fontsize=7.5)
+    axes.set_yticks(range(len(found)), [one.condition.label for one in found])
+    axes.set_ylim(len(found) + 0.05, -0.5)
+    axes.set_xlim(0.0, PERCENT.scale)
+    axes.set_xlabel("share of the time [%]")
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+
+
+def _dots(axes: Axes, found: list[Shares], name: str) -> None:
+    """Draw the share of one class in each condition: each dyad, and the mean."""
+    at = _places(found)
+    for team in dict.fromkeys(one.condition.team for one in found):
+        own = [one for one in found if one.condition.team == team]
+        for dyad in sorted({dyad for one in own for dyad in one.dyads.index}):
+            here = [one for one in own if dyad in one.dyads.index]
+            x = [at[one.condition.name] for one in here]
+            y = [PERCENT.scale * one.dyads.loc[dyad, name] for one in here]
+            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    first = {one.condition.team: one for one in reversed(found)}
+    for one in found:
+        mean, aside = one.means[CLASSES.index(name)], -_BESIDE if first[one.condition.team] is one else _BESIDE
+        look, place = look_of(one.condition), at[one.condition.name] + aside
+        draw_mean(axes, place, mean, look, one.condition.name, scale=PERCENT.scale)
+    _named(axes, found, at)
+    axes.set_xlim(-0.7, max(at.values()) + 0.7)
+    axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])
+
+
+def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
+    """Label the axis with haptic conditions, and the teams below them."""
+    if _crowded(found):
+        axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
+        return
+    short = [one.condition.feeling.removeprefix("haptics ") for one in found]
+    axes.set_xticks(list(at.values()), short, fontsize=7)
+    teams = dict.fromkeys(one.condition.team for one in found)
+    middles = [
+        float(np.mean([at[one.condition.name] for one in found if one.condition.team == team])) for team in teams
+    ]
+    axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=7)
+    axes.tick_params(axis="x", which="minor", length=0, pad=16)
+
+
+def _places(found: list[Shares]) -> dict[str, float]:
+    """Return positions of conditions, with larger gaps between teams."""
+    at, place = {}, 0.0
+    for before, one in zip([found[0], *found], found, strict=False):
+        place += (0.0 if before is one else 1.0) + 0.5 * (before.condition.team != one.condition.team)
+        at[one.condition.name] = place
+    return at
+
+
+def _caption(study: Study, found: list[Shares]) -> str:
+    window = "from the release to the completion"
+    if study.readings.movements.window == "whole":
+        window = "from the release to the end of the hold"
+    weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
+    known = [(one.condition.label, len(one.dyads), "dyad") for one in found]
+    return (
+        f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
+        f"(competitive), one moves (single) or none (still); {weight} of a performer counts the same. A: means over "
+        "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t intervals (large). "
+        f"{how_many(known)}"
+    )

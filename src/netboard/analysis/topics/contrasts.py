@@ -1,0 +1,349 @@
+"""Effects of haptic feedback and of a partner: within-dyad contrasts with confidence intervals and exact tests.
+
+Every compared measure of `netboard.analysis.topics.measures` has the same contrasts: each haptic condition minus
+haptics off, within each configuration; two people minus one, within each haptic condition; the interaction of both; and
+each level of a further factor minus its first level, within all other factors. The contrasts of all measures of a
+family are one family of tests (Holm). They are declared here, before any results are seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm
+from netboard.analysis.statistics.effect_sizes import paired_effect
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.statistics.exact_tests import SYMMETRIC
+from netboard.analysis.topics.figure import BLACK, Picture
+from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, with_base
+from netboard.analysis.topics.marks import Look, beside, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.measures import EXPLAINED, Measure, as_read, exponential, levels
+from netboard.analysis.topics.result import Result, kept
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Kind = Literal["forces", "configuration", "interaction", "factor"]
+
+T = TypeVar("T")
+
+LEAST_FOR_SKEWNESS = 4
+"""Minimum number of differences for a skewness [1]."""
+
+SEED = 20_220_302
+"""Seed of bootstraps, and of permutation tests with many dyads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A contrast between conditions.
+
+    Attributes
+    ----------
+    first, second : tuple of str
+        Conditions: the level of one, or the difference of two, first minus second.
+    """
+
+    kind: Kind
+    name: str
+    first: tuple[str, ...]
+    second: tuple[str, ...]
+
+
+def questions_of(study: Study) -> tuple[Question, ...]:
+    """Return the declared contrasts for a study.
+
+    Parameters
+    ----------
+    study : Study
+        The study. Only conditions with human performers are compared: no robot and no still hand.
+    """
+    people = tuple(one for one in conditions(study) if not one.partner)
+    forces = {(one.configuration, one.force, one.among): one for one in people}
+    effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
+    return (
+        *(Question("forces", f"{one.label} less off", (one.name,), (off.name,)) for one, off in effects.values()),
+        *(
+            Question(
+                "configuration",
+                ", ".join(("dyadic less bimanual", one.feeling, *one.among)),
+                (one.name,),
+                (alone.name,),
+            )
+            for one, alone in _both(forces)
+        ),
+        *(
+            Question(
+                "interaction",
+                ", ".join((f"{two[0].feeling} less off, dyadic less bimanual", *two[0].among)),
+                (two[0].name, two[1].name),
+                (one[0].name, one[1].name),
+            )
+            for two, one in _both(effects)
+        ),
+        *(Question("factor", name, (one.name,), (base.name,)) for name, one, base in by_factor(people)),
+    )
+
+
+def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T, T]]:
+    """Yield the entries that exist for both two people and one, with equal force and other levels."""
+    for (configuration, force, among), found in of.items():
+        alone = ("bimanual", force, among)
+        if configuration == "dyadic" and alone in of:
+            yield found, of[alone]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A measure in the conditions of a contrast.
+
+    Attributes
+    ----------
+    contrast : Contrast
+        Paired differences, confidence intervals, tests and d_z; natural logarithms for a ratio measure.
+    difference, bootstrap : Estimate
+        Mean difference with its t interval and with its bootstrap interval; for a ratio measure, the ratio [unit of the
+        measure, or 1].
+    corrected : float
+        p value of the permutation test, Holm-corrected over the family [1].
+    """
+
+    measure: Measure
+    question: Question
+    contrast: Contrast
+    difference: Estimate
+    bootstrap: Estimate
+    hedges: Estimate
+    corrected: float
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the difference; 1 for a ratio."""
+        return "1" if self.measure.ratio else self.measure.unit
+
+    @property
+    def what(self) -> str:
+        """Kind of the difference."""
+        return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparisons:
+    """All contrasts of all measures."""
+
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return differences with both confidence intervals, effect sizes and tests."""
+        return tuple(row for one in self.comparisons for row in _rows(one))
+
+
+def _rows(one: Comparison) -> Iterator[Result]:
+    contrast = one.contrast
+    note = "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), *contrast.notes)))
+    group = one.question.name
+    yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
+    yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
+    yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
+    yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
+    for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
+        least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
+        shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
+        yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, f"{least}{shape}")
+    family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
+    yield _number(one, f"{one.measure.name}: p, Holm", one.corrected, contrast.n, family)
+
+
+def _symmetry(contrast: Contrast) -> str:
+    """Return a note on the permutation test's symmetry assumption and the skewness of the differences."""
+    if contrast.n < LEAST_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
+        return SYMMETRIC
+    return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
+
+
+def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> Result:
+    return Result("contrasts", quantity, one.question.name, value, np.nan, np.nan, "1", "", n, "dyad", note)
+
+
+@kept
+def comparisons(study: Study) -> Comparisons:
+    """Compute all contrasts of all measures.
+
+    Returns
+    -------
+    Comparisons
+        For every compared measure, all contrasts that some dyad has.
+    """
+    rng = np.random.default_rng(SEED)
+    questions = questions_of(study)
+    found: list[Comparison] = []
+    for measure in as_read(study):
+        if measure.compared:
+            table = levels(study, measure).pivot(index="dyad", columns="condition", values="level")
+            found += [_compare(measure, question, table, rng) for question in questions if _asked(question, table)]
+    return Comparisons(_corrected(found))
+
+
+def _asked(question: Question, table: pd.DataFrame) -> bool:
+    """Return whether a dyad has all conditions of a contrast."""
+    conditions = [*question.first, *question.second]
+    return set(conditions) <= set(table.columns) and bool(table[conditions].notna().all(axis=1).any())
+
+
+def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:
+    first, second = (_level(table, conditions) for conditions in (question.first, question.second))
+    both = pd.concat([first, second])
+    is_first = np.arange(len(both)) < len(first)
+    contrast = condition_contrast(both.to_numpy(), both.index.to_numpy(), is_first, rng, name=question.name)
+    difference, drawn = contrast.difference, contrast.bootstrap
+    if measure.ratio:
+        difference, drawn = exponential(difference), exponential(drawn)
+    hedges = paired_effect(contrast.differences, correction="hedges")
+    return Comparison(measure, question, contrast, difference, drawn, hedges, np.nan)
+
+
+def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
+    """Return the level of each dyad in a condition, or the difference of two."""
+    first = table[conditions[0]]
+    return first if len(conditions) == 1 else first - table[conditions[1]]
+
+
+def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
+    """Apply Holm's correction within families of tests."""
+    values = np.full(len(found), np.nan)
+    for family in {one.measure.family for one in found}:
+        own = [k for k, one in enumerate(found) if one.measure.family == family]
+        values[own] = holm([found[k].contrast.permutation.p for k in own])
+    return tuple(replace(one, corrected=float(p)) for one, p in zip(found, values, strict=True))
+
+
+TITLE = "Effects of forces and of a partner, standardised"
+
+KINDS = {
+    "forces": "haptics less off",
+    "configuration": "dyadic less bimanual",
+    "interaction": "haptics less off, dyadic less bimanual",
+    "factor": "levels of other factors",
+}
+"""Titles of the panels."""
+
+TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
+"""Ticks of an axis that is linear up to 1 and logarithmic beyond [1]."""
+
+_BAND = "#F3F3F3"
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw all effect sizes.
+
+    Intervals are those of the noncentral t distribution, p values those of exact permutation tests.
+    """
+    found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
+    if not found:
+        why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
+        return Picture("contrasts", TITLE, why, None)
+    kinds = [kind for kind in KINDS if any(one.question.kind == kind for one in found)]
+    names = list(dict.fromkeys(one.measure.name for one in found))
+    looks = looks_of(study, [one.question for one in found])
+    most = max(len({one.question for one in found if one.question.kind == kind}) for kind in kinds)
+    figure, axes = new_mosaic(1.3 + len(names) * (0.14 + 0.1 * most), [kinds])
+    for kind, letter in zip(kinds, "ABCD", strict=False):
+        _panel(
+            axes[kind],
+            [one for one in found if one.question.kind == kind],
+            names,
+            looks,
+            _reach(found),
+            figure.get_figheight(),
+        )
+        titled(axes[kind], letter, KINDS[kind].replace(", ", ",\n"))
+        if kind != kinds[0]:
+            axes[kind].set_yticklabels([])
+    return Picture("contrasts", TITLE, _caption(found), figure)
+
+
+def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
+    """Return each contrast's style: that of the condition with haptics or a partner; black for interactions."""
+    by_name: dict[str, Condition] = {one.name: one for one in conditions(study)}
+    return {one.name: look_of(by_name[one.first[0]], BLACK if one.kind == "interaction" else "") for one in questions}
+
+
+def _reach(found: Sequence[Comparison]) -> float:
+    """Return the limit of the axes."""
+    ends = [abs(end) for one in found for end in (one.hedges.value, one.hedges.low, one.hedges.high)]
+    return 1.2 * max(1.0, float(np.nanmax(ends)))
+
+
+def _panel(
+    axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
+) -> None:
+    """Draw one kind of effect, a row for each measure, with exact p values on the right."""
+    questions = list(dict.fromkeys(one.question for one in found))
+    offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
+    for row in range(0, len(names), 2):
+        axes.axhspan(row - 0.5, row + 0.5, color=_BAND, zorder=0, linewidth=0.0)
+    axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    for one in found:
+        at = names.index(one.measure.name) + offsets[one.question]
+        draw_mean(
+            axes, at, one.hedges, looks[one.question.name], f"{one.measure.name}: {one.question.name}", across=True
+        )
+        p = one.contrast.permutation.p
+        axes.text(1.02, at, f"{p:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
+    axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xscale("asinh", linear_width=1.0)
+    axes.set_xlim(-reach, reach)
+    ticks = [tick for tick in TICKS if abs(tick) <= reach]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=6.5)
+    axes.set_xticks([], minor=True)
+    axes.set_xlabel("effect size g_z [1]")
+    if len(questions) > 1:
+        _legend(axes, questions, looks, height)
+
+
+def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
+    for one in questions:
+        look = looks[one.name]
+        axes.plot(
+            [],
+            [],
+            linestyle="none",
+            marker=look.marker,
+            color=look.colour,
+            markerfacecolor=look.face,
+            label=_short(one),
+        )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
+
+
+def _short(question: Question) -> str:
+    """Return the part of a contrast's name that distinguishes it from others of its kind."""
+    if question.kind == "configuration":
+        return question.name.removeprefix("dyadic less bimanual, ")
+    return question.name.partition(" less off")[0]
+
+
+def _caption(found: Sequence[Comparison]) -> str:
+    n = sorted({one.contrast.n for one in found})
+    many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
+    least = min(one.contrast.permutation.least_p for one in found)
+    sure = sum(one.corrected < 0.05 for one in found)
+    return (
+        "Mean difference over the standard deviation of the dyads' differences, without bias (g_z), with 95 % "
+        f"intervals of the noncentral t distribution; n = {many} dyads, each compared with itself; completion times by "
+        "their logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, which can give no p below "
+        f"{least:.3g} with so many dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
+        f"of {len(found)} are below 0.05."
+    )

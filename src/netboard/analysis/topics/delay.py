@@ -1,0 +1,333 @@
+"""Delay between the sides in cooperative movements (the paper's figure 6), at fractions of a peak velocity.
+
+The paper averages absolute delays, whose mean is positive even without a leader; the signed delay and its standard
+deviation are reported as well. The paper's threshold is a fraction of the slower side's peak for both sides, which
+makes the side that moves farther appear earlier. Delays at fractions of each side's own peak have no such bias and are
+also reported.
+
+The unit of a confidence interval is set: dyads, performers or single movements. The last treats movements of one
+performer as independent. Contrasts between conditions always use dyads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.cooperation import PORTIONS
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.groups import (
+    Condition,
+    comparisons,
+    conditions,
+    estimate,
+    estimated,
+    of_dyads,
+    with_base,
+)
+from netboard.analysis.topics.marks import (
+    Look,
+    beside,
+    draw_dyads,
+    draw_mean,
+    how_many,
+    in_lines,
+    listed,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
+from netboard.analysis.topics.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TOPIC = "delay"
+
+PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
+"""Fractions of a peak [%]."""
+
+OVER_ALL = f"mean of {PERCENT[0]} to {PERCENT[-1]} %"
+"""Name of the mean over the fractions."""
+
+RISE = f"delay at {PERCENT[-1]} % less that at {PERCENT[0]} %"
+"""Name of the increase of delays with the threshold."""
+
+APART = "thresholds at which the intervals do not overlap"
+"""Name of the paper's criterion for a difference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delays:
+    """One kind of delay in a condition.
+
+    Attributes
+    ----------
+    units : DataFrame
+        Delay of each unit of replication (rows) at each of `PERCENT` (columns) [s].
+    dyads : DataFrame
+        Delay of each dyad (rows) at each of `PERCENT` (columns) [s].
+    """
+
+    units: pd.DataFrame
+    dyads: pd.DataFrame
+    means: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionDelay:
+    """The delays of a condition.
+
+    Attributes
+    ----------
+    as_set : Delays
+        At fractions of the set peak, absolute or signed as set.
+    own_peak : Delays
+        At fractions of each side's own peak, absolute or signed as set.
+    signed : Delays
+        At fractions of the set peak, left minus right.
+    truncated : tuple of float
+        Share of delays with a truncated search for a crossing, for each of `PERCENT`; NaN without delays [1].
+    """
+
+    condition: Condition
+    as_set: Delays
+    own_peak: Delays
+    signed: Delays
+    deviations: Delays
+    movements: int
+    truncated: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """The delays of all conditions."""
+
+    conditions: tuple[ConditionDelay, ...]
+    kind: str
+    unit: str
+    results: tuple[Result, ...]
+
+
+def delay(study: Study) -> Delay:
+    """Return the delays of all conditions."""
+    how = study.readings.summaries
+    rows = study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
+    found = tuple(
+        _of_condition(one, rows[rows["condition"] == one.name], how.delay, how.intervals) for one in conditions(study)
+    )
+    return Delay(found, how.delay, how.intervals, tuple(_results(found, how.delay)))
+
+
+def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
+    signed = _columns(rows, "delay")
+    own = _columns(rows, "own_delay")
+    truncated = rows[[f"truncated_{q}" for q in PERCENT]].astype(np.float64).set_axis(list(PERCENT), axis=1)
+    told = truncated.where(signed.notna() | (truncated == 1.0))
+    place = rows[["dyad", "performer"]]
+    deviations = signed.groupby([place["dyad"], place["performer"]]).std().rename_axis(["dyad", "performer"])
+    spread_of = "dyads" if unit == "movements" else unit
+    return ConditionDelay(
+        condition,
+        _delays(place, signed.abs() if kind == "absolute" else signed, condition, unit),
+        _delays(place, own.abs() if kind == "absolute" else own, condition, unit),
+        _delays(place, signed, condition, unit),
+        _of_units(deviations, deviations, condition, spread_of),
+        len(rows),
+        tuple(told.mean(axis=0)),
+    )
+
+
+def _columns(rows: pd.DataFrame, prefix: str) -> pd.DataFrame:
+    """Return the columns of a delay, named by their fractions."""
+    return rows[[f"{prefix}_{q}" for q in PERCENT]].set_axis(list(PERCENT), axis=1)
+
+
+def _delays(place: pd.DataFrame, values: pd.DataFrame, condition: Condition, unit: str) -> Delays:
+    performers = values.groupby([place["dyad"], place["performer"]]).mean()
+    return _of_units(values, performers, condition, unit)
+
+
+def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Condition, unit: str) -> Delays:
+    """Average over the set units."""
+    dyads = of_dyads(performers)
+    person = "participant" if condition.configuration == "bimanual" else "dyad"
+    units, of = {
+        "dyads": (dyads, "dyad"),
+        "people": (performers, person),
+        "movements": (single, "movement"),
+    }[unit]
+    return Delays(units, dyads, tuple(estimate(units[q], of) for q in PERCENT))
+
+
+def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
+    for one in found:
+        yield from _of_one(one, kind)
+    overall = {one.condition.name: one.as_set.dyads.mean(axis=1, skipna=False) for one in found}
+    for team in dict.fromkeys(one.condition.team for one in found):
+        own = [overall[one.condition.name] for one in found if one.condition.team == team]
+        mean = estimate(pd.concat(own, axis=1).mean(axis=1, skipna=False))
+        yield estimated(TOPIC, f"delay, {OVER_ALL}", team, mean, "s", f"{kind}; over its conditions")
+    every = tuple(one.condition for one in found)
+    for group, differences in comparisons(every, overall):
+        yield estimated(TOPIC, f"delay, {OVER_ALL}", group, estimate(differences), "s", f"{kind}; a difference")
+    by_name = {one.condition.name: one for one in found}
+    for felt, base in with_base(every):
+        yield _apart(f"{felt.label} less off", by_name[felt.name], by_name[base.name])
+
+
+def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
+    """Yield the results of a condition."""
+    label = found.condition.label
+    kinds = (
+        ("delay at {} %", found.as_set, kind),
+        ("delay at {} % of own peaks", found.own_peak, kind),
+        ("signed delay at {} %", found.signed, "left less right"),
+        ("SD of the signed delay at {} %", found.deviations, "of each performer's movements"),
+    )
+    for name, delays, note in kinds:
+        for q, mean in zip(PERCENT, delays.means, strict=True):
+            yield estimated(TOPIC, name.format(q), label, mean, "s", note)
+    for q, share in zip(PERCENT, found.truncated, strict=True):
+        name = f"share of searches cut off at {q} %"
+        yield Result(TOPIC, name, label, share, nan, nan, "1", "", found.movements, "movement")
+    dyads = found.as_set.dyads
+    yield estimated(TOPIC, f"delay, {OVER_ALL}", label, estimate(dyads.mean(axis=1, skipna=False)), "s", kind)
+    rise = estimate(dyads[PERCENT[-1]] - dyads[PERCENT[0]])
+    yield estimated(TOPIC, RISE, label, rise, "s", f"{kind}; a difference")
+
+
+def _apart(group: str, one: ConditionDelay, other: ConditionDelay) -> Result:
+    """Count the fractions at which the confidence intervals of two conditions do not overlap."""
+    pairs = [
+        (first, second)
+        for first, second in zip(one.as_set.means, other.as_set.means, strict=True)
+        if np.isfinite([first.low, second.low]).all()
+    ]
+    apart = sum(first.high < second.low or second.high < first.low for first, second in pairs)
+    value = float(apart) if pairs else nan
+    note = f"intervals of {one.as_set.means[0].unit}s"
+    return Result(TOPIC, APART, group, value, nan, nan, "1", "", len(pairs), "threshold", note)
+
+
+TITLE = "Delay between the sides"
+
+_MS = 1000.0
+_WIDTH = 0.6
+_BESIDE = 0.09
+_FEW = 4
+"""Largest number of conditions with panels side by side."""
+
+_GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the delays of all conditions.
+
+    The panel of delays at each side's own peak has no bias from a common threshold.
+    """
+    found = delay(study)
+    shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
+    if not shown:
+        return Picture("delay", TITLE, "No trial that counts has a cooperative movement, so there are no delays.", None)
+    few = len(shown) <= _FEW
+    layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
+    figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
+    panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
+        ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
+        ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
+        ("signed", "signed delay, left less right", lambda one: one.signed),
+    )
+    for (name, title, delays), letter in zip(panels, "ABC", strict=True):
+        titled(axes[name], letter, title)
+        _panel(axes[name], shown, delays)
+    _deviations(axes["signed"], shown)
+    if few:
+        _portions(axes["set"], len(shown))
+    for name in () if few else ("set", "own"):
+        axes[name].tick_params(axis="x", labelbottom=False)
+    return Picture("delay", TITLE, _caption(study, shown), figure)
+
+
+def _threshold(study: Study) -> str:
+    of = "the slower side's peak" if study.readings.delays.threshold == "slower_side" else "each side's own peak"
+    return f"threshold at a portion of {of}"
+
+
+def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionDelay], Delays]) -> None:
+    """Draw one kind of delay in each condition and at each fraction, darker for higher fractions."""
+    for place, one in enumerate(shown):
+        look, found = look_of(one.condition), delays(one)
+        few = len(found.units) <= 40
+        for offset, q, grey, mean in zip(beside(len(PERCENT), _WIDTH), PERCENT, _GREYS, found.means, strict=True):
+            label = f"{one.condition.name}, {q} %"
+            units = (found.units if few else found.dyads)[q]
+            draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
+            face = "white" if look.face == "white" else grey
+            draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
+    if len(shown) <= _FEW:
+        axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    else:
+        axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=7.5, rotation=90)
+    axes.set_xlim(-0.5, len(shown) - 0.5)
+    axes.set_ylabel("delay [ms]")
+    if axes.get_ylim()[0] < 0.0:
+        axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=0)
+    else:
+        axes.set_ylim(bottom=0.0)
+
+
+def _deviations(axes: Axes, shown: list[ConditionDelay]) -> None:
+    """Draw the standard deviation of the signed delays as pale bars."""
+    axes.use_sticky_edges = False
+    for place, one in enumerate(shown):
+        for offset, q, mean, spread in zip(
+            beside(len(PERCENT), _WIDTH), PERCENT, one.signed.means, one.deviations.means, strict=True
+        ):
+            if np.isfinite([mean.value, spread.value]).all():
+                axes.bar(
+                    place + offset,
+                    2 * _MS * spread.value,
+                    0.13,
+                    _MS * (mean.value - spread.value),
+                    color="#E4E4E4",
+                    zorder=0,
+                    label=f"_{one.condition.name}, {q} %, SD",
+                )
+
+
+def _portions(axes: Axes, count: int) -> None:
+    """Label the axis with the fractions."""
+    ticks = [place + offset for place in range(count) for offset in beside(len(PERCENT), _WIDTH)]
+    names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(PERCENT)]
+    axes.set_xticks(ticks, names, minor=True, fontsize=6.5)
+    axes.tick_params(axis="x", which="minor", length=2, pad=1)
+    axes.tick_params(axis="x", which="major", length=0, pad=11)
+
+
+def _caption(study: Study, shown: list[ConditionDelay]) -> str:
+    of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
+    unit = study.readings.summaries.intervals
+    known = [(one.condition.label, one.as_set.means[0].n, one.as_set.means[0].unit) for one in shown]
+    each = how_many(known, [one.movements for one in shown], "movement")
+    warning = (
+        " Movements of one person are not independent, so that these intervals are too short."
+        if unit == "movements"
+        else ""
+    )
+    few = of["dyads" if unit == "movements" else unit]
+    return (
+        "Time between the sides' reaching a portion of a peak velocity in cooperative movements: "
+        f"{listed([str(q) for q in PERCENT])} %, the darker the higher. Large points: means with 95 % t intervals over "
+        f"{of[unit]}; small points: {few}. B: without the bias that one threshold for both sides has; C: pale bars are "
+        f"mean ± SD within performers.{warning} {each}"
+    )

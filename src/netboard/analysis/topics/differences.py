@@ -1,0 +1,79 @@
+"""Effects of haptic feedback and of a partner on every measure, in the measure's unit.
+
+Differences are within dyads; completion times have ratios. The numbers come from `netboard.analysis.topics.contrasts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
+from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.marks import Look, draw_dyads, draw_mean, styled
+from netboard.analysis.topics.measures import COLUMNS, grid
+from netboard.analysis.topics.units import read_in
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TITLE = "Effects of forces and of a partner"
+
+FEW = 8
+"""Largest number of differences in a narrow panel [1]."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw all differences between conditions."""
+    from matplotlib.lines import Line2D
+
+    found = comparisons(study).comparisons
+    if not found:
+        return Picture("differences", TITLE, "No dyad has two conditions that are compared.", None)
+    names = list(dict.fromkeys(one.measure.name for one in found))
+    questions = sorted({one.question for one in found}, key=[one.question for one in found].index)
+    looks = looks_of(study, questions)
+    figure, axes = grid(names, 1.35, COLUMNS if len(questions) <= FEW else COLUMNS // 2)
+    for name in names:
+        _panel(axes[name], [one for one in found if one.measure.name == name], questions, looks)
+    handles = [
+        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
+        for look in (looks[one.name] for one in questions)
+    ]
+    labels = [f"{letter}: {one.name}" for letter, one in zip(_LETTERS, questions, strict=False)]
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, handletextpad=0.2, fontsize=7)
+    return Picture("differences", TITLE, _caption(found), figure)
+
+
+_LETTERS = "abcdefghijklmnopqrstuvwxyz"
+
+
+def _panel(axes: Axes, found: Sequence[Comparison], questions: Sequence[Question], looks: dict[str, Look]) -> None:
+    """Draw the differences in a measure: each dyad, and the mean."""
+    measure = found[0].measure
+    unit = read_in(found[0].unit, found[0].what)
+    axes.axhline(1.0 if measure.ratio else 0.0, color="#888888", linewidth=0.8, zorder=1)
+    for one in found:
+        at, look = questions.index(one.question), looks[one.question.name]
+        each = np.asarray(one.contrast.differences)
+        each = np.exp(each) if measure.ratio else unit.scale * each
+        draw_dyads(axes, np.full(len(each), at + 0.22), each, look.colour, f"{one.question.name}, dyads")
+        draw_mean(axes, at, one.difference, look, one.question.name, scale=unit.scale)
+    axes.set_title(measure.name, loc="left", fontsize=7.5)
+    axes.set_ylabel(f"{'ratio' if measure.ratio else 'difference'} {unit.in_brackets}", fontsize=7)
+    axes.tick_params(axis="y", labelsize=6.5)
+    axes.set_xticks(range(len(questions)), list(_LETTERS[: len(questions)]), fontsize=7)
+    axes.set_xlim(-0.6, len(questions) - 0.4)
+
+
+def _caption(found: Sequence[Comparison]) -> str:
+    n = sorted({one.contrast.n for one in found})
+    many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
+    return (
+        "Differences between conditions, of completion times ratios: each dyad with itself (small points), and the "
+        f"mean over dyads with its 95 % t interval (large); n = {many} dyad{'s' * (n[-1] != 1)}."
+    )

@@ -1,0 +1,132 @@
+"""All results of a study in one tidy table, and all figures.
+
+Each topic is a function of the study whose result object lists its rows. An error in one topic becomes a row of its
+own, an error in a figure becomes its caption; neither stops the others.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import nan
+from typing import Protocol
+
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.topics import (
+    classes,
+    contrasts,
+    delay,
+    differences,
+    dyads,
+    influence,
+    leadership,
+    learning,
+    measures,
+    models,
+    passive,
+    paths,
+    quality,
+    strategy,
+)
+from netboard.analysis.topics.figure import Picture, as_bytes
+from netboard.analysis.topics.result import UNCOMPUTABLE, Result, table_of
+
+NOT_COMPUTED = "not computed"
+"""Quantity of the result that replaces a topic after an error, which its note gives."""
+
+
+class Finding(Protocol):
+    """Result object of one topic."""
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return the rows to report."""
+
+
+PAPER: tuple[Callable[[Study], Finding], ...] = (
+    learning.learning,
+    dyads.dyads,
+    classes.classes,
+    strategy.strategy,
+    delay.delay,
+)
+"""Topics of the paper, in the order of its figures 2 to 6."""
+
+MODERN: tuple[Callable[[Study], Finding], ...] = (
+    quality.quality,
+    measures.overview,
+    contrasts.comparisons,
+    models.fits,
+    leadership.leaders,
+    influence.influences,
+    passive.controls,
+    paths.courses,
+)
+"""Topics beyond the paper."""
+
+FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
+"""All topics."""
+
+
+def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FINDINGS) -> pd.DataFrame:
+    """Compute the results of all topics."""
+    return table_of(result for find in findings for result in results_in(study, find))
+
+
+def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, ...]:
+    """Compute one topic; an error becomes a result in its place, so that other topics are unaffected."""
+    try:
+        return find(study).results
+    except UNCOMPUTABLE as error:
+        why = f"{type(error).__name__}: {error}"
+        return (Result(find.__name__, NOT_COMPUTED, "", nan, nan, nan, "", "", 0, "", why),)
+
+
+PAPER_FIGURES: tuple[Callable[[Study], Picture], ...] = (
+    learning.picture,
+    dyads.picture,
+    classes.picture,
+    strategy.picture,
+    delay.picture,
+)
+"""Figures of the paper, 2 to 6."""
+
+MODERN_FIGURES: tuple[Callable[[Study], Picture], ...] = (
+    quality.picture,
+    measures.picture,
+    contrasts.picture,
+    differences.picture,
+    models.picture,
+    leadership.picture,
+    influence.picture,
+    passive.picture,
+    paths.picture,
+)
+"""Figures beyond the paper."""
+
+PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER_FIGURES + MODERN_FIGURES
+"""All figures."""
+
+
+def pictures(study: Study) -> Iterator[Picture]:
+    """Draw all figures, one at a time.
+
+    Yields
+    ------
+    Picture
+        The next figure; only title and caption if the study has no data for it.
+    """
+    for draw in PICTURES:
+        yield drawn(study, draw)
+
+
+def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
+    """Draw a figure; an error is reported in its place, so that all others are unaffected."""
+    try:
+        picture = draw(study)
+        if picture.figure is not None:
+            as_bytes(picture.figure, "svg")
+    except UNCOMPUTABLE as error:
+        name = draw.__module__.rpartition(".")[2]
+        why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
+        return Picture(name, name.capitalize(), why, None, failed=True)
+    return picture

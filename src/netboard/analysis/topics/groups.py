@@ -1,0 +1,287 @@
+"""Conditions of a study in a fixed order, and aggregation of trials to dyads.
+
+The unit of replication is the dyad. Values of trials are averaged for each performer (a participant, or a dyad whose
+trials both perform), and performers' means for each dyad. So each dyad is one value, whatever its number of trials and
+blocks.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.conditions import StudyFactor, names_of
+from netboard.analysis.extraction.study import Study, pooled
+from netboard.analysis.measures.performance import trial_times
+from netboard.analysis.statistics.estimates import Estimate, t_interval
+from netboard.analysis.topics.result import Result, kept
+from netboard.base.tables.forces import CONDITIONS
+from netboard.task.studies.factors import level_text
+
+FORCES = {name: condition.label for name, condition in CONDITIONS.items()}
+"""Name of each haptic condition, in display order."""
+
+MOST_CONDITIONS = 6
+"""Largest number of conditions in a figure, if there are factors to pool over [1]."""
+
+CONFIGURATIONS = ("bimanual", "dyadic")
+"""Configurations, in display order."""
+
+CLASSES = ("cooperative", "competitive", "single", "still")
+"""Movement classes, in the order of `netboard.analysis.measures.movements`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Performance measure of a trial; less is better."""
+
+    column: str
+    name: str
+    unit: str
+
+
+QUANTITIES = (Quantity("completion", "completion time", "s"), Quantity("peaks", "number of velocity peaks", "1"))
+"""The paper's two performance measures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition of a study.
+
+    Attributes
+    ----------
+    partner : str
+        Partner, if it is neither participant, such as ``robot partner``; otherwise empty.
+    role : str
+        Role of its trials if it is not test; otherwise empty.
+    """
+
+    name: str
+    configuration: str
+    force: str
+    partner: str
+    levels: tuple[tuple[StudyFactor, str], ...] = ()
+    role: str = ""
+
+    @property
+    def among(self) -> tuple[str, ...]:
+        """Key that comparable conditions share: levels of all other factors, and role."""
+        texts = [factor.text(level) for factor, level in self.levels]
+        return (*texts, self.role) if self.role else tuple(texts)
+
+    @property
+    def team(self) -> str:
+        """Team: configuration, partner, levels of other factors, and a role other than test."""
+        return ", ".join(filter(None, (self.configuration, self.partner, *self.among)))
+
+    @property
+    def feeling(self) -> str:
+        """Name of the haptic condition."""
+        return FORCES.get(self.force, self.force)
+
+    @property
+    def felt(self) -> str:
+        """Name of the haptic condition, with the levels of other factors."""
+        return ", ".join((self.feeling, *self.among))
+
+    @property
+    def label(self) -> str:
+        """Team and haptic condition."""
+        return f"{self.team}, {self.feeling}"
+
+
+@kept
+def conditions(study: Study) -> tuple[Condition, ...]:
+    """Return the conditions of a study, bimanual first, and haptics off first."""
+    analysed = study.analysed
+    told = [factor for factor in study.factors if factor.told]
+    caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
+    found: dict[str, Condition] = {}
+    for place, row in zip(analysed.index, analysed.to_dict("records"), strict=True):
+        longest = max((len(study.levels.sequences[one.name][place]) for one in told), default=1)
+        trials = range(1, 1 + max(longest, 1))
+        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in told}
+        for role in {row["role"] or "test", *(["catch"] if row["recording"] in caught else [])}:
+            names = names_of(pd.DataFrame([row] * len(trials)), levels, [role] * len(trials))
+            for trial, name in enumerate(names):
+                own = tuple((one, levels[one.name][trial]) for one in told if levels[one.name][trial])
+                who = row["configuration"], row["force"], row["partner"]
+                found[name] = Condition(name, *who, own, "" if role == "test" else role)
+    return tuple(sorted(found.values(), key=_place))
+
+
+@kept
+def bounded(study: Study) -> tuple[Study, str]:
+    """Pool over as few factors as needed to fit the conditions in a figure.
+
+    Returns
+    -------
+    str
+        Sentence that names the pooled factors; empty for none.
+    """
+    cells = len(conditions(study))
+    within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
+    over: list[StudyFactor] = []
+    fewer = study
+    while len(conditions(fewer)) > MOST_CONDITIONS and len(over) < len(within_first):
+        over.append(within_first[len(over)])
+        fewer = pooled(study, [one.name for one in over])
+    if not over:
+        return study, ""
+    each = "; ".join(f"{one.name} ({', '.join(level_text(one.of, level) for level in one.of.levels)})" for one in over)
+    return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models tell apart."
+
+
+def block_labels(study: Study) -> dict[str, str]:
+    """Return the labels of all blocks' conditions, even if not analysed or with a factor that varies within."""
+    of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
+    known = {one.name: one.label for one in conditions(of_blocks)}
+    return {name: known.get(name, name) for name in study.blocks["condition"]}
+
+
+def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, str]:
+    """Return the sort key of a condition."""
+    known = list(FORCES)
+    return (
+        CONFIGURATIONS.index(condition.configuration),
+        condition.partner,
+        tuple(factor.of.levels.index(level) for factor, level in condition.levels),
+        condition.role,
+        known.index(condition.force) if condition.force in known else len(known),
+        condition.name,
+    )
+
+
+def teams(study: Study) -> tuple[str, ...]:
+    """Return the teams of a study, in the order of its conditions."""
+    return tuple(dict.fromkeys(condition.team for condition in conditions(study)))
+
+
+def counted(study: Study) -> pd.DataFrame:
+    """Return the trials that count, with team and completion time as set.
+
+    Where the time of failed attempts counts too, those in the same recording are added.
+    """
+    rows = study.counted.assign(team=with_team(study, study.counted))
+    if study.readings.summaries.time == "all_attempts":
+        rows["completion"] = _times_of_all_attempts(study).reindex(rows.index)
+    return rows
+
+
+def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
+    """Return the team of each row of trials or movements."""
+    return rows["condition"].map({condition.name: condition.team for condition in conditions(study)})
+
+
+def _times_of_all_attempts(study: Study) -> pd.Series:
+    """Return the time of each trial that counts, including its failed attempts."""
+    trials = study.trials[(study.trials["counts"] == 1) | (study.trials["outcome"] != "success")]
+    found = [pd.Series(dtype=np.float64)]
+    for _, own in trials.groupby("recording", sort=False):
+        counts = own["counts"].to_numpy() == 1
+        completions = np.where(counts, own["completion"], np.nan)
+        numbers, times = trial_times(
+            own["trial"].to_numpy(), own["duration"].to_numpy(), completions, of="all_attempts"
+        )
+        kept = own["trial"][counts]
+        found.append(pd.Series(times[np.searchsorted(numbers, kept)], kept.index))
+    return pd.concat([one for one in found if len(one)] or found)
+
+
+def of_performers(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Average a column for each performer."""
+    return rows.groupby(["dyad", "performer"])[column].mean()
+
+
+def of_dyads(means: pd.Series) -> pd.Series:
+    """Average performers' values for each dyad."""
+    return means.groupby(level="dyad").mean()
+
+
+def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
+    """Yield each condition with haptic feedback, and the same team's condition without it."""
+    bases = {one.team: one for one in every if one.force == "none"}
+    for one in every:
+        if one.force != "none" and one.team in bases:
+            yield one, bases[one.team]
+
+
+def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
+    """Yield the contrasts of interest, as within-dyad differences.
+
+    Yields
+    ------
+    str
+        Name of the contrast, such as ``dyadic, haptics on less off`` for each haptic condition minus haptics off; or
+        ``bimanual less dyadic``, over the haptic conditions that both have; or as in `by_factor`.
+    """
+    for one, base in with_base(every):
+        yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
+    for among in dict.fromkeys(one.among for one in every):
+        own = [one for one in every if one.among == among and not one.partner]
+        alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
+        together = {one.force: one.name for one in own if one.configuration == "dyadic"}
+        shared = [force for force in alone if force in together]
+        if shared:
+            each = [values[alone[force]] - values[together[force]] for force in shared]
+            name = ", ".join(("bimanual less dyadic", *among))
+            yield name, pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+    for name, one, other in by_factor(every):
+        yield name, (values[one.name] - values[other.name]).dropna()
+
+
+def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
+    """Yield pairs of conditions that differ in the level of one further factor, or in the haptic condition.
+
+    Yields
+    ------
+    str
+        Name of the contrast, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level
+        minus the first level that exists under otherwise equal conditions. Haptic conditions are compared in this way
+        if there is none without haptics.
+    """
+    for place in range(max((len(one.levels) for one in every), default=0)):
+        first: dict[object, Condition] = {}
+        for one in every:
+            if place >= len(one.levels):
+                continue
+            factor, level = one.levels[place]
+            others = (*one.levels[:place], *one.levels[place + 1 :])
+            base = first.setdefault((factor.name, one.configuration, one.force, one.partner, others, one.role), one)
+            if base is not one:
+                less = factor.text(base.levels[place][1]).removeprefix(f"{factor.name} ")
+                rest = replace(one, levels=others).label
+                yield f"{factor.text(level)} less {less}, {rest}", one, base
+    felt: dict[str, Condition] = {}
+    for one in every:
+        base = felt.setdefault(one.team, one)
+        if base is not one and base.force != "none":
+            yield f"{one.feeling} less {base.feeling}, {one.team}", one, base
+
+
+def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
+    """Estimate the mean of the units, with Student's t interval."""
+    return t_interval(values.to_numpy(dtype=np.float64), unit=of)
+
+
+def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
+    """Return an estimate as a result.
+
+    Parameters
+    ----------
+    found : Estimate
+        The value, its confidence interval and its number of units.
+    """
+    few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
+    interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
+    said = "; ".join(word for word in (note, few) if word)
+    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, said)
+
+
+def simulated(study: Study) -> str:
+    """Return a sentence if participants of a study are simulated; otherwise an empty text."""
+    marks = study.blocks["simulated"]
+    if not len(marks) or not marks.any():
+        return ""
+    return "Simulated people: no evidence about people." if marks.all() else "Some of the people are simulated."

@@ -1,0 +1,146 @@
+"""Leadership: signed delays of the sides, and the balance between them.
+
+A delay is the left side's time minus the right side's, + = right first. In bimanual conditions the sides are the hands
+of one participant, in dyadic ones two participants. Levels are those of dyads, as in
+`netboard.analysis.topics.measures`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.lags import leadership
+from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.groups import estimated
+from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.measures import BESIDE, Levels, Measure, column, legend, levels_of, places
+from netboard.analysis.topics.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_OWN = column("own_delay_20")
+
+
+def _index(delays: pd.Series) -> float:
+    return leadership(delays).index
+
+
+QUESTIONS = (
+    Measure("signed delay at 20 %", "s", "coordination", "movement", column("delay_20"), compared=False),
+    Measure("signed delay at 20 % of the own peak", "s", "coordination", "movement", _OWN, compared=False),
+    Measure("signed lag", "s", "coordination", "trial", column("lag"), compared=False),
+    Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
+)
+"""Leadership measures. The index uses delays at own peaks, so moving farther does not look like moving earlier."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaders:
+    """Leadership in all conditions.
+
+    Attributes
+    ----------
+    leads : tuple of Levels
+        By measure, then by condition. A mean other than 0 indicates a side that leads across dyads.
+    changed : tuple of str
+        Dyads whose partners changed seats between dyadic blocks, so that a side is not one participant.
+    """
+
+    leads: tuple[Levels, ...]
+    changed: tuple[str, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return the mean over dyads, and each dyad's level."""
+        return tuple(row for lead in self.leads for row in self._rows(lead))
+
+    def _rows(self, lead: Levels) -> Iterator[Result]:
+        question, group, sides = lead.measure, lead.condition.label, "+ = right first"
+        yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
+        for dyad, value in zip(lead.dyads, lead.values, strict=True):
+            note = f"{sides}; partners changed seats" if dyad in self.changed else sides
+            one = (float(value), np.nan, np.nan, question.unit, "")
+            yield Result("leadership", question.name, f"{group}, {dyad}", *one, 1, "dyad", note)
+
+
+def leaders(study: Study) -> Leaders:
+    """Return the leadership in all conditions.
+
+    Returns
+    -------
+    Leaders
+        All measures, for conditions with values.
+    """
+    return Leaders(levels_of(study, QUESTIONS), _changed_seats(study))
+
+
+def _changed_seats(study: Study) -> tuple[str, ...]:
+    """Return the dyads whose left seat was taken by more than one participant."""
+    together = study.blocks[study.blocks["configuration"] == "dyadic"]
+    people = together[~together[["left_by", "right_by"]].isin(["still", "robot"]).any(axis=1)]
+    seats = people.groupby("dyad")["left_by"].nunique()
+    return tuple(seats.index[seats > 1])
+
+
+TITLE = "Who moved first"
+
+_MS = 1000.0
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the leadership measures."""
+    found = leaders(study)
+    if not found.leads:
+        return Picture("leadership", TITLE, "No trial that counts has a delay.", None)
+    names = [question.name for question in QUESTIONS if any(one.measure == question for one in found.leads)]
+    figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
+    shown = tuple(dict.fromkeys(one.condition for one in found.leads))
+    at = places(shown)
+    for name, letter in zip(names, "ABCD", strict=False):
+        _panel(axes[name], [one for one in found.leads if one.measure.name == name], at)
+        titled(axes[name], letter, name)
+    legend(figure, shown)
+    return Picture("leadership", TITLE, _caption(found), figure)
+
+
+def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
+    """Draw a measure: each dyad, and the mean."""
+    in_ms = found[0].measure.unit == "s"
+    scale = _MS if in_ms else 1.0
+    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    for team in dict.fromkeys(one.condition.team for one in found):
+        own = [one for one in found if one.condition.team == team]
+        for dyad in sorted({dyad for one in own for dyad in one.dyads}):
+            here = [one for one in own if dyad in one.dyads]
+            x = [at[one.condition.name] + BESIDE for one in here]
+            y = [scale * one.values[one.dyads.index(dyad)] for one in here]
+            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    for one in found:
+        draw_mean(axes, at[one.condition.name], one.mean, look_of(one.condition), one.condition.name, scale=scale)
+    reach = 1.1 * max(abs(end) for end in axes.get_ylim())
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel("left first   [ms]   right first" if in_ms else "left first   [1]   right first")
+    axes.set_xticks([])
+    axes.set_xlim(-0.6, max(at.values()) + 0.6)
+
+
+def _caption(found: Leaders) -> str:
+    own = [one for one in found.leads if one.measure == QUESTIONS[1]]
+    known = how_many([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
+    changed = (
+        f" In {', '.join(found.changed)} partners changed seats: there a side is no person." if found.changed else ""
+    )
+    return (
+        "Time of the left side less that of the right one, in cooperative movements (A, B) and by cross-correlation "
+        "(C); D: movements in which the right side was first less those in which the left one was, over both. Large "
+        "points: means over dyads with 95 % t intervals; small points: dyads, joined. Sides are hands of one person "
+        f"in bimanual conditions, people in dyadic ones.{changed} {known}"
+    )

@@ -1,0 +1,373 @@
+"""Learning (the paper's figure 2): completion time, movement classes and velocity peaks over the trials.
+
+Trials with the same number in their condition are averaged over performers and haptic conditions. First and last trials
+are reported as in the paper, with mean and standard deviation of single trials (or of participants, if set), and also
+as means of dyads with a confidence interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.ellipses import groups_of
+from netboard.analysis.measures.performance import (
+    FirstAndLast,
+    LearningCurve,
+    Summary,
+    first_and_last,
+    learning_curve,
+)
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.topics.figure import BLACK, CLASS_COLOURS, Picture
+from netboard.analysis.topics.groups import (
+    CLASSES,
+    QUANTITIES,
+    Quantity,
+    counted,
+    estimate,
+    estimated,
+    of_dyads,
+    of_performers,
+    teams,
+)
+from netboard.analysis.topics.marks import (
+    apart,
+    beside,
+    draw_dyads,
+    draw_mean,
+    many,
+    new_mosaic,
+    sentence,
+    styled,
+    team_look,
+    titled,
+    trial_ticks,
+)
+from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.windows import windows_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TOPIC = "learning"
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """Means of dyads in consecutive groups of trials.
+
+    Attributes
+    ----------
+    first, last : ndarray of int64, shape (g,)
+        Numbers of the first and the last trial of each group [1].
+    dyads : DataFrame
+        Mean of each dyad (rows) in each group (columns) [as the quantity].
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    dyads: pd.DataFrame
+    means: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """One quantity over the trials of a team.
+
+    Attributes
+    ----------
+    of : str
+        Unit of the standard deviations of `ends`: trials, participants or dyads.
+    first, last, change : Estimate
+        Means over dyads of first trials, last trials, and last minus first.
+    short : int
+        Number of series with too few trials for both ends, which are left out [1].
+    """
+
+    quantity: Quantity
+    curve: LearningCurve
+    stages: Stages
+    ends: FirstAndLast
+    of: str
+    first: Estimate
+    last: Estimate
+    change: Estimate
+    short: int
+
+
+@dataclass(frozen=True, slots=True)
+class TeamLearning:
+    """Learning of a team.
+
+    Attributes
+    ----------
+    seconds : ndarray, shape (k, 4)
+        Mean duration of each movement class at each trial number [s].
+    dyads, performers, series, trials : int
+        Numbers of dyads, performers, series and trials; a series is a performer's trials in a condition [1].
+    """
+
+    team: str
+    courses: tuple[Course, ...]
+    seconds: NDArray[np.float64]
+    dyads: int
+    performers: int
+    series: int
+    trials: int
+
+
+@dataclass(frozen=True, slots=True)
+class Learning:
+    """Learning of all teams."""
+
+    teams: tuple[TeamLearning, ...]
+    results: tuple[Result, ...]
+
+
+def learning(study: Study) -> Learning:
+    """Return the learning of all teams."""
+    trials = counted(study)
+    own = {team: trials[trials["team"] == team] for team in teams(study)}
+    found = tuple(_learning(study, team, rows) for team, rows in own.items() if len(rows))
+    return Learning(found, tuple(result for one in found for result in _results(study, one)))
+
+
+def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
+    """Number the series: trials of a performer that the settings number together."""
+    labels = ["dyad", "performer", "configuration"]
+    if study.readings.summaries.numbering == "condition":
+        labels.append("condition")
+    return rows.groupby(labels, sort=False).ngroup()
+
+
+def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:
+    order = rows["order"].to_numpy()
+    classes = [learning_curve(rows[name].to_numpy(np.float64), order).mean for name in CLASSES]
+    return TeamLearning(
+        team,
+        tuple(_course(study, rows, quantity) for quantity in QUANTITIES),
+        np.stack(classes, axis=1),
+        rows["dyad"].nunique(),
+        rows["performer"].nunique(),
+        series_of(study, rows).nunique(),
+        len(rows),
+    )
+
+
+def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
+    how, windows = study.readings.summaries, windows_of(study)
+    values, order = rows[quantity.column].to_numpy(np.float64), rows["order"].to_numpy()
+    series = series_of(study, rows)
+    length = rows["order"].groupby(series).transform("max").to_numpy()
+    enough = length >= 2 * windows.ends
+    kept, own, longest = rows[enough], length[enough], int(length[enough].max(initial=0))
+    # The last trials of a shorter series are aligned with those of the longest one.
+    late = kept["order"].to_numpy() > own - windows.ends
+    aligned = kept["order"].to_numpy() + late * (longest - own)
+    people = kept["performer"].to_numpy() if how.spread == "people" else None
+    ends = first_and_last(values[enough], aligned, count=windows.ends, length=longest, people=people)
+    first, last = (of_dyads(of_performers(kept[part], quantity.column)) for part in (aligned <= windows.ends, late))
+    return Course(
+        quantity,
+        learning_curve(values, order),
+        _stages(rows, quantity.column, windows.group),
+        ends,
+        _unit(rows) if how.spread == "people" else "trial",
+        estimate(first),
+        estimate(last),
+        estimate(last - first),
+        int(series[~enough].nunique()),
+    )
+
+
+def _unit(rows: pd.DataFrame) -> str:
+    """Return what a performer is: a participant or a dyad."""
+    return "participant" if (rows["configuration"] == "bimanual").all() else "dyad"
+
+
+def _stages(rows: pd.DataFrame, column: str, size: int) -> Stages:
+    """Average groups of consecutive trials for each dyad."""
+    order = rows["order"].to_numpy()
+    group = pd.Series(groups_of(order, size), rows.index, name="group")
+    means = rows.groupby(["dyad", "performer", group])[column].mean()
+    dyads = means.groupby(level=["dyad", "group"]).mean().unstack("group")
+    groups = dyads.columns.to_numpy(np.int64)
+    last = np.minimum((groups + 1) * size, order.max())
+    return Stages(groups * size + 1, last, dyads, tuple(estimate(dyads[number]) for number in dyads.columns))
+
+
+def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
+    windows = windows_of(study)
+    count = windows.ends
+    for course in found.courses:
+        name, unit = course.quantity.name, course.quantity.unit
+        short = f"{course.short} of {found.series} have fewer than {2 * count} trials and are left out"
+        note = "; ".join(word for word in (short if course.short else "", windows.ends_note) if word)
+        for when, spread, mean in (
+            (f"first {count}", course.ends.first, course.first),
+            (f"last {count}", course.ends.last, course.last),
+        ):
+            group = f"{found.team}, {when}"
+            yield _spread(group, spread, course, note)
+            yield estimated(TOPIC, f"{name}, mean of dyads", group, mean, unit, note)
+        group = f"{found.team}, last {count} less first {count}"
+        yield estimated(TOPIC, f"change of {name}", group, course.change, unit, note)
+
+
+def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
+    """Return a mean with its standard deviation as a result."""
+    low, high = found.mean - found.deviation, found.mean + found.deviation
+    interval = "SD" if found.count > 1 else ""
+    unit = course.quantity.unit
+    return Result(
+        TOPIC, course.quantity.name, group, found.mean, low, high, unit, interval, found.count, course.of, note
+    )
+
+
+TITLE = "Learning"
+
+STACK = ("cooperative", "single", "competitive", "still")
+"""From below; dark and light colours alternate, so that neighbours also differ in grey."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the learning of participants and dyads.
+
+    Lines are means of all trials of one number, pooled over haptic conditions; points are dyads in groups of trials.
+    """
+    found = learning(study)
+    if not found.teams:
+        return Picture("learning", TITLE, "No trial counts, so there is no learning to show.", None)
+    teams = found.teams
+    rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
+    figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
+    letters, windows = iter("ABCDEFGHIJKLMNOP"), windows_of(study)
+    for one in teams:
+        _areas(axes[f"time {one.team}"], one)
+        titled(axes[f"time {one.team}"], next(letters), one.team)
+    for one in teams:
+        titled(axes[f"peaks {one.team}"], next(letters), one.team)
+    narrow = len(teams) > 2
+    room = 1.34 if narrow else 1.22
+    for row, kind in enumerate(("time", "peaks")):
+        top = max(_top(one.courses[row]) for one in teams) or 1.0
+        for one in teams:
+            own = axes[f"{kind} {one.team}"]
+            if not np.isfinite(one.courses[row].curve.mean).any():
+                own.text(0.5, 0.5, "no trial has a value", transform=own.transAxes, ha="center", fontsize=7.5)
+            _draw_course(own, one.courses[row], one.team)
+            _ends(own, one.courses[row], windows.ends, top, narrow)
+            own.set_ylim(0.0, room * top)
+            own.set_xlim(0.5, one.courses[row].curve.order.max() + 0.5)
+            own.set_xticks(trial_ticks(windows.group, int(own.get_xlim()[1])))
+            if kind == "peaks":
+                own.set_xlabel("trial of the condition [1]")
+        unit = teams[0].courses[row].quantity.unit
+        name = ("completion time", "velocity peaks")[row]
+        axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
+    _names(axes[f"time {teams[-1].team}"], teams[-1], 0.015 * len(teams))
+    return Picture("learning", TITLE, _caption(study, teams), figure)
+
+
+def _areas(axes: Axes, one: TeamLearning) -> None:
+    """Draw the movement classes as stacked areas."""
+    order, known = one.courses[0].curve.order, np.isfinite(one.seconds).all(axis=1)
+    below = np.zeros(len(order))
+    for name in STACK:
+        above = below + one.seconds[:, CLASSES.index(name)]
+        areas = axes.fill_between(order, below, above, where=known.tolist(), color=CLASS_COLOURS[name], zorder=1)
+        areas.set(label=f"_{name}", edgecolor="white", linewidth=0.3)
+        below = above
+
+
+def _draw_course(axes: Axes, course: Course, team: str) -> None:
+    """Draw the mean of each trial, and the dyads in groups of trials."""
+    on_areas = course.quantity.column == "completion"
+    look = team_look(team)
+    colour = BLACK if on_areas else look.colour
+    look = type(look)(colour, look.marker, colour, look.line)
+    axes.plot(
+        course.curve.order,
+        course.curve.mean,
+        color=colour,
+        linewidth=0.6,
+        alpha=0.75 if on_areas else 0.45,
+        zorder=2,
+        label="_each trial",
+    )
+    middles = (course.stages.first + course.stages.last) / 2
+    dyads = course.stages.dyads
+    for offset, (dyad, values) in zip(
+        beside(len(dyads), 0.5 * float(np.ptp(middles[:2]))), dyads.iterrows(), strict=True
+    ):
+        draw_dyads(axes, middles + offset, values, colour, str(dyad))
+    for middle, mean in zip(middles, course.stages.means, strict=True):
+        draw_mean(axes, float(middle), mean, look, "dyads")
+
+
+def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> None:
+    """Label the first and last trials with mean and standard deviation, stacked if space is short."""
+    last = int(course.curve.order.max())
+    ends = ((course.ends.first, 1, "left"), (course.ends.last, last, "right"))
+    for spread, edge, side in ends:
+        if not np.isfinite(spread.mean):
+            continue
+        other = edge + count - 1 if side == "left" else edge - count + 1
+        axes.plot([edge, other], [1.06 * top, 1.06 * top], color=BLACK, linewidth=1.0, label=f"_{side} end")
+        deviation = f" ± {spread.deviation:.2f}" if np.isfinite(spread.deviation) else ""
+        unit = f" {course.quantity.unit}" if course.quantity.unit != "1" else ""
+        height = (1.2 if narrow and side == "right" else 1.09) * top
+        axes.text(edge, height, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
+
+
+def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
+    """Write the names of the classes to the right of the areas."""
+    height = axes.get_ylim()[1]
+    known = one.seconds[np.isfinite(one.seconds).all(axis=1)]
+    if not len(known):
+        return
+    tail = known[-30:].mean(axis=0)
+    shown = np.array([tail[CLASSES.index(name)] for name in STACK])
+    places = apart(list(np.cumsum(shown) - shown / 2), 0.075 * height)
+    to_right = axes.get_yaxis_transform()
+    for name, place in zip(STACK, places, strict=True):
+        axes.plot([1 + aside], [place], "s", color=CLASS_COLOURS[name], transform=to_right, clip_on=False, markersize=5)
+        axes.text(1 + 2 * aside, place, name, transform=to_right, va="center", fontsize=7.5)
+
+
+def _top(course: Course) -> float:
+    """Return the largest value drawn."""
+    highs = [mean.high for mean in course.stages.means]
+    every = np.concatenate([course.curve.mean, course.stages.dyads.to_numpy().ravel(), highs])
+    return float(np.max(every, initial=0.0, where=np.isfinite(every)))
+
+
+def _performers(one: TeamLearning) -> str:
+    """Return the number of participants, if the performers are not dyads."""
+    return f"{many(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
+
+
+def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
+    how, windows = study.readings.summaries, windows_of(study)
+    of = "trials" if how.spread == "trials" else "participants or dyads"
+    people = "; ".join(
+        f"{one.team}: n = {many(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
+    )
+    areas = "they add up to the completion time"
+    if study.readings.movements.window == "whole":
+        areas = "the hold is in them, so they go beyond the completion time"
+    return (
+        "Completion time and number of velocity peaks of the ball over the trials, all forces together. Lines: means "
+        f"of all trials with the same number; areas: time of each class of movement in them ({areas}). Small points: "
+        f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t intervals. Numbers: "
+        f"mean ± SD (of {of}) of the first and the last {windows.ends} trials. {people[0].upper()}{people[1:]}."
+        f"{f' {sentence(windows.note)}' if windows.note else ''}"
+    )

@@ -1,0 +1,379 @@
+"""List of all measures of attempts, and the level of each dyad in each condition.
+
+A dyad's level is the mean of its performers' levels, and a performer's level the mean of its own trials, movements or
+attempts. A dyad has two performers in bimanual conditions and one in dyadic ones. Every dyad therefore has equal
+weight, whatever its number of trials, and is the unit of all confidence intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.estimates import Estimate, t_interval
+from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated
+from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled
+from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.units import read_in
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Of = Literal["trial", "movement", "attempt"]
+Family = Literal["performance", "coordination", "forces"]
+
+PLACE = ["condition", "dyad", "performer"]
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A measure.
+
+    Attributes
+    ----------
+    of : {"trial", "movement", "attempt"}
+        Unit of a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
+    values : callable
+        Function of these rows; returns the value of each, NaN for none [its unit].
+    weights : callable or None
+        Function of the rows; returns the weight of each in a performer's mean. None: equal weights.
+    level : callable or None
+        Function of a performer's values in a condition; returns one number [its unit]. None: their mean.
+    compared : bool
+        Whether conditions are compared in this measure. If not, a difference says nothing about performance.
+    """
+
+    name: str
+    unit: str
+    family: Family
+    of: Of
+    values: Callable[[pd.DataFrame], ArrayLike]
+    ratio: bool = False
+    weights: Callable[[pd.DataFrame], ArrayLike] | None = None
+    level: Callable[[pd.Series], float] | None = None
+    compared: bool = True
+
+
+def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    """Return the function for a class's share of a trial's time."""
+
+    def values(rows: pd.DataFrame) -> ArrayLike:
+        whole = _known_time(rows)
+        return np.where(whole > 0.0, rows[name] / np.where(whole > 0.0, whole, 1.0), np.nan)
+
+    return values
+
+
+def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
+    return np.asarray(rows[list(CLASSES)].to_numpy(float).sum(axis=1))
+
+
+def _reaction(rows: pd.DataFrame) -> ArrayLike:
+    """Return the first hand's reaction time; NaN if a hand moved already, anticipated, or a gap may hide it."""
+    none = np.zeros(len(rows), bool)
+    for side in ("left", "right"):
+        time, anticipated = rows[f"{side}_reaction"], rows[f"{side}_anticipated"]
+        none |= ((anticipated == 1.0) | (time.isna() & anticipated.isna())).to_numpy()
+    return np.where(none, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
+
+
+def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    return lambda rows: rows[f"left_{name}"] + rows[f"right_{name}"]
+
+
+def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    """Return a function that takes the values of a column."""
+    return lambda rows: rows[name]
+
+
+def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    return lambda rows: rows[name].abs()
+
+
+MEASURES = (
+    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True),
+    Measure("velocity peaks", "1", "performance", "trial", column("peaks")),
+    Measure("SPARC", "1", "performance", "trial", column("sparc")),
+    Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
+    Measure("reaction time", "s", "performance", "trial", _reaction),
+    Measure("time in target", "s", "performance", "trial", column("in_target")),
+    Measure("overshoots", "1", "performance", "trial", column("overshoots")),
+    Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
+    *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
+    Measure("|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20")),
+    Measure("|lag|", "s", "coordination", "trial", _magnitude("lag")),
+    Measure("correlation of the hands", "1", "coordination", "trial", column("correlation"), compared=False),
+    Measure("effort", "N2 s", "forces", "trial", _both("effort")),
+    Measure("interaction force", "N", "forces", "trial", column("interaction")),
+    Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
+    Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
+    Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
+    Measure("power, left", "W", "forces", "trial", column("left_power"), compared=False),
+    Measure("power, right", "W", "forces", "trial", column("right_power"), compared=False),
+    Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
+)
+"""All measures."""
+
+EXPLAINED = {
+    "completion time": "geometric mean",
+    "reaction time": "of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
+    "velocity peaks": "NP, of the ball's speed",
+    "time in target": "before the hold",
+    "|delay at 20 %|": "of cooperative movements",
+    "|lag|": "by cross-correlation",
+    "interaction force": "mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
+    "force share, right": "of the right hand, without what each must bear: on a light board a half, whatever people do",
+    "work given": "of both hands on the coupling",
+    "work received": "by both hands from the coupling",
+    "power, left": "mean, of the left hand on the coupling",
+    "power, right": "mean, of the right hand on the coupling",
+}
+"""Notes on the interpretation of measures."""
+
+
+def rows_of(study: Study, of: Of) -> pd.DataFrame:
+    """Return the rows that have a value.
+
+    Parameters
+    ----------
+    of : {"trial", "movement", "attempt"}
+        Trials that count; their cooperative movements; or all attempts that succeeded or fell and are not excluded.
+    """
+    if of == "trial":
+        return counted(study)
+    if of == "movement":
+        return study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
+    keys = ["recording", "trial", "attempt"]
+    left_out = pd.MultiIndex.from_frame(study.exclusions[keys])
+    kept = ~pd.MultiIndex.from_frame(study.trials[keys]).isin(left_out)
+    return study.trials[kept & study.trials["outcome"].isin(["success", "fell"])]
+
+
+def levels(study: Study, measure: Measure) -> pd.DataFrame:
+    """Return the level of each dyad in each condition.
+
+    Parameters
+    ----------
+    measure : Measure
+        The measure. A setting decides whether trials or seconds have equal weight in shares.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``condition``, ``dyad``, ``level`` (for a ratio measure its natural logarithm) and ``rows``, the number
+        of values.
+    """
+    rows = rows_of(study, measure.of)
+    values = np.asarray(measure.values(rows), dtype=float)
+    if measure.ratio:
+        values = np.log(np.where(values > 0.0, values, np.nan))
+    weights = np.ones(len(rows)) if measure.weights is None else np.asarray(measure.weights(rows), dtype=float)
+    table = rows[PLACE].assign(value=values, sum=values * weights, weight=weights, rows=1)[np.isfinite(values)]
+    people = _people(measure, table)
+    return people.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
+
+
+def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the level of each performer in each condition."""
+    people = table.groupby(PLACE, as_index=False)
+    if measure.level is not None:
+        return people.agg(level=("value", measure.level), rows=("rows", "sum"))
+    sums = people[["sum", "weight", "rows"]].sum()
+    return sums.assign(level=sums["sum"] / sums["weight"])
+
+
+def as_read(study: Study) -> tuple[Measure, ...]:
+    """Return the measures, adjusted to the study's settings.
+
+    Returns
+    -------
+    tuple of Measure
+        `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time.
+    """
+    if study.readings.summaries.shares == "trials":
+        return MEASURES
+    shares = {f"{name} share" for name in CLASSES}
+    return tuple(replace(one, weights=_known_time) if one.name in shares else one for one in MEASURES)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """A measure in a condition.
+
+    Attributes
+    ----------
+    values : ndarray of float64, shape (n,)
+        Levels of the dyads; geometric means for a ratio measure [unit of the measure].
+    mean : Estimate
+        Mean of the dyads, with its t interval; for a ratio measure computed on the logarithm.
+    """
+
+    measure: Measure
+    condition: Condition
+    dyads: tuple[str, ...]
+    values: NDArray[np.float64]
+    rows: int
+    mean: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """All measures in all conditions."""
+
+    levels: tuple[Levels, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return the mean of each measure in each condition, and the number of its values."""
+        return tuple(
+            estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, _note(one))
+            for one in self.levels
+        )
+
+
+def _note(one: Levels) -> str:
+    return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
+
+
+def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
+    """Return the levels of measures in every condition, with their means.
+
+    Returns
+    -------
+    tuple of Levels
+        By measure, then by condition; conditions without values are left out.
+    """
+    found = []
+    for measure in measures:
+        table = levels(study, measure)
+        for condition in conditions(study):
+            own = table[table["condition"] == condition.name]
+            if not len(own):
+                continue
+            estimate, values = t_interval(own["level"]), own["level"].to_numpy()
+            if measure.ratio:
+                estimate, values = exponential(estimate), np.exp(values)
+            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
+    return tuple(found)
+
+
+@kept
+def overview(study: Study) -> Overview:
+    """Return the level of every measure in every condition."""
+    return Overview(levels_of(study, as_read(study)))
+
+
+def exponential(estimate: Estimate) -> Estimate:
+    """Transform an estimate back from its logarithm."""
+    value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
+    return replace(estimate, value=value, low=low, high=high)
+
+
+Where = Literal["outside upper center", "outside lower center"]
+
+TITLE = "All measures"
+
+COLUMNS = 4
+"""Panels in a row [1]."""
+
+TEAM_GAP = 0.5
+"""Extra distance between the conditions of two teams [1]."""
+
+
+BESIDE = 0.22
+"""Distance from a mean to its dyads [1]."""
+
+
+_WIDE = 100
+"""Characters of labels in a row of a legend [1]."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw all measures."""
+    found = overview(study).levels
+    if not found:
+        return Picture("measures", TITLE, "No trial counts, so there is nothing to measure.", None)
+    names = [measure.name for measure in MEASURES if any(one.measure.name == measure.name for one in found)]
+    shown = tuple(dict.fromkeys(one.condition for one in found))
+    figure, axes = grid(names, 1.35)
+    for name in names:
+        _panel(axes[name], [one for one in found if one.measure.name == name], places(shown))
+    legend(figure, shown)
+    return Picture("measures", TITLE, _caption(found, shown), figure)
+
+
+def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> tuple[Figure, dict[str, Axes]]:
+    """Return a new figure with many small panels."""
+    rows = [list(names[k : k + columns]) for k in range(0, len(names), columns)]
+    rows[-1] += ["."] * (columns - len(rows[-1])) if len(rows) > 1 else []
+    return new_mosaic(0.35 + height * len(rows), rows)
+
+
+def places(shown: Sequence[Condition]) -> dict[str, float]:
+    """Return positions of conditions, with larger gaps between teams."""
+    teams = list(dict.fromkeys(one.team for one in shown))
+    return {one.name: k + TEAM_GAP * teams.index(one.team) for k, one in enumerate(shown)}
+
+
+def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside upper center") -> None:
+    """Draw a legend of the conditions beside the panels."""
+    from matplotlib.lines import Line2D
+
+    looks = [look_of(one) for one in shown]
+    handles = [
+        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
+        for look in looks
+    ]
+    labels = [one.label for one in shown]
+    figure.legend(handles, labels, loc=where, ncols=_columns(labels), handletextpad=0.2)
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Return the number of legend columns that fit in a row [1]."""
+    most = 4 if len(labels) <= 4 else 3
+    return max(1, min(most, _WIDE // max(map(len, labels), default=1)))
+
+
+def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
+    """Draw a measure, with dyads joined within a team."""
+    measure = found[0].measure
+    unit = read_in(measure.unit, measure.name)
+    for team in dict.fromkeys(one.condition.team for one in found):
+        own = [one for one in found if one.condition.team == team]
+        for dyad in sorted({dyad for one in own for dyad in one.dyads}):
+            here = [one for one in own if dyad in one.dyads]
+            x = [at[one.condition.name] + BESIDE for one in here]
+            y = [unit.scale * one.values[one.dyads.index(dyad)] for one in here]
+            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    for one in found:
+        look, name = look_of(one.condition), one.condition.name
+        draw_mean(axes, at[name], one.mean, look, name, scale=unit.scale)
+    axes.margins(y=0.08)
+    axes.set_title(measure.name, loc="left", fontsize=7.5)
+    axes.set_ylabel(unit.in_brackets, fontsize=7)
+    axes.tick_params(axis="y", labelsize=6.5)
+    axes.set_xlim(-0.6, max(at.values()) + 0.6)
+    axes.set_xticks([])
+
+
+def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
+    known = [
+        (condition.label, max(one.mean.n for one in found if one.condition == condition), "dyad") for condition in shown
+    ]
+    fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
+    less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
+    return (
+        "All measures in each condition. Large points: means over dyads with 95 % t intervals; small points: dyads, "
+        "joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero; reaction times: of the "
+        "first hand, sooner of two people by chance. On a light board mechanics makes the share of forces a half, and "
+        f"the interaction force half the spring's pull. {how_many(known)}{less}"
+    )

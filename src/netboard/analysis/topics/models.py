@@ -1,0 +1,295 @@
+"""Models of all trials: completion times, velocity peaks and falls over haptics, configuration and practice.
+
+The models are those of `netboard.analysis.statistics.models`; this module passes a study to them and turns their terms,
+notes and assumptions into results. Fixed factors are haptics (or each force, if there are several), configuration, and
+every other factor that the study declares or that differs between its blocks. A numeric factor has a linear effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import floor, log10
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.conditions import StudyFactor
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.effects import Effect, Inference, Model
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
+from netboard.analysis.statistics.models import count_model, log_time_model, share_model
+from netboard.analysis.topics.figure import BLACK, ORANGE, SKY, Picture
+from netboard.analysis.topics.groups import FORCES
+from netboard.analysis.topics.marks import Look, beside, draw_mean, many, new_mosaic, styled_whole, titled
+from netboard.analysis.topics.measures import rows_of
+from netboard.analysis.topics.result import Result, kept
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model of a measure.
+
+    Attributes
+    ----------
+    ratio, first : str
+        Meaning of the exponential of a coefficient, and of the intercept.
+    """
+
+    measure: str
+    of: str
+    ratio: str
+    first: str
+    model: Model
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """All models."""
+
+    fits: tuple[Fit, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return each term with its p value, the random effects, and the checks of the assumptions."""
+        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
+
+    def _terms(self, fit: Fit) -> Iterator[Result]:
+        note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
+        for effect in fit.model.effects:
+            yield from _rows(fit, effect, effect, "", note)
+            for other in effect.others:
+                yield from _rows(fit, effect, other, f", {other.method}", note)
+
+
+def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note: str) -> Iterator[Result]:
+    """Yield a term with its confidence interval, and its p value, by one method."""
+    (value, low, high), unit = _shown(effect.name, sure), "1"
+    interval = f"95 % {sure.estimate.method}" if np.isfinite(low) else ""
+    rest = (sure.estimate.n, "dyad", note)
+    quantity = f"{fit.measure}: {fit.ratio}"
+    if effect.name == PRACTICE:
+        quantity = f"{fit.measure}: exponent of practice"
+    elif effect.name == INTERCEPT:
+        quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
+    yield Result("models", f"{quantity}{method}", effect.name, value, low, high, unit, interval, *rest)
+    yield Result("models", f"{fit.measure}: p{method}", effect.name, sure.p, np.nan, np.nan, "1", "", *rest)
+
+
+def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
+    """Return a term as a factor of the response; practice as its exponent."""
+    of = sure.estimate if name == PRACTICE else sure.ratio
+    return of.value, of.low, of.high
+
+
+def _chance(fit: Fit) -> Iterator[Result]:
+    for component in fit.model.components:
+        numbers = (component.deviation, np.nan, np.nan, "1", "", component.levels)
+        of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
+        yield Result("models", f"{fit.measure}: SD on the log scale", component.name, *numbers, of)
+
+
+def _checks(fit: Fit) -> Iterator[Result]:
+    """Yield the diagnostic numbers with the assumptions that they check; the others are a note."""
+    model = fit.model
+    checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
+    if model.diagnostics is not None:
+        found = model.diagnostics
+        checks += [("residual skewness", found.skewness), ("residual kurtosis", found.kurtosis)]
+        checks += [("rank correlation of residual size and fit", found.spread)]
+        checks += [("correlation of successive residuals", found.successive)]
+    note = " ".join(("Assumptions:", *model.assumptions))
+    for name, value in checks:
+        if np.isfinite(value):
+            yield Result(
+                "models", f"{fit.measure}: {name}", "all", value, np.nan, np.nan, "1", "", model.trials, fit.of, note
+            )
+
+
+@kept
+def fits(study: Study) -> Fits:
+    """Fit all models.
+
+    Parameters
+    ----------
+    study : Study
+        The study; trials with a robot or a still hand are left out.
+
+    Returns
+    -------
+    Fits
+        The models. A model that cannot be fitted gives the reason in its notes.
+    """
+    trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=_number_of(attempts))
+    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials, study))
+    peaks = count_model(trials["peaks"], *_labels(trials, study))
+    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts, study))
+    return Fits(
+        (
+            Fit("completion time", "trial", "ratio", "at the first trial", times),
+            Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
+            Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
+        ),
+        _left_out(study, len(trials)),
+    )
+
+
+def _people(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
+
+
+def _labels(rows: pd.DataFrame, study: Study) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+    return rows["dyad"], rows["performer"], factors_of(rows, study.factors), rows["order"]
+
+
+def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
+    """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
+
+    Parameters
+    ----------
+    others : sequence of StudyFactor
+        Further factors of the study. Those that force, configuration and partner determine are left out.
+    """
+    found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
+    felt = [force for force in FORCES if force in set(rows["force"])]
+    if len([force for force in felt if force != "none"]) > 1:
+        found[0] = _named("force", rows["force"], felt)
+    own = [_own(rows, one) for one in others if one.told]
+    if own:  # with only the paper's factors, notes tell what the study lacks
+        found = [one for one in found if len(set(one.values)) > 1]
+    return (*found, *own)
+
+
+def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
+    """Return a categorical factor; with two levels its name gives the direction of the comparison."""
+    full = f"{name}: {levels[1]} less {levels[0]}" if len(levels) == 2 else name
+    return Factor(full, values.to_numpy(str), tuple(levels))
+
+
+def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
+    """Return a factor of the study; a numeric one in decimal steps of its unit that suit its range."""
+    if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
+        levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
+        return _named(factor.name, rows[factor.column], levels)
+    step = 10.0 ** floor(log10(max(factor.of.values) - min(factor.of.values)))
+    unit = factor.of.unit if step == 1.0 else f"{step:g} {factor.of.unit}".removesuffix(" 1")
+    values = np.round(rows[f"{factor.column}_value"].to_numpy(float) / step, 9)
+    return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
+
+
+def _number_of(attempts: pd.DataFrame) -> pd.Series:
+    """Number attempts, from 1, by the performer's trial in the condition that they belong to."""
+    succeeded = (attempts["outcome"] == "success").astype("int64")
+    done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()
+    return done - succeeded + 1
+
+
+def _left_out(study: Study, kept: int) -> tuple[str, ...]:
+    """Return notes on what the models leave out."""
+    notes = []
+    if kept < len(study.counted):
+        notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")
+    return tuple(notes)
+
+
+TITLE = "Models of all trials"
+
+LOOKS = {
+    "completion time": Look(BLACK, "o", BLACK, "-"),
+    "velocity peaks": Look(ORANGE, "s", ORANGE, "-"),
+    "falls per attempt": Look(SKY, "D", SKY, "-"),
+}
+"""Style of each model."""
+
+
+@styled_whole
+def picture(study: Study) -> Picture:
+    """Draw the models."""
+    found = fits(study)
+    shown = [one for one in found.fits if one.model.fitted]
+    if not any(effects_shown(one) for one in shown):
+        why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
+        none = "No model has conditions to tell apart" if shown else "No model could be fitted"
+        return Picture("models", TITLE, f"{none}. {why[:1].upper()}{why[1:]}.", None)
+    checked = [one for one in shown if one.model.diagnostics is not None]
+    figure, axes = new_mosaic(
+        3.4, [["terms", "residuals"]] if checked else [["terms"]], width_ratios=[1.5, 1][: 1 + bool(checked)]
+    )
+    _terms(axes["terms"], shown)
+    titled(axes["terms"], "A", "factors")
+    if checked:
+        _residuals(axes["residuals"], checked[0])
+        titled(axes["residuals"], "B", f"residuals, {checked[0].measure}")
+    return Picture("models", TITLE, _caption(found, shown), figure)
+
+
+def effects_shown(fit: Fit) -> list[Effect]:
+    """Return the estimable terms that are ratios of conditions."""
+    others = ("intercept", "log trial")
+    return [one for one in fit.model.effects if one.name not in others and np.isfinite(one.ratio.value)]
+
+
+def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
+    """Draw the ratios of all models, a row for each term."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    names = list(dict.fromkeys(effect.name for fit in shown for effect in effects_shown(fit)))
+    axes.axvline(1.0, color="#888888", linewidth=0.8, zorder=1)
+    for fit, offset in zip(shown, beside(len(shown), 0.4), strict=True):
+        look = LOOKS[fit.measure]
+        for effect in effects_shown(fit):
+            label = f"{fit.measure}: {effect.name}"
+            draw_mean(axes, names.index(effect.name) + offset, effect.ratio, look, label, across=True)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.tick_params(axis="x", labelsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("ratio [1]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=7)
+
+
+def _residuals(axes: Axes, fit: Fit) -> None:
+    """Draw a normal Q-Q plot of the residuals."""
+    found = fit.model.diagnostics
+    if found is None:
+        return
+    ends = [float(found.quantiles[0]), float(found.quantiles[-1])]
+    axes.plot(ends, ends, color="#888888", linewidth=0.8, label="_normal")
+    axes.plot(
+        found.quantiles,
+        found.residuals,
+        ".",
+        color=LOOKS[fit.measure].colour,
+        markersize=2,
+        rasterized=True,
+        label="_residuals",
+    )
+    axes.set_xlabel("normal quantile [SD]")
+    axes.set_ylabel("residual [SD]")
+
+
+def _caption(found: Fits, shown: Sequence[Fit]) -> str:
+    fitted = "; ".join(
+        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {many(one.model.dyads, 'dyad')}"
+        for one in shown
+    )
+    failed = "".join(
+        f" No model of {one.measure}: {'; '.join(one.model.notes)}." for one in found.fits if not one.model.fitted
+    )
+    left = f" {'; '.join(found.notes)}." if found.notes else ""
+    return (
+        "A: ratios by which a factor multiplies the response (of falls: the odds), over the other factor, and haptics "
+        "in each configuration; bars: 95 % intervals with one degree of freedom less than dyads. B: residuals in order "
+        f"of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
+    )

@@ -1,0 +1,238 @@
+"""Numbers reported by the paper (arXiv:2203.01287), and the same numbers of a study beside them.
+
+The paper gives means and standard deviations, counts of dyads, and directions in words. It gives no p values, no effect
+sizes, and no numbers for shares, ellipses and delays except "around 100 ms" and "about 40 ms". Line numbers refer to
+the paper's source.
+
+The paper's standard deviations are over single trials, so a difference of one standard deviation is large.
+"""
+
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from typing import Any, Literal
+
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import count, number, words
+from netboard.analysis.topics.delay import APART, OVER_ALL, RISE
+from netboard.analysis.topics.everything import PAPER, results_in
+from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.units import read_in
+from netboard.analysis.topics.windows import windows_of
+
+Kind = Literal["number", "count", "rises", "falls", "unchanged", "words"]
+
+REMINDER = (
+    "Four dyads show little by counts: a sign test of 4 of 4 gives p = 0.125 (two-sided), the least that four can "
+    "give, and 4 of 4 beside 2 of 4 gives p = 0.43 by Fisher's exact test. What there is between conditions is seen "
+    "better in the size of the differences and their intervals."
+)
+"""Note under a comparison of counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """A number or direction in the paper, and the corresponding result of a study.
+
+    Attributes
+    ----------
+    kind : {"number", "count", "rises", "falls", "unchanged", "words"}
+        Kind of comparison: a number, a count, the direction of a difference, or words only.
+    topic, quantity, group : str
+        Key of the result, as in `Result`; ``{ends}`` stands for the number of first and last trials.
+    value : float
+        The number; NaN without one [unit of the result].
+    deviation : float
+        Standard deviation over single trials; NaN without one [unit of the result].
+    of : int
+        Total of a count; 0 if it is not a count [1].
+    """
+
+    figure: str
+    line: int
+    kind: Kind
+    said: str
+    topic: str
+    quantity: str
+    group: str
+    value: float = nan
+    deviation: float = nan
+    of: int = 0
+
+
+def _ends(quantity: str, line: int, panels: str, values: tuple[float, ...]) -> tuple[Reported, ...]:
+    """Return first and last means and standard deviations of one quantity, bimanual and dyadic."""
+    places = [(panel, team, end) for panel, team in zip(panels, _TEAMS, strict=True) for end in ("first", "last")]
+    return tuple(
+        Reported(
+            f"2{panel}", line, "number", f"{end} 30", "learning", quantity, f"{team}, {end} {{ends}}", mean, deviation
+        )
+        for (panel, team, end), mean, deviation in zip(places, values[::2], values[1::2], strict=True)
+    )
+
+
+def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
+    """Return the directions of learning."""
+    return tuple(
+        Reported(
+            f"2{panel}",
+            line,
+            "falls",
+            "decreased",
+            "learning",
+            f"change of {quantity}",
+            f"{team}, last {{ends}} less first {{ends}}",
+        )
+        for panel, team in zip(panels, _TEAMS, strict=True)
+    )
+
+
+def _better(quantity: str, panel: str, felt: int, unfelt: int) -> tuple[Reported, ...]:
+    """Return the counts of dyads that are better than the mean of their participants."""
+    name = f"{quantity}: dyads better than the mean of the two"
+    return tuple(
+        Reported(f"3{panel}", 180, "count", f"{better} of 4 dyads", "dyads", name, group, float(better), nan, 4)
+        for group, better in (("haptics on", felt), ("haptics off", unfelt))
+    )
+
+
+def _share(figure: str, line: int, kind: Kind, said: str, of: str, group: str) -> Reported:
+    return Reported(figure, line, kind, said, "classes", f"share of {of}", group)
+
+
+_TEAMS = ("bimanual", "dyadic")
+_CONDITIONS = tuple(f"{team}, {feeling}" for team in _TEAMS for feeling in ("haptics off", "haptics on"))
+_FELT = tuple(f"{team}, haptics on less off" for team in _TEAMS)
+_BETWEEN = "bimanual less dyadic"
+
+REPORTED: tuple[Reported, ...] = (
+    *_ends("completion time", 161, "AB", (5.71, 4.48, 3.61, 3.08, 4.33, 2.92, 3.62, 2.23)),
+    *_learned("completion time", 161, "AB"),
+    _share("2AB", 161, "rises", "higher in bimanual", "cooperative movement", _BETWEEN),
+    _share("2AB", 161, "rises", "higher in bimanual", "stillness", _BETWEEN),
+    _share("2AB", 161, "falls", "more in dyadic", "single movement", _BETWEEN),
+    _share("2AB", 161, "falls", "more in dyadic", "competitive movement", _BETWEEN),
+    *(_share("2A", 161, "words", "almost none", "competitive movement", group) for group in _CONDITIONS[:2]),
+    *_ends("number of velocity peaks", 170, "CD", (3.92, 2.42, 3.17, 1.85, 4.27, 2.91, 3.28, 1.95)),
+    *_learned("number of velocity peaks", 170, "CD"),
+    *_better("completion time", "A", 4, 2),
+    *_better("number of velocity peaks", "B", 3, 1),
+    *(_share("4", 182, "rises", "increased with haptics", "cooperative movement", group) for group in _FELT),
+    *(_share("4", 182, "falls", "decreased with haptics", "single movement", group) for group in _FELT),
+    _share("4", 182, "falls", "decreased with haptics", "competitive movement", _FELT[1]),
+    *(
+        Reported(f"5{panel}", 192, "falls", said, "strategy", f"change of {what}", "all, last group less first")
+        for panel, said, what in (
+            ("A", "became smaller", "the area of the ellipse"),
+            ("B", "decreased", "variance of distance"),
+            ("B", "decreased", "variance of velocity"),
+        )
+    ),
+    *(
+        Reported("6", 202, "number", said, "delay", f"delay, {OVER_ALL}", team, value)
+        for said, team, value in (("about 40 ms", "bimanual", 0.04), ("around 100 ms", "dyadic", 0.1))
+    ),
+    Reported("6", 202, "falls", "higher in dyadic", "delay", f"delay, {OVER_ALL}", _BETWEEN),
+    *(Reported("6", 202, "rises", "increases with the threshold", "delay", RISE, group) for group in _CONDITIONS),
+    Reported("6", 202, "falls", "decreased with haptics", "delay", f"delay, {OVER_ALL}", _FELT[1]),
+    Reported("6", 202, "count", "intervals apart", "delay", APART, _FELT[1], 4.0, nan, 4),
+    Reported("6", 202, "unchanged", "little effect", "delay", f"delay, {OVER_ALL}", _FELT[0]),
+)
+"""All reported numbers and directions, in the paper's order."""
+
+COMPARISON = (
+    words("figure", "figure of the paper"),
+    count("line", "line of the paper's source"),
+    words("quantity", "what it is"),
+    words("group", "of whom and when"),
+    words("kind", "what can be compared: a number, a count, a direction (rises, falls, unchanged), or words"),
+    words("said", "what the paper says, shortened"),
+    number("reported", "the paper's number", "in column unit"),
+    number("reported_sd", "its standard deviation, of single trials", "in column unit"),
+    count("reported_of", "of how many a count is; 0 if it is none"),
+    number("value", "the study's number", "in column unit"),
+    number("low", "lower end of its interval", "in column unit"),
+    number("high", "upper end of its interval", "in column unit"),
+    words("unit", "SI unit"),
+    words("interval", "what the interval is"),
+    count("n", "of how many the study's number is made"),
+    words("of", "of what"),
+    number("difference", "the study's number less the paper's", "in column unit"),
+    number("difference_sd", "the same in standard deviations of the paper", "1"),
+    words("verdict", "whether both agree"),
+    words("note", "what must be known to read it"),
+)
+"""Columns of the comparison."""
+
+
+def compare(study: Study) -> pd.DataFrame:
+    """Compare a study's numbers with those of the paper."""
+    found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
+    ends = windows_of(study).ends
+    rows = []
+    for said in REPORTED:
+        reported = replace(said, group=said.group.format(ends=ends))
+        rows.append(_row(reported, found.get((reported.topic, reported.quantity, reported.group), _nothing(reported))))
+    return pd.DataFrame(rows, columns=[field.name for field in COMPARISON])
+
+
+def _nothing(said: Reported) -> Result:
+    """Return a placeholder for a result that the study does not have."""
+    return Result(said.topic, said.quantity, said.group, nan, nan, nan, "", "", 0, "", "the study has no such result")
+
+
+def _row(said: Reported, found: Result) -> dict[str, Any]:
+    """Return a row with both numbers."""
+    difference = found.value - said.value
+    return {
+        "figure": said.figure,
+        "line": said.line,
+        "quantity": said.quantity,
+        "group": said.group,
+        "kind": said.kind,
+        "said": said.said,
+        "reported": said.value,
+        "reported_sd": said.deviation,
+        "reported_of": said.of,
+        "value": found.value,
+        "low": found.low,
+        "high": found.high,
+        "unit": found.unit,
+        "interval": found.interval,
+        "n": found.n,
+        "of": found.of,
+        "difference": difference,
+        "difference_sd": difference / said.deviation,
+        "verdict": _verdict(said, found),
+        "note": found.note,
+    }
+
+
+def _verdict(said: Reported, found: Result) -> str:
+    """Return a phrase on the agreement of a study's number with the paper's."""
+    if not isfinite(found.value):
+        return "not in this study"
+    if said.kind == "words":
+        return "not reported as a number"
+    if said.kind == "number":
+        difference = found.value - said.value
+        deviations = difference / said.deviation
+        if isfinite(deviations):
+            return f"{deviations:+.2f} SD"
+        unit = read_in(found.unit, found.quantity)
+        return f"{difference * unit.scale:+.3g} {unit.symbol}, no SD reported"
+    if said.kind == "count":
+        return "same count" if (found.value, found.n) == (said.value, said.of) else "other count"
+    return _direction(said.kind, found)
+
+
+def _direction(kind: Kind, found: Result) -> str:
+    """Return a phrase on whether a difference has the reported direction, and its confidence interval includes 0."""
+    sure = "no interval"
+    if isfinite(found.low) and isfinite(found.high):
+        sure = f"interval {'includes' if found.low <= 0.0 <= found.high else 'excludes'} 0"
+    if kind == "unchanged":
+        return sure
+    agrees = found.value > 0.0 if kind == "rises" else found.value < 0.0
+    return f"{'same' if agrees else 'other'} direction, {sure}"

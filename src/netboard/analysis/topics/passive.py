@@ -1,0 +1,231 @@
+"""Passive-partner control: the mechanical part of the haptic effect on cooperative movement.
+
+The effect is the dyad's share of cooperative movement with haptic feedback minus the share without. The passive effect
+is the share that each side's recorded movement would have with a passive partner instead of the other participant; a
+still partner has none (`netboard.analysis.measures.passive`). Device friction suppresses most of this movement, so each
+passive effect is reported twice: for a hand without friction, an upper bound, and for a hand that holds the recorded
+device.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.modern import STIFFNESSES
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
+from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
+from netboard.analysis.topics.marks import beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
+from netboard.analysis.topics.measures import as_read, column, levels, rows_of
+from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.units import PERCENT, POINTS
+
+SEED = 20_170_605
+"""Seed of the bootstrap."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Control:
+    """Effect of a haptic condition, and its passive effect.
+
+    Attributes
+    ----------
+    stiffness : int
+        Stiffness of the passive partner's arm [N/m].
+    friction : float
+        Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
+    share : Estimate
+        Sum of the passive effects divided by that of the effects, with a bootstrap over dyads: 1 = all is mechanics
+        [1].
+    """
+
+    condition: Condition
+    stiffness: int
+    friction: float
+    dyads: tuple[str, ...]
+    effect: NDArray[np.float64]
+    passive: NDArray[np.float64]
+    mean_effect: Estimate
+    mean_passive: Estimate
+    share: Estimate
+
+    @property
+    def arm(self) -> str:
+        """Description of the passive hand."""
+        return f"{self.stiffness} N/m, {'with the device' if self.friction else 'no friction'}"
+
+    @property
+    def has_effect(self) -> bool:
+        """Whether the share is meaningful: the effect's confidence interval excludes 0."""
+        return self.mean_effect.low > 0.0 or self.mean_effect.high < 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Controls:
+    """Controls for every haptic condition and stiffness.
+
+    Attributes
+    ----------
+    controls : tuple of Control
+        By haptic condition, then by stiffness; without friction and then with the device, if known.
+    """
+
+    controls: tuple[Control, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return the effect of each haptic condition, and for each stiffness the passive effect and its share."""
+        rows = []
+        felt = []
+        for one in self.controls:
+            group = f"{one.condition.label} less off"
+            if group not in felt:
+                felt.append(group)
+                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
+            rows.append(_row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one)))
+            share, note = one.share, f"1 = all is mechanics; intervals of few dyads are too short; {_held(one)}"
+            if not one.has_effect:
+                share = replace(share, value=np.nan, low=np.nan, high=np.nan)
+                note = "no share of an effect that may be 0: its interval has 0 in it, or there is none"
+            rows.append(_row(f"passive share of the effect, {one.arm}", group, share, note))
+        return tuple(rows)
+
+
+def _held(one: Control) -> str:
+    """Return a description of the passive partner."""
+    if one.friction:
+        return f"a passive partner who holds the recorded device, friction {one.friction:.2f} N"
+    return "a passive partner without the device's friction: an upper bound"
+
+
+def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
+    return estimated("passive", quantity, group, found, "1", note)
+
+
+def controls(study: Study) -> Controls:
+    """Compare the effect of haptic feedback with that of a passive partner.
+
+    Returns
+    -------
+    Controls
+        The controls; empty if no dyad has dyadic trials both with and without haptic feedback.
+    """
+    cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
+    live = levels(study, cooperative)
+    found = []
+    for stiffness in STIFFNESSES:
+        for name, held in ((f"passive_{stiffness}", False), (f"passive_{stiffness}_device", True)):
+            passive = levels(study, replace(cooperative, values=column(name)))
+            for felt, off in with_base(conditions(study)):
+                columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
+                table = pd.concat(columns, axis=1, join="inner").sort_index()
+                friction = _friction(study, felt) if held else 0.0
+                if felt.configuration == "dyadic" and not felt.partner and len(table):
+                    found.append(_control(felt, stiffness, friction, table))
+    return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
+
+
+def _friction(study: Study, condition: Condition) -> float:
+    """Return the mean friction of the devices of a condition."""
+    rows = rows_of(study, "trial")
+    return float(rows.loc[rows["condition"] == condition.name, "passive_friction"].mean())
+
+
+def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
+    """Return the levels of the dyads in a condition."""
+    return table[table["condition"] == condition.name].set_index("dyad")["level"]
+
+
+def _control(condition: Condition, stiffness: int, friction: float, table: pd.DataFrame) -> Control:
+    """Compare the columns on, off and passive of a table of dyads."""
+    on, off, passive = table.to_numpy().T
+    effect = on - off
+    share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
+    return Control(
+        condition,
+        stiffness,
+        friction,
+        tuple(table.index),
+        effect,
+        passive,
+        t_interval(effect),
+        t_interval(passive),
+        share,
+    )
+
+
+_NONE = "What part of the effect is mechanics cannot be told: the effect may be 0."
+
+TITLE = "How much of it a passive partner would show"
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the effect of haptic feedback and the passive effect.
+
+    The passive effect is shown without friction, an upper bound, and with the device's friction if known.
+    """
+    found = controls(study).controls
+    if not found:
+        why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
+        return Picture("passive", TITLE, why, None)
+    figure, panels = new_mosaic(3.0, [["all"]])
+    axes = panels["all"]
+    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    felt = list(dict.fromkeys(one.condition for one in found))
+    columns = list(range(1 + len({one.arm for one in found})))
+    for condition, offset in zip(felt, beside(len(felt), 0.5), strict=True):
+        own = [one for one in found if one.condition == condition]
+        look = look_of(condition)
+        for k, dyad in enumerate(own[0].dyads):
+            values = [own[0].effect[k], *(one.passive[k] for one in own)]
+            draw_dyads(
+                axes,
+                np.array(columns) + offset + 0.06,
+                POINTS.scale * np.array(values),
+                look.colour,
+                f"{condition.name}, {dyad}",
+                joined=True,
+            )
+        means = [own[0].mean_effect, *(one.mean_passive for one in own)]
+        for place, mean in zip(columns, means, strict=True):
+            draw_mean(axes, place + offset, mean, look, f"{condition.name}, {place}", scale=POINTS.scale)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
+    names = [
+        "with forces less without,\nas recorded",
+        *(f"passive,\n{one.arm.replace(', ', ',' + chr(10))}" for one in found if one.condition == felt[0]),
+    ]
+    axes.set_xticks(columns, names, fontsize=7)
+    axes.set_xlim(-0.5, columns[-1] + 0.5)
+    axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
+    if len(felt) > 1:
+        axes.legend()
+    return Picture("passive", TITLE, _caption(found), figure)
+
+
+def _caption(found: tuple[Control, ...]) -> str:
+    shares = "; ".join(_share(one) for one in found if one.has_effect)
+    told = f"Part of the effect that is mechanics, with 95 % bootstrap intervals: {shares}." if shares else _NONE
+    return (
+        "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
+        "recorded movement gives with a passive hand, which is pushed and never acts, instead of the partner: without "
+        f"friction, an upper bound, and {_device(found)}. Large "
+        "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
+        f"n = {many(len(found[0].dyads), 'dyad')}. {told}"
+    )
+
+
+def _device(found: tuple[Control, ...]) -> str:
+    frictions = [one.friction for one in found if one.friction]
+    if not frictions:
+        return "not with the device, whose friction is not known"
+    return f"with the device that it held, friction {np.mean(frictions):.2f} N"
+
+
+def _share(one: Control) -> str:
+    value, low, high = (f"{PERCENT.scale * end:.0f}" for end in (one.share.value, one.share.low, one.share.high))
+    ends = f" ({low} to {high})" if np.isfinite(one.share.low) else ""
+    return f"{one.condition.felt}, {one.stiffness} N/m: {value} %{ends}"

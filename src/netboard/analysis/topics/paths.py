@@ -1,0 +1,247 @@
+"""Mean paths of ball and hands from the release, and their spread over trials.
+
+Trials with the target on the left are mirrored, so that the target is on the right and the hands are the near and the
+far one. A path continues through the hold to the end of its trial. Paths are shown for as long as nine of ten trials
+last, so that hardly any trial drops out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.details import STEP
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.trials import RATE
+from netboard.analysis.statistics.estimates import t_interval
+from netboard.analysis.topics.figure import BLACK, Picture
+from netboard.analysis.topics.groups import Condition, conditions, estimated
+from netboard.analysis.topics.marks import how_many, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.units import read_in
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PERIOD = STEP / RATE
+"""Sampling period of a path [s]."""
+
+GOING_ON = 0.1
+"""Largest share of trials that may have ended within the time shown [1]."""
+
+BAND = (0.1, 0.9)
+"""Quantiles of the trials at each time [1]."""
+
+REPORTED = 0.5
+"""Interval between reported times [s]."""
+
+QUANTITIES = {"ball": "ball along the board", "near": "hand at the target's side", "far": "the other hand"}
+"""Quantities with a path, by short name."""
+
+KEYS = ["recording", "trial", "attempt"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """Mean path of a quantity in a condition.
+
+    Attributes
+    ----------
+    quantity : {"ball", "near", "far"}
+        Ball position, + = towards the target; height of the hand on the target's side; height of the other hand.
+    time : ndarray of float64, shape (m,)
+        Time after the release [s].
+    each : ndarray of float64, shape (n, m)
+        Mean of each dyad's trials [m].
+    mean : ndarray of float64, shape (m,)
+        Mean over the dyads [m].
+    low, high : ndarray of float64, shape (m,)
+        Quantiles of all trials [m].
+    """
+
+    condition: Condition
+    quantity: str
+    time: NDArray[np.float64]
+    dyads: tuple[str, ...]
+    each: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    trials: int
+
+
+@dataclass(frozen=True, slots=True)
+class Courses:
+    """All mean paths."""
+
+    courses: tuple[Course, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Return the positions of ball and hands at the reported times."""
+        return tuple(row for one in self.courses for row in _rows(one))
+
+
+def _rows(one: Course) -> Iterator[Result]:
+    for k in range(0, len(one.time), round(REPORTED / PERIOD)):
+        note = f"of {one.trials} trials, + = {'towards the target' if one.quantity == 'ball' else 'up'}"
+        group = f"{one.condition.label}, {one.time[k]:.1f} s"
+        yield estimated("paths", QUANTITIES[one.quantity], group, t_interval(one.each[:, k]), "m", note)
+
+
+@kept
+def courses(study: Study) -> Courses:
+    """Return the mean paths of all conditions."""
+    if not len(study.counted):
+        return Courses(())
+    samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
+    return Courses(tuple(course for condition in conditions(study) for course in _courses(condition, study, samples)))
+
+
+def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """Join paths and their trials, one recording after the other.
+
+    Yields
+    ------
+    DataFrame
+        Paths of the trials of a recording, with their ``condition``, ``dyad``, ``target`` and ``completion``;
+        ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are
+        skipped.
+    """
+    for recording, own in trials.groupby("recording", sort=False):
+        told = own[[*KEYS, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(told, on=KEYS, validate="many_to_one")
+        if len(table):
+            samples = (table["time"] / PERIOD).round().astype("int64")
+            yield table.assign(number=table.groupby(KEYS, sort=False).ngroup(), sample=samples)
+
+
+def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
+    """Return the mean paths of a condition."""
+    trials = study.counted[study.counted["condition"] == condition.name]
+    places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
+    dyads: list[str] = []
+    for table in joined(trials, study.paths):
+        for name, wide in _places(table[table["sample"] < samples]).items():
+            places[name].append(wide)
+        dyads += [table["dyad"].iat[0]] * len(wide)
+    if not dyads:
+        return []
+    found = []
+    for name, parts in places.items():
+        wide = pd.concat(parts, ignore_index=True).sort_index(axis="columns")
+        each = wide.groupby(dyads).mean()
+        low, high = (wide.quantile(share).to_numpy() for share in BAND)
+        time = wide.columns.to_numpy() * PERIOD
+        mean = each.mean().to_numpy()
+        found.append(Course(condition, name, time, tuple(each.index), each.to_numpy(), mean, low, high, len(wide)))
+    return found
+
+
+def _places(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the positions of ball and hands by quantity: one row for each trial, one column for each sample [m]."""
+    right = table["target"] > 0
+    places = {
+        "ball": table["p"] * table["target"],
+        "near": table["right_z"].where(right, table["left_z"]),
+        "far": table["left_z"].where(right, table["right_z"]),
+    }
+    at = table[["number", "sample"]]
+    return {
+        name: at.assign(place=place).pivot(index="number", columns="sample", values="place")
+        for name, place in places.items()
+    }
+
+
+TITLE = "The course of a trial"
+
+COLUMNS = 4
+"""Conditions in a row [1]."""
+
+_STYLES: dict[str, Literal["-", "--"]] = {"near": "-", "far": "--"}
+_HANDS = {"near": BLACK, "far": "#555555"}
+_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw mean paths.
+
+    Trials with the target on the left are mirrored.
+    """
+    from matplotlib.lines import Line2D
+
+    found = courses(study).courses
+    if not found:
+        return Picture("paths", TITLE, "No trial that counts has a path.", None)
+    shown = list(dict.fromkeys(one.condition for one in found))
+    lines = [shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS)]
+    figure, axes = new_mosaic(0.4 + 3.9 * len(lines), _layout(lines))
+    for place, condition in enumerate(shown):
+        ball, hands = (axes[f"{what} {condition.name}"] for what in ("ball", "hands"))
+        for one in (one for one in found if one.condition == condition):
+            _course(ball if one.quantity == "ball" else hands, one)
+        titled(ball, _LETTERS[place], condition.label.replace(", ", ",\n"))
+        hands.set_xlabel("time from the release [s]")
+        ball.tick_params(labelbottom=False)
+    for what, label in (("ball", "ball towards the target [mm]"), ("hands", "height of the hands [mm]")):
+        _alike(axes, [[f"{what} {one.name}" for one in line] for line in lines], label)
+    handles = [Line2D([], [], color=colour, linestyle=_STYLES[name]) for name, colour in _HANDS.items()]
+    figure.legend(handles, [QUANTITIES[name] for name in _HANDS], loc="outside lower center", ncols=2)
+    return Picture("paths", TITLE, _caption(found), figure)
+
+
+def _layout(lines: list[list[Condition]]) -> list[list[str]]:
+    """Return a layout with the hands of each condition below its ball."""
+    width = len(lines[0])
+    rows = [[f"{what} {one.name}" for one in line] for line in lines for what in ("ball", "hands")]
+    return [row + ["."] * (width - len(row)) for row in rows]
+
+
+def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
+    """Give panels of one quantity the same scale, and label the first panel of each row."""
+    names = [name for line in lines for name in line]
+    lows, highs = zip(*(axes[name].get_ylim() for name in names), strict=True)
+    for name in names:
+        axes[name].set_ylim(min(lows), max(highs))
+        axes[name].tick_params(labelleft=any(name == line[0] for line in lines))
+    for line in lines:
+        axes[line[0]].set_ylabel(label)
+
+
+def _course(axes: Axes, one: Course) -> None:
+    """Draw a quantity: each dyad, their mean, and the band of the trials."""
+    look, scale = look_of(one.condition), read_in("m").scale
+    name = f"{one.condition.name}, {one.quantity}"
+    colour = "#555555" if one.quantity == "far" else look.colour
+    axes.axhline(0.0, color="#BBBBBB", linewidth=0.6, zorder=0)
+    axes.fill_between(
+        one.time, scale * one.low, scale * one.high, color=colour, alpha=0.16, linewidth=0.0, label=f"_{name}, trials"
+    )
+    for dyad, own in zip(one.dyads, one.each, strict=True):
+        axes.plot(one.time, scale * own, color=colour, linewidth=0.5, alpha=0.5, label=f"_{name}, {dyad}")
+    axes.plot(
+        one.time,
+        scale * one.mean,
+        color=colour,
+        linewidth=1.5,
+        linestyle=_STYLES.get(one.quantity, "-"),
+        label=f"_{name}",
+    )
+
+
+def _caption(found: tuple[Course, ...]) -> str:
+    low, high = (round(100 * share) for share in BAND)
+    own = [one for one in found if one.quantity == "ball"]
+    known = how_many(
+        [(one.condition.label, len(one.dyads), "dyad") for one in own], [one.trials for one in own], "trial"
+    )
+    return (
+        "Ball and hands from the release on, as long as nine of ten trials go on; trials with the target at the left "
+        f"are mirrored. Thick: means over dyads; thin: dyads; bands: from {low} % to {high} % of the trials. {known}"
+    )

@@ -1,0 +1,93 @@
+"""Reported numbers and their tidy table: each has its n and its unit of replication.
+
+Values are in SI units; `netboard.analysis.topics.units` converts them for display.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from functools import wraps
+from typing import TypeVar
+from weakref import ref
+
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import count, number, words
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A reported number.
+
+    Attributes
+    ----------
+    topic : str
+        Topic, such as ``learning``: one word, also the name of its figure.
+    value : float
+        The number; NaN if there is none [its unit].
+    low, high : float
+        Limits of its interval; NaN without one [its unit].
+    interval : str
+        Kind of interval, such as ``95 % t`` or ``SD``; empty without one.
+    """
+
+    topic: str
+    quantity: str
+    group: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    interval: str
+    n: int
+    of: str
+    note: str = ""
+
+
+RESULTS = (
+    words("topic", "what it belongs to: the name of a picture"),
+    words("quantity", "what it is"),
+    words("group", "of whom and when"),
+    number("value", "the number", "in column unit"),
+    number("low", "lower end of its interval", "in column unit"),
+    number("high", "upper end of its interval", "in column unit"),
+    words("unit", "SI unit of the three"),
+    words("interval", "what the interval is; empty without one"),
+    count("n", "of how many it is made"),
+    words("of", "of what: the unit of replication"),
+    words("note", "what must be known to read it"),
+)
+"""Columns of the table of results."""
+
+
+def table_of(results: Iterable[Result]) -> pd.DataFrame:
+    """Return results as a tidy table."""
+    return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
+
+
+UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+"""Exceptions that unforeseen values raise in numpy, scipy, pandas and matplotlib."""
+
+T = TypeVar("T")
+
+
+MOST_KEPT = 4
+"""Studies whose results are cached: the reported one, and those pooled from it [1]."""
+
+
+def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
+    """Cache a costly computation for the most recent studies, which must not be changed."""
+    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MOST_KEPT)
+
+    @wraps(find)
+    def once(study: Study) -> T:
+        for of, found in newest:
+            if of() is study:
+                return found
+        newest.append((ref(study), find(study)))
+        return newest[-1][1]
+
+    return once
