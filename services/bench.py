@@ -35,7 +35,7 @@ Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays per dy
 
 
 def _run(name: str, study: "Study", output: Path | None, json: Path | None, *, quick: bool, force: bool) -> bool:
-    """Run a study; return whether all of its verdicts hold."""
+    """Run a study; return whether all its claims hold."""
     from netboard.benchmarks.harness.running import run_named
 
     return all(verdict.holds for verdict in run_named(name, study, output, json, quick=quick, force=force))

@@ -1,6 +1,6 @@
-"""How a study is run: the machine is told, parts come one after the other, each is shown and written as it is there.
+"""Running a benchmark: it describes the machine, then shows and writes each part as soon as it is computed.
 
-What is written after each part is whole, so a study that is interrupted has left what it found.
+The file is complete after each part, so an interrupted benchmark leaves the parts that it has computed.
 """
 
 import shutil
@@ -36,7 +36,7 @@ def run_named(
     Returns
     -------
     list of Verdict
-        All verdicts; one that fails is a result, not an error.
+        Every checked claim; one that fails is a result, not an error.
     """
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)
     return run(folder, {"study": name, "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
@@ -51,7 +51,7 @@ def run(
     lines: Iterable[str] = (),
     bar: bool = True,
 ) -> list[Verdict]:
-    """Run a study: describe the machine, show and write each part, copy the JSON file, and count the verdicts.
+    """Run a study: describe the machine, show and write each part, copy the JSON file, and count the claims that hold.
 
     - `settings`: head of the results: ``study``, its name, and how it was run; it is read anew for each part.
     - `lines`: further lines below the description of the machine.
@@ -61,7 +61,7 @@ def run(
     Returns
     -------
     list of Verdict
-        All verdicts; one that fails is a result, not an error.
+        Every checked claim; one that fails is a result, not an error.
     """
     console = Console(highlight=False, markup=False)
     console.width = max(console.width, WIDTH)

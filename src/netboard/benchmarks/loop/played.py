@@ -25,7 +25,7 @@ UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the t
 class Punctuality:
     """Timing of ticks.
 
-    - `late_ns`: how late each began; negative: early [ns].
+    - `late_ns`: begin of each after its deadline; negative: before it [ns].
     - `missed`: ticks that began more than a whole tick late, and those that were passed over [1].
     """
 
@@ -39,7 +39,7 @@ class Punctuality:
         return self.late_ns.size
 
     def missed_of(self, many: int) -> float:
-        """How many of so many are missed [1]."""
+        """Return the number of missed ticks in `many` [1]."""
         return self.missed * many / max(self.ticks, 1)
 
 
@@ -100,9 +100,9 @@ def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
 
 
 def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dict[str, Times]:
-    """Take loops apart, where a sample told of the loop of the one before it, which is the rule.
+    """Split the loops into their parts, where a sample reports the loop of the one before it, as is usual.
 
-    - `closed` (shape (n,)): ticks at which a loop is told for the first time.
+    - `closed` (shape (n,)): ticks at which a loop is reported for the first time.
     """
     seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
     fresh = np.diff(seq, prepend=-1) == 1

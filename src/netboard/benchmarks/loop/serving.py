@@ -1,6 +1,6 @@
-"""A server as it is in use, of any number of dyads, with peers that cost little: what it used, and what its peers got.
+"""Resource use of a server in real operation, for any number of dyads, with peers that need little processor time.
 
-The server is the process that a lab runs. Its peers are two more, which are told who is to be there and for how long.
+The server is the process that a lab runs. Two more processes are its peers; their orders say which, and for how long.
 """
 
 import os
@@ -50,7 +50,7 @@ class Served:
     """Resource use and timing of a server.
 
     - `counts`: what its peers got, in a second [Hz].
-    - `peers_late_ns`: how late the peers themselves sent their samples [ns].
+    - `peers_late_ns`: delay of the samples when the peers sent them [ns].
     """
 
     cost: Cost
