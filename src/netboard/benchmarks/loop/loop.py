@@ -143,7 +143,7 @@ MOST_MEDIAN, MOST_P99 = 1.5, 2.0
 
 MANY = 100_000
 MOST_MISSED = 1.0
-"""Largest number of missed ticks in `MANY`, beyond what the timer misses [1]."""
+"""Largest number of deadline misses in `MANY` ticks, beyond those of the timer [1]."""
 
 MOST_SERVER = 0.2
 """Largest share of a core for a server of one dyad with a logger and two displays [1]."""
