@@ -217,7 +217,7 @@ def test_a_result_that_is_there_stays_unless_forced() -> None:
     Path("out.csv").write_text("mine", encoding="ascii")
     result = simulate("-i", "a.csv", "-o", "out.csv")
     assert result.exit_code == 2
-    assert "netboard: out.csv: is there already; --force overwrites it" in result.output
+    assert "netboard: out.csv: already exists; --force overwrites it" in result.output
     assert Path("out.csv").read_text(encoding="ascii") == "mine"
     assert simulate("-i", "a.csv", "-o", "out.csv", "--force").exit_code == 0
     assert list(read("out.csv")) == COLUMNS

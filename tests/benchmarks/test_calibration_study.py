@@ -105,4 +105,4 @@ def test_tables_have_a_row_for_each_kind_of_study_and_a_share_with_its_interval(
 def test_calibration_takes_no_recordings(option: list[str]) -> None:
     result = CliRunner().invoke(app, ["bench", "analysis", "--calibration", *option])
     assert result.exit_code != 0
-    assert "it simulates studies alone" in str(result.exception) + result.output
+    assert "it simulates its own studies" in str(result.exception) + result.output

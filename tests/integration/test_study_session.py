@@ -19,7 +19,7 @@ from netboard.benchmarks.faults.rigs import Rig
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.operator.operator import Operator
-from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.blocks import BlockSequence
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
 from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan, read_lines
@@ -52,7 +52,7 @@ def kernels() -> None:
     """Whatever a session needs is compiled before its processes start: that may take longer than anybody waits."""
     plan = plan_of(paper_study(), 1, 3)
     config = seated(parse("", "rig", (*QUICK, *PILOT)), plan)
-    Programme([config_of(config, plan.sessions[0], number) for number in range(1, 19)])
+    BlockSequence([config_of(config, plan.sessions[0], number) for number in range(1, 19)])
 
 
 def journal(rig: Rig) -> Path:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_recordings import loaded_recording, two_trials
 from netboard.base.errors import NetboardError
 from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
-from netboard.nodes.server.commands import CAUSES
+from netboard.nodes.server.operators import CAUSES
 from netboard.recording.replay.commands import KEYS, KNOWN, ReplayCommand, in_words, run_command
 from netboard.recording.replay.position import Playback
 

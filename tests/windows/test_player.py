@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from display_parts import WORDS, until
 
-from made_recordings import CONFIG, reel_of, two_trials
+from made_recordings import CONFIG, loaded_recording, two_trials
 from netboard.base.errors import NetboardError
 from netboard.recording.replay.loading import drawable
 from netboard.stage.curtain import make_curtain, view_of
@@ -26,7 +26,7 @@ def player(app):
     from netboard.windows.replay.player import PlayerWindow
 
     clock = Clock()
-    window = PlayerWindow([reel_of(two_trials())], "left", now=clock)
+    window = PlayerWindow([loaded_recording(two_trials())], "left", now=clock)
     window.present(CONFIG.display)
     app.processEvents()
     yield window, clock
@@ -111,7 +111,7 @@ def test_a_loop_goes_round(player):
 def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
     from netboard.windows.replay.player import PlayerWindow
 
-    window = PlayerWindow([reel_of(np.delete(two_trials(), slice(3000, 3200)))], "left", now=Clock())
+    window = PlayerWindow([loaded_recording(np.delete(two_trials(), slice(3000, 3200)))], "left", now=Clock())
     window.seek(3.1)
     assert "ticks 3100 to 3299 are missing" in window.line.text()
     assert window.board.picture == expected(2.999)
@@ -121,8 +121,8 @@ def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
 def test_two_recordings_are_side_by_side_on_one_time_line(app):
     from netboard.windows.replay.player import PlayerWindow
 
-    later = reel_of(two_trials()[400:], name="later.mcap")
-    window = PlayerWindow([reel_of(two_trials()), later], "left", sync="trial", now=Clock())
+    later = loaded_recording(two_trials()[400:], name="later.mcap")
+    window = PlayerWindow([loaded_recording(two_trials()), later], "left", sync="trial", now=Clock())
     window.present(CONFIG.display)
     app.processEvents()
     window.seek(3.0)
@@ -152,12 +152,12 @@ def test_dragging_and_clicking_the_time_line_seek(app, player):
 def test_a_recording_is_played_until_stopped_or_photographed(app, tmp_path):
     from netboard.windows.replay.player import run
 
-    reels = [reel_of(two_trials()[:1000])]
+    recordings = [loaded_recording(two_trials()[:1000])]
     asked = []
-    run(reels, "right", lambda: len(asked) > 3 or bool(asked.append(True)))
+    run(recordings, "right", lambda: len(asked) > 3 or bool(asked.append(True)))
     assert len(asked) > 3
     picture = tmp_path / "replay.png"
-    run(reels, "left", lambda: False, picture=picture, at=0.7)
+    run(recordings, "left", lambda: False, picture=picture, at=0.7)
     assert picture.stat().st_size > 1000
     with pytest.raises(NetboardError, match="does not overwrite"):
-        run(reels, "left", lambda: False, picture=picture)
+        run(recordings, "left", lambda: False, picture=picture)

@@ -197,7 +197,7 @@ def decide(
     Returns
     -------
     int
-        Number of new submovements; 0 most of the time.
+        Number of new submovements; 0 most of the time [1].
     """
     dt = min(now - mind["thought"], 1.0)
     mind["thought"] = now

@@ -130,9 +130,9 @@ def wander(value: float, deviation: float, time: float, dt: float, normal: float
     Parameters
     ----------
     value : float
-        Present value, in the unit of the quantity that the noise is added to.
+        Present value [unit of the quantity that the noise is added to].
     deviation : float
-        Standard deviation, in the same unit.
+        Standard deviation [the same unit].
     time : float
         Correlation time [s].
     dt : float
@@ -143,7 +143,7 @@ def wander(value: float, deviation: float, time: float, dt: float, normal: float
     Returns
     -------
     float
-        New value.
+        New value [the same unit].
     """
     keep = exp(-dt / time)
     return keep * value + deviation * sqrt(1.0 - keep * keep) * normal

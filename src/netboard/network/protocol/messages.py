@@ -158,7 +158,13 @@ KINDS: dict[int, Kind] = {
 
 
 def sent_by(role: str) -> frozenset[type[Message]]:
-    """Return the messages that peers of a role send to the server."""
+    """Return the messages that peers of a role send to the server.
+
+    Parameters
+    ----------
+    role : str
+        One of `ROLES`.
+    """
     return frozenset(kind.message for kind in KINDS.values() if role in kind.up)
 
 

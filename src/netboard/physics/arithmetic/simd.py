@@ -112,7 +112,10 @@ def _intrinsic(name: str) -> Callable[..., Any]:
     """Return a generator of an LLVM intrinsic that is exact or correctly rounded."""
 
     def write(builder: Any, value: Any) -> Any:
-        return builder.call(builder.module.declare_intrinsic(f"llvm.{name}", [value.type]), [value])
+        of_lanes = f"llvm.{name}.v{value.type.count}f64"
+        return builder.call(
+            builder.module.declare_intrinsic(of_lanes, (), ir.FunctionType(value.type, [value.type])), [value]
+        )
 
     return write
 
