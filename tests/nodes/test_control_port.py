@@ -36,7 +36,7 @@ class Rig:
 
     def say(self, peer: bytes, message: Message | bytes) -> list[Message]:
         self.router.say(peer, message)
-        self.port.drain(0)
+        self.port.drain(lambda: 0)
         self.port.answer(Answers())
         return self.router.heard(peer)
 
@@ -104,7 +104,7 @@ def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> Non
     ahead = 5_000_000_000
     assert rig.router.heard(D) == [Ping(PING_NS)]
     rig.router.say(D, Pong(PING_NS, PING_NS + ahead + 10, PING_NS + ahead + 30))
-    rig.port.drain(PING_NS + 40)
+    rig.port.drain(lambda: PING_NS + 40)
     (record,) = rig.port.clock_records(7)
     assert (record.seq, record.peer, record.offset_ns) == (7, "display.left", ahead)
     links = {link[0]: link for link in rig.port.links(PING_NS + 40)}
@@ -137,7 +137,7 @@ def test_a_console_that_was_suspended_may_answer_every_ping_that_waited_for_it()
     now_ns = suspended_s * 1_000_000_000
     for ping in pings:
         rig.router.say(C, Pong(ping.sent_ns, now_ns, now_ns))
-        rig.port.drain(now_ns)
+        rig.port.drain(lambda: now_ns)
     assert rig.router.heard(C) == []
 
 
@@ -145,7 +145,7 @@ def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
     router = FakeRouter(room=1)
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     router.say(b"console", hello("console"))
-    port.drain(0)
+    port.drain(lambda: 0)
     another = replace(WELCOME, config="another block")
     port.renew(another)
     assert router.heard(b"console") == [WELCOME]

@@ -113,7 +113,7 @@ class Control:
 
     def tick(self) -> None:
         self.clock.advance(1e-3)
-        self.port.drain(self.clock())
+        self.port.drain(self.clock)
         self.port.answer(Answers())
 
 

@@ -115,7 +115,7 @@ def test_the_control_port(seed: int) -> None:
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
         router.say(peer, word)
-        port.drain(clock.now_ns)
+        port.drain(clock)
         port.pump(clock.now_ns)
         if tick % 5 == 0:
             encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
+from fakes import FakeClock
 from netboard.network.protocol.joining import Goodbye, Ping, Pong
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.nodes.ports.control_port import ControlPort
@@ -57,7 +58,7 @@ class Station:
             for item in sorted((item for item in self.held if item[0] <= now_ns), key=lambda item: item[0]):
                 self.held.remove(item)
                 self.router.say(item[1], item[2])
-            self.port.drain(now_ns)
+            self.port.drain(lambda: self.now_ms * MS)
             if self.now_ms % 1000 == 0:
                 self.records += self.port.clock_records(len(self.records))
 
@@ -159,6 +160,34 @@ def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:
         count(1), (Pong(now_ns, 20, 10), Pong(now_ns + 10**9, 1, 2), Pong(-(2**62), 0, 0)), strict=False
     ):
         at.router.say(b"one", pong)
-        at.port.drain(now_ns + number)
+        at.port.drain(lambda number=number: now_ns + number)
         assert at.port.clock_records(9) == []
     assert known.peer == "display.left"
+
+
+def test_an_answer_that_arrives_while_others_are_read_is_not_stamped_before_it_was_sent() -> None:
+    router, clock = FakeRouter(), FakeClock()
+    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    router.say(b"one", hello("display", "left"))
+    port.drain(clock)
+    clock.advance(1.0)
+    port.pump(clock())
+    (ping,) = (message for message in router.heard(b"one") if isinstance(message, Ping))
+    clock.advance(0.001)
+    port.drain(clock_while_frames_arrive(router, clock, ping))
+    (record,) = port.clock_records(0)
+    assert record.t3_ns == clock()
+    assert abs(record.offset_ns) <= record.bound_ns  # both read the same clock, so the true offset is 0
+
+
+def clock_while_frames_arrive(router: FakeRouter, clock: FakeClock, ping: Ping) -> Callable[[], int]:
+    """Return a clock; while the port handles a frame of another peer, the answer to the ping arrives."""
+    router.say(b"other", hello("console"))
+
+    def read() -> int:
+        if not router.arrived and clock() < ping.sent_ns + 3 * MS:
+            clock.advance(0.002)
+            router.say(b"one", Pong(ping.sent_ns, clock(), clock()))
+        return clock()
+
+    return read

@@ -9,6 +9,7 @@ an answer to an operator) is done in pieces between ticks, when the session asks
 """
 
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from netboard.base.errors import WireError
@@ -108,14 +109,18 @@ class ControlPort:
         """Role and side of the displays and consoles that are connected and not silent."""
         return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))
 
-    def drain(self, now_ns: int) -> bool:
-        """Take and handle what has arrived; return whether there may be more."""
+    def drain(self, clock: Callable[[], int]) -> bool:
+        """Take and handle what has arrived; return whether there may be more.
+
+        The clock is read after each frame: a stamp from before its arrival would tighten the bound of a clock offset
+        beyond the truth.
+        """
         frames = size = 0
         while frames < MOST_FRAMES and size < MOST_BYTES:
             received = self._router.receive()
             if received is None:
                 return False
-            if received != endpoints.NOBODY and self._take(*received, now_ns):
+            if received != endpoints.NOBODY and self._take(*received, clock()):
                 size += len(received[1])
             frames += 1
         return True

@@ -142,7 +142,7 @@ class ReplayServer:
             Time for which the server has been running [ms].
         """
         self._show(milliseconds)
-        self.control.drain(now_ns())
+        self.control.drain(now_ns)
         self.control.answer(self._answers)
         requests = list(self.control.requests)
         self.control.requests.clear()
@@ -198,7 +198,7 @@ class ReplayServer:
         until_ns = now_ns() + int(FAREWELL_SECONDS * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
             self._waiter.wait(left_ns * 1e-9)
-            self.control.drain(now_ns())
+            self.control.drain(now_ns)
         self._views.close()
         self.control.close()
         for port in self._closed:

@@ -151,7 +151,7 @@ class Session:
         self._hear_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
-        self._unheard = self._unheard and self._control.drain(now)
+        self._unheard = self._unheard and self._control.drain(now_ns)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
