@@ -454,6 +454,26 @@ def test_what_is_owed_to_a_peer_that_stands_still_comes_when_it_goes_on(made: Ma
     assert sockets.receive(peer) is None
 
 
+def test_what_is_owed_can_be_cancelled(made: Made) -> None:
+    server = made.motion_server(ANYWHERE)
+    peer = made.motion_agent(endpoint_of(server), "agent.left")
+    until(lambda: sockets.send(peer, b"hello"))
+    name, _ = until(server.receive)
+    until(lambda: not server.send(name, bytes(60_000)))
+    server.owe(name, b"another block")
+    server.cancel(name)
+    server.cancel(b"a stranger")
+
+    def read() -> bool:
+        server.pay()
+        frame = sockets.receive(peer)
+        assert frame != b"another block"
+        return frame is None and server.send(name, b"the last")
+
+    until(read)
+    assert until(lambda: sockets.receive(peer)) in (bytes(60_000), b"the last")
+
+
 def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
     server.owe(b"agent.left", b"another block")

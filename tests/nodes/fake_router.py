@@ -41,6 +41,9 @@ class FakeRouter:
     def pay(self) -> None:
         self.owed = {peer: frame for peer, frame in self.owed.items() if not self.send(peer, frame)}
 
+    def cancel(self, peer: bytes) -> None:
+        self.owed.pop(peer, None)
+
     def forbids(self, role: str, side: str) -> str:
         return self.forbidden
 

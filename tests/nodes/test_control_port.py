@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welc
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.views import Frames
-from netboard.nodes.ports.control_port import SILENT_NS, ControlPort
+from netboard.nodes.ports.control_port import MOST_PEERS, SILENT_NS, TRY_NS, ControlPort
 from netboard.nodes.ports.peer import PING_NS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
@@ -151,3 +151,15 @@ def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
     assert router.heard(b"console") == [WELCOME]
     port.pump(0)
     assert router.heard(b"console") == [another]
+
+
+def test_peers_that_come_and_go_with_full_queues_leave_nothing_owed() -> None:
+    router = FakeRouter(room=0)  # nobody reads
+    port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
+    for number in range(2000):
+        router.say(b"display.left@%d" % number, hello("display", "left"))
+        router.say(b"console@%d" % number, hello("console"))
+        now_ns = number * TRY_NS
+        port.drain(lambda now_ns=now_ns: now_ns)
+        port.pump(now_ns)
+    assert len(router.owed) <= 2 * MOST_PEERS

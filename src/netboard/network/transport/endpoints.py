@@ -111,13 +111,21 @@ class Router:
     def owe(self, peer: bytes, frame: bytes) -> None:
         """Send a frame that a connected peer must get: if its queue is full, `pay` sends it later."""
         self._owed[peer] = frame
-        self.pay()
+        if self.send(peer, frame):
+            del self._owed[peer]
 
     def pay(self) -> None:
         """Send the frames that could not be sent before."""
         for peer, frame in list(self._owed.items()):
             if self.send(peer, frame):
                 del self._owed[peer]
+
+    def cancel(self, peer: bytes) -> None:
+        """Owe a peer nothing more: the queue of one that has left may stay full for as long as its frames are unread.
+
+        Without this, peers that come and go make `pay` as long as there have been peers.
+        """
+        self._owed.pop(peer, None)
 
     @property
     def keyed(self) -> bool:

@@ -268,6 +268,7 @@ class ControlPort:
     def _forget(self, name: bytes, now_ns: int) -> None:
         peer = self._peers.pop(name, None)
         if peer is not None:
+            self._router.cancel(name)
             self._silent.discard(name)
             for kind in QUESTIONS:
                 self._asked.pop((name, kind), None)

@@ -260,6 +260,7 @@ class LogPort:
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         logger = self._loggers.pop(name)
+        self._router.cancel(name)
         self._peer_events.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:

@@ -281,6 +281,7 @@ class MotionPort:
     def _leave(self, agent: AgentState, reason: str, now_ns: int) -> None:
         self._peer_events.tell("agent_left", {"side": agent.side, "reason": reason}, now_ns)
         del self._by_peer[agent.peer]
+        self._router.cancel(agent.peer)
         self.fast.forget(SIDES.index(agent.side))
         agent.leave()
 

@@ -115,4 +115,5 @@ class Subscribers:
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         listener = self._listeners.pop(name)
+        self._router.cancel(name)
         self._peer_events.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)
