@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
@@ -127,6 +127,17 @@ def test_viewers_get_some_ticks(tmp_path: Path, rows: np.ndarray) -> None:
         found = [msgpack.unpackb(message.data) for _, _, message in messages]
     assert [values["tick"] for values in found] == list(range(0, len(rows), PLOTTED_EVERY))
     assert [values["theta"] for values in found] == rows["theta"][::PLOTTED_EVERY].tolist()
+
+
+def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, rows: np.ndarray) -> None:
+    stalled = rows.copy()
+    stalled["time_ns"][50:] += 10_000_000_000
+    path = written(tmp_path / "a.mcap", stalled, 262_144, 10_000)
+    with path.open("rb") as file:
+        times = [(c.topic, m.log_time) for _, c, m in make_reader(file).iter_messages(log_time_order=False)]
+    written_at = times[0][1]
+    assert {topic for topic, _ in times} >= {"/ticks", "/plot"}
+    assert all(0 <= at - written_at < len(rows) * TICK_NS for topic, at in times if topic == "/plot")
 
 
 def test_an_attempt_survives_being_listed(rows: np.ndarray) -> None:

@@ -38,7 +38,7 @@ class Gaps:
     def __init__(self) -> None:
         self.open: deque[BackfillRequest] = deque(maxlen=MOST_GAPS)
         self.asked_ns: int | None = None
-        self._seen = False
+        self._known: int | None = None
         self._ticks = 0
 
     def look(self, unknown: list[bool], seqs: list[int]) -> None:
@@ -47,13 +47,18 @@ class Gaps:
             if missing:
                 self._ticks += 1
                 continue
-            if self._ticks and self._seen:
-                self._end(seq)
-            self._seen, self._ticks = True, 0
+            if self._ticks and self._known is not None:
+                self._end(self._known, seq)
+            self._known, self._ticks = seq, 0
 
-    def _end(self, seq: int) -> None:
-        """End an interruption with the sample `seq`; a restarted agent counts from 0."""
-        first = max(seq - self._ticks - MARGIN - self._ticks // MARGIN, 0)
+    def _end(self, known: int, seq: int) -> None:
+        """End an interruption that began after the sample `known` with the sample `seq`.
+
+        The number of ticks alone does not tell which samples are missing: when a line that held back samples opens, one
+        of them can pass for a new one before the clock is known again. A restarted agent counts from 0.
+        """
+        first = seq - self._ticks - MARGIN - self._ticks // MARGIN
+        first = max(0, min(first, known) if known < seq else first)
         if first < seq:
             self.open.append(BackfillRequest(first, seq + 1))
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK
+from netboard.base.tick import TICK, TICK_NS
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.summary import Attempt, find_attempts
@@ -170,7 +170,8 @@ class TickStream:
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
         for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
-            self._plot(row, log_ns + int(row["time_ns"]) - time_ns)
+            # By its number: the time of a tick after a stall of the server would lie in the future of the log.
+            self._plot(row, log_ns + (int(row["tick"]) - first) * TICK_NS)
         self._keep_edges(rows)
 
     def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:

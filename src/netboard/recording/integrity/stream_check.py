@@ -173,7 +173,7 @@ def _wrong_times(evidence: Evidence, stalls_ms: Counter[int]) -> Iterator[str]:
     back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
     if back:
         yield f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}"
-    if stepped := _log_time_steps(evidence.recording.path):
+    if stepped := _log_time_steps(evidence.recording.path, stalls_ms.total() * TICK_NS):
         yield f"the log time decreases at {stepped} chunks"
 
 
@@ -182,14 +182,15 @@ def _is_stall(more_ns: int) -> bool:
     return more_ns > 0 and more_ns % TICK_NS == 0
 
 
-def _log_time_steps(path: Path) -> int:
+def _log_time_steps(path: Path, stalled_ns: int) -> int:
     """Count the chunks that begin before the end of an earlier chunk, by the file's own index.
 
-    Ticks are written in batches, later than events that occurred while the batch grew. This delay does not count.
+    Ticks are written in batches, later than events that occurred while the batch grew. This delay does not count, nor
+    does the time for which the server stalled: after a stall, earlier loggers dated ``/plot`` that much too late.
     """
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
     times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
     ended = np.maximum.accumulate(times[:, 1])[:-1]
-    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS))
+    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS - stalled_ns))
