@@ -226,15 +226,15 @@ def test_of_too_many_interruptions_the_oldest_are_forgotten() -> None:
     assert filler.due("right", 0) is None
 
 
-def test_a_late_sample_that_passes_for_a_new_one_hides_no_part_of_an_interruption() -> None:
+def test_late_samples_that_pass_for_new_ones_hide_no_part_of_an_interruption() -> None:
     filler, rows = Backfiller(), np.zeros(8192, TICK)
     rows["left_rendered"], rows["left_seq"] = np.nan, -1
     rows["left_rendered"][:1000], rows["left_seq"][:1000] = 0.0, np.arange(1000)
-    for tick, seq in ((6000, 5700), (6002, 6001), (6003, 6002)):  # the first was held back for 0.3 s
+    for tick, seq in ((6000, 5700), (6001, 5800), (6003, 6002), (6004, 6003)):  # the first two were held back for 0.3 s
         rows["left_rendered"][tick], rows["left_seq"][tick] = 0.0, seq
-    filler.look(rows, 6004)
+    filler.look(rows, 6005)
     asked: set[int] = set()
     while request := filler.due("left", AGAIN_NS):
         asked |= set(range(request.first, request.stop))
         filler.take("left", Backfill(request.first, request.stop, np.zeros(1, RENDERED).tobytes()), 0)
-    assert asked >= set(range(999, 6002))
+    assert asked >= set(range(999, 6003))

@@ -137,7 +137,7 @@ def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, 
         times = [(c.topic, m.log_time) for _, c, m in make_reader(file).iter_messages(log_time_order=False)]
     written_at = times[0][1]
     assert {topic for topic, _ in times} >= {"/ticks", "/plot"}
-    assert all(0 <= at - written_at < len(rows) * TICK_NS for topic, at in times if topic == "/plot")
+    assert all(0 <= written_at - at < len(rows) * TICK_NS for topic, at in times if topic == "/plot")
 
 
 def test_an_attempt_survives_being_listed(rows: np.ndarray) -> None:

@@ -302,6 +302,12 @@ def _lock_memory() -> None:
     _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT))
 
 
+def allow_files() -> None:
+    """Allow this process as many open files as the system lets it have: each connection of a server is one."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
 def _wake_in_time() -> None:
     """Set the timer slack to its minimum; the default is 50 us. It matters only without real-time scheduling."""
     _only_on("linux")

@@ -293,7 +293,7 @@ _WHAT = {
     "console": "consoles give commands of 8 kB and ask for everything",
     "logger": "loggers ask for all records again and again, and acknowledge",
     "stranger": "nobody in particular sends 8 kB messages, greetings and nonsense on every channel",
-    "churn": "connections are made, say hello and are closed, on every channel",
+    "churn": "a hundred connections a second are made, say hello and are closed, on every channel",
 }
 
 

@@ -6,7 +6,6 @@ netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]`` says ``
 says what it did as JSON. FOLDER has the keys it comes with, if keys are in use; PORT is another server's, the sink's.
 """
 
-import errno
 import json
 import os
 import sys
@@ -38,6 +37,9 @@ OPEN = 1000
 IN_A_CONTEXT = 250
 RENEWED = 25
 """Connections renewed at once [1]."""
+
+CHURN_HZ = 100
+"""Connections made a second by a peer that comes and goes [Hz]."""
 
 NAME = "attacker:1"
 LATE_NS = 2**60
@@ -149,19 +151,15 @@ def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: E
         ]
     )
     came = 0
+    began = time.monotonic()
     while not stop():
         here = []
         for number, (channel, key) in enumerate(islice(whose, RENEWED), start=came):
-            try:
-                socket = _client(context, config, folder, channel, key, f"{key}@guest-{number}")
-            except Exception as error:
-                if getattr(error, "errno", None) != errno.EMFILE:
-                    raise
-                break  # as many as the system allows are still being closed
+            socket = _client(context, config, folder, channel, key, f"{key}@guest-{number}")
             role, _, side = key.partition(".")
             here.append(Connection(socket, [encode(hello(role, side))], [encode(hello(role, side))]))
         came += len(here)
-        time.sleep(0.02)
+        time.sleep(max(0.02, began + came / CHURN_HZ - time.monotonic()))
         for connection in here:
             connection.turn()
             connection.socket.close(linger=0)

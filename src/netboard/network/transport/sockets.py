@@ -43,6 +43,9 @@ SERVED_HWM, HEARD_HWM = 64, 16
 
 Queued messages take memory, and allocating much of it at once would hold up the tick [1].
 """
+HANDSHAKE_MS = 5_000
+"""Time after which a connection without a complete handshake is closed: it holds a file of the server [ms]."""
+
 VIEW_HWM = 2
 LOG_LINGER_MS = 2000
 LARGEST_FRAME = 2**20
@@ -184,6 +187,7 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: in
     socket.setsockopt(zmq.SNDHWM, hwm)
     socket.setsockopt(zmq.RCVHWM, hwm)
     socket.setsockopt(zmq.MAXMSGSIZE, largest)
+    socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
     socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
     socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, KEEPALIVE_S)
     socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, KEEPALIVE_S)

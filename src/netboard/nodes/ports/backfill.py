@@ -47,15 +47,15 @@ class Gaps:
             if missing:
                 self._ticks += 1
                 continue
-            if self._ticks and self._known is not None:
+            if self._known is not None and (self._ticks or seq - self._known > MARGIN):
                 self._end(self._known, seq)
             self._known, self._ticks = seq, 0
 
     def _end(self, known: int, seq: int) -> None:
         """End an interruption that began after the sample `known` with the sample `seq`.
 
-        The number of ticks alone does not tell which samples are missing: when a line that held back samples opens, one
-        of them can pass for a new one before the clock is known again. A restarted agent counts from 0.
+        The number of ticks alone does not tell which samples are missing: when a line that held back samples opens,
+        some of them can pass for new ones before the clock is known again. A restarted agent counts from 0.
         """
         first = seq - self._ticks - MARGIN - self._ticks // MARGIN
         first = max(0, min(first, known) if known < seq else first)

@@ -152,8 +152,7 @@ class TickStream:
                 f"a tick record of {len(row)} bytes where {TICK.itemsize} are expected: "
                 "server and logger are of different versions; install the same netboard on both"
             )
-        if not self._held:
-            self._held_log_ns = log_time_ns
+        self._held_log_ns = log_time_ns
         self._held.append(row)
         self.last = int.from_bytes(row[:_WORD], "little", signed=True)
         if len(self._held) >= self._most:
@@ -170,8 +169,8 @@ class TickStream:
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
         for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
-            # By its number: the time of a tick after a stall of the server would lie in the future of the log.
-            self._plot(row, log_ns + (int(row["tick"]) - first) * TICK_NS)
+            # By its number: across a stall of the server, tick times differ by more than the log times do.
+            self._plot(row, log_ns - (self.last - int(row["tick"])) * TICK_NS)
         self._keep_edges(rows)
 
     def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:
