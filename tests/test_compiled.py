@@ -7,10 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import netboard
-from netboard.base.compiled import STRICT, fast, inlined, kernel
+from netboard.base.compiled import STRICT, borrowed, fast, inlined, kernel, machine_code
 
 SCRIPT = """
 import numpy as np
@@ -92,3 +93,24 @@ def test_no_kernel_leaves_open_how_it_is_compiled() -> None:
     asks = re.compile(r"numba\.n?jit|from numba import n?jit")
     compiling = [path for path in package.rglob("*.py") if asks.search(path.read_text())]
     assert compiling == [package / "base" / "compiled.py"]
+
+
+@kernel
+def summed_through_a_tuple(parts: tuple[tuple[np.ndarray, np.random.Generator], ...], times: int) -> float:
+    total = 0.0
+    parts = borrowed(parts)
+    for k in range(times):
+        values, chance = parts[k % len(parts)]
+        total += values[k % len(values)] + 0.0 * chance.standard_normal()
+    return total
+
+
+def test_what_a_kernel_borrows_is_the_same_and_stays_its_owners() -> None:
+    arrays = [np.arange(3.0), np.arange(10.0, 14.0)]
+    chance = np.random.default_rng(1)
+    parts = tuple((array, chance) for array in arrays)
+    counts = [sys.getrefcount(one) for one in (*arrays, chance)]
+    expected = sum(arrays[k % 2][k % len(arrays[k % 2])] for k in range(1000))
+    assert summed_through_a_tuple(parts, 1000) == expected
+    assert machine_code(summed_through_a_tuple, parts, 1000)(parts, 1000) == expected
+    assert [sys.getrefcount(one) for one in (*arrays, chance)] == counts

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.devices.contract.velocity import SAMPLES, Velocimeter
+from netboard.devices.contract.velocity import SAMPLES, SLACK, Velocimeter
 
 STEP = 0.055e-3
 MS = 1_000_000
@@ -54,3 +54,19 @@ def test_a_second_reading_of_the_same_time_replaces_the_first() -> None:
     meter.update(0, 0.0, 0.0, 0.0)
     meter.update(MS, 0.0, 0.0, 0.5)
     assert meter.update(MS, 0.0, 0.0, 0.001)[2] == pytest.approx(1.0)
+
+
+@given(st.lists(st.integers(-3, 3), min_size=2, max_size=40))
+def test_the_window_is_the_longest_in_which_every_line_to_the_newest_position_fits(steps: list[int]) -> None:
+    """Against the definition, written out: each window is tried, and each position in it."""
+    places = STEP * np.cumsum(steps)
+    velocity = feed(places)
+    for now in range(len(places)):
+        best = 0.0
+        for last in range(1, min(now, SAMPLES - 1) + 1):
+            rate = (places[now] - places[now - last]) / (last * 1e-3)
+            line = places[now] - rate * 1e-3 * np.arange(last + 1)
+            if np.abs(line - places[now - last : now + 1][::-1]).max() > SLACK * STEP:
+                break
+            best = rate
+        assert velocity[now] == pytest.approx(best, abs=1e-9)

@@ -21,7 +21,7 @@ T0 = 1_000_000_000
 
 def lived(config: Config, forces: list[float], move: Submovement) -> list[np.void]:
     body = Body(config, "right", config.participant, np.random.default_rng((config.block.seed, 1)))
-    plan((body.parts, body.parts), np.array([(1, move.start, move.duration, move.displacement)], MOVE))
+    plan(body.bodies, np.array([(1, move.start, move.duration, move.displacement)], MOVE), 1)
     rows = np.zeros(len(forces), TICK)
     words = rows.view(np.int64).reshape(len(rows), -1)
     for k, force in enumerate(forces):

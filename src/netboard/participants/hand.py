@@ -1,4 +1,4 @@
-"""Simulated hand on a stylus: mechanics of arm and device, integrated in steps of 0.25 ms.
+"""Simulated hand on a stylus: mechanics of arm and device, integrated in steps of 0.25 ms; muscles and tremor, of 1 ms.
 
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.participants.cable import TIP, pack_cables, stretch
+from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
 
@@ -28,8 +28,11 @@ STEP_NS = 250_000
 STEP = STEP_NS * 1e-9
 """Length of an integration step [s]."""
 
-AHEAD = 1000
-"""Number of steps for which the noise of the tremor is drawn at once [1]."""
+BEAT = 4
+"""Steps for which the muscles' equilibrium point and the tremor are constant: their spectra end far below 1 kHz [1]."""
+
+AHEAD = 250
+"""Number of beats for which the noise of the tremor is drawn at once [1]."""
 
 CAPACITY = 32
 """Most submovements that a hand can have under way at once [1]."""
@@ -54,10 +57,12 @@ ARM = np.dtype(
         ("mass", "<f8"),  # mass of arm and device [kg]
         ("stiffness", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
         ("damping", "<f8"),  # damping of arm and device [N s/m]
-        ("friction", "<f8"),  # Coulomb friction of each axis [N]
+        ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]
+        ("grip", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
+        ("glide", "<f8"),  # factor of the velocity by damping in a step [1]
         ("skill", "<f8"),  # largest force with which the arm compensates friction [N]
-        ("lag", "<f8"),  # decay factor of a muscle stage per step [1]
-        ("calm", "<f8"),  # decay factor of the tremor per step [1]
+        ("lag", "<f8"),  # decay factor of a muscle stage per beat [1]
+        ("calm", "<f8"),  # decay factor of the tremor per beat [1]
         ("tremor", "<f8"),  # tremor force per standard normal number [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
     ]
@@ -80,10 +85,15 @@ HAND = np.dtype(
         ("aim", "<f8"),  # equilibrium height after all completed submovements [m]
         ("muscle", "<f8"),  # output of the first muscle lag [m]
         ("equilibrium", "<f8"),  # output of the second lag: the present equilibrium height [m]
+        ("effort", "<f8"),  # force with which the arm compensates friction, along z [N]
         ("moves", "<i8"),  # number of submovements under way or planned
+        ("steps", "<i8"),  # steps so far
     ]
 )
 """State of a hand."""
+
+RIGID = np.zeros(0, CABLES)
+"""Constants of rigid cables: none."""
 
 
 def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
@@ -106,7 +116,7 @@ def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generat
         The hand, with compliant cables if the device has them.
     """
     arm, own = pack_arm(participant, device, held), resolved(device)
-    return Hand(arm, rng, pack_cables(own, arm, STEP) if own.cable_stiffness > 0.0 else None)
+    return Hand(arm, rng, pack_cables(own, arm, STEP) if own.cable_stiffness > 0.0 else RIGID)
 
 
 def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True) -> NDArray[Any]:
@@ -129,36 +139,34 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     arm, own = np.zeros(1, ARM), resolved(device)
     arm["mass"] = own.mass
     arm["damping"] = own.damping
-    arm["friction"] = own.friction
     arm["stop"] = own.workspace
-    arm["lag"] = np.exp(-STEP / participant.muscle_lag)
-    arm["calm"] = np.exp(-STEP / TREMOR_TIME)
+    arm["lag"] = np.exp(-BEAT * STEP / participant.muscle_lag)
+    arm["calm"] = np.exp(-BEAT * STEP / TREMOR_TIME)
     if held:
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
         arm["skill"] = FRICTION_SKILL * own.friction
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
+    arm["per_force"] = STEP / arm["mass"]
+    arm["grip"] = arm["per_force"] * own.friction
+    arm["glide"] = 1.0 / (1.0 + arm["per_force"] * arm["damping"])
     return arm
 
 
-@kernel
-def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
+@inlined
+def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
     """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
-    grip = STEP * arm["friction"] / arm["mass"]
-    v += STEP * force / arm["mass"]
-    v = max(v - grip, 0.0) if v > 0.0 else min(v + grip, 0.0)
-    v /= 1.0 + STEP * arm["damping"] / arm["mass"]
+    v += arm["per_force"] * force
+    v = arm["glide"] * (max(v - arm["grip"], 0.0) if v > 0.0 else min(v + arm["grip"], 0.0))
     x += STEP * v
-    if x > arm["stop"]:
-        return arm["stop"], 0.0
-    if x < -arm["stop"]:
-        return -arm["stop"], 0.0
+    if abs(x) > arm["stop"]:
+        return arm["stop"] if x > 0.0 else -arm["stop"], 0.0
     return x, v
 
 
 @kernel
-def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
+def _aim(s: Any, plan: Any, when: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     asked = s["aim"]
     kept = 0
@@ -175,8 +183,8 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
 
 
 @kernel
-def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64]) -> tuple[float, float]:
-    """Advance equilibrium point and tremor by one step.
+def tense(s: Any, arm: Any, plan: Any, when: float, white_x: float, white_y: float, white_z: float) -> None:
+    """Begin a beat: advance equilibrium point, friction compensation and tremor.
 
     Parameters
     ----------
@@ -187,68 +195,85 @@ def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArr
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     when : float
-        Time at the end of the step, on the clock of the submovements [s].
-    white : ndarray, shape (3,)
+        Time in the middle of the beat, on the clock of the submovements [s].
+    white_x, white_y, white_z : float
         Standard normal numbers that drive the tremor [1].
-
-    Returns
-    -------
-    effort : float
-        Force with which the arm compensates friction, along z [N].
-    nearer : float
-        Present rest position of the arm along x [m].
     """
     asked = _aim(s, plan, when)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
-    effort = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (STEP * PURPOSE)))
-    s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[0] * arm["tremor"]
-    s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[1] * arm["tremor"]
-    s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[2] * arm["tremor"]
-    return effort, s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
+    s["effort"] = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (BEAT * STEP * PURPOSE)))
+    s["tremor_x"] = s["tremor_x"] * arm["calm"] + white_x * arm["tremor"]
+    s["tremor_y"] = s["tremor_y"] * arm["calm"] + white_y * arm["tremor"]
+    s["tremor_z"] = s["tremor_z"] * arm["calm"] + white_z * arm["tremor"]
+
+
+@inlined
+def _nearer(s: Any) -> float:
+    """Return the present rest position of the arm along x [m]."""
+    return float(s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM))
+
+
+@kernel
+def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+    """Advance a hand within a beat, under a constant motor force.
+
+    Parameters
+    ----------
+    s : record of HAND
+        The state, changed in place.
+    arm : record of ARM
+        The constants.
+    fx, fy, fz : float
+        Motor force on the stylus [N].
+    steps : int
+        Number of steps of length `STEP` [1].
+    """
+    stiffness = arm["stiffness"]
+    push_x = stiffness * _nearer(s) + s["tremor_x"] + fx
+    push_y = stiffness * s["rest_y"] + s["tremor_y"] + fy
+    push_z = stiffness * s["equilibrium"] + s["effort"] + s["tremor_z"] + fz
+    x, y, z, vx, vy, vz = s["x"], s["y"], s["z"], s["vx"], s["vy"], s["vz"]
+    for _ in range(steps):
+        x, vx = _advanced(x, vx, push_x - stiffness * x, arm)
+        y, vy = _advanced(y, vy, push_y - stiffness * y, arm)
+        z, vz = _advanced(z, vz, push_z - stiffness * z, arm)
+    s["x"], s["y"], s["z"], s["vx"], s["vy"], s["vz"] = x, y, z, vx, vy, vz
+    s["steps"] += steps
+
+
+@kernel
+def push_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+    """Advance a hand as `push` does, with compliant cables; `s` is then the state of the motor side.
+
+    Parameters
+    ----------
+    s : record of HAND
+        The state, changed in place.
+    tip : record of TIP
+        State of the stylus side, changed in place.
+    cables : record of CABLES
+        Constants of arm and cables.
+    fx, fy, fz : float
+        Motor force [N].
+    steps : int
+        Number of steps of length `STEP` [1].
+    """
+    t, load = tip, s["effort"] + s["tremor_z"]
+    for _ in range(steps):
+        s["x"], s["vx"], t["x"], t["vx"] = stretch(
+            s["x"], s["vx"], t["x"], t["vx"], fx, s["tremor_x"], _nearer(s), cables
+        )
+        s["y"], s["vy"], t["y"], t["vy"] = stretch(
+            s["y"], s["vy"], t["y"], t["vy"], fy, s["tremor_y"], s["rest_y"], cables
+        )
+        s["z"], s["vz"], t["z"], t["vz"] = stretch(s["z"], s["vz"], t["z"], t["vz"], fz, load, s["equilibrium"], cables)
+    s["steps"] += steps
 
 
 @kernel
 def swing(
-    state: Any,
-    constants: Any,
-    plan: NDArray[np.float64],
-    origin: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    white: NDArray[np.float64],
-) -> None:
-    """Advance a hand under a constant motor force, one step per row of `white`.
-
-    Parameters
-    ----------
-    state : ndarray of HAND, shape (1,)
-        The state, changed in place.
-    constants : ndarray of ARM, shape (1,)
-        The constants.
-    plan : ndarray, shape (CAPACITY, 3)
-        Start, duration and displacement of each submovement, changed in place [s, s, m].
-    origin : float
-        Time of the initial state, on the clock of the submovements [s].
-    fx, fy, fz : float
-        Motor force on the stylus [N].
-    white : ndarray, shape (steps, 3)
-        Standard normal numbers that drive the tremor [1].
-    """
-    s, arm = state[0], constants[0]
-    stiffness = arm["stiffness"]
-    for k in range(white.shape[0]):
-        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
-        s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
-        s["y"], s["vy"] = _push(s["y"], s["vy"], stiffness * (s["rest_y"] - s["y"]) + s["tremor_y"] + fy, arm)
-        pull = stiffness * (s["equilibrium"] - s["z"]) + effort
-        s["z"], s["vz"] = _push(s["z"], s["vz"], pull + s["tremor_z"] + fz, arm)
-
-
-@kernel
-def swing_on_cables(
     state: Any,
     tip: Any,
     constants: Any,
@@ -258,38 +283,45 @@ def swing_on_cables(
     fx: float,
     fy: float,
     fz: float,
+    steps: int,
     white: NDArray[np.float64],
 ) -> None:
-    """Advance a hand as `swing` does, with compliant cables; `state` is then that of the motor side.
+    """Advance a hand under a constant motor force, over any number of beats.
 
     Parameters
     ----------
     state : ndarray of HAND, shape (1,)
         The state, changed in place.
     tip : ndarray of TIP, shape (1,)
-        State of the stylus side, changed in place.
+        With compliant cables, the state of the stylus side, changed in place.
     constants : ndarray of ARM, shape (1,)
         The constants.
-    cables : ndarray of CABLES, shape (1,)
-        Constants of the cables.
+    cables : ndarray of CABLES, shape (0,) or (1,)
+        Constants of compliant cables; empty for rigid ones.
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     origin : float
         Time of the initial state, on the clock of the submovements [s].
     fx, fy, fz : float
-        Motor force [N].
-    white : ndarray, shape (steps, 3)
-        Standard normal numbers that drive the tremor [1].
+        Motor force on the stylus [N].
+    steps : int
+        Number of steps of length `STEP` [1].
+    white : ndarray, shape (n, 3)
+        Standard normal numbers that drive the tremor, a row for each beat that begins [1].
     """
-    s, t, arm, own = state[0], tip[0], constants[0], cables[0]
-    for k in range(white.shape[0]):
-        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
-        s["x"], s["vx"], t["x"], t["vx"] = stretch(s["x"], s["vx"], t["x"], t["vx"], fx, s["tremor_x"], nearer, own)
-        s["y"], s["vy"], t["y"], t["vy"] = stretch(
-            s["y"], s["vy"], t["y"], t["vy"], fy, s["tremor_y"], s["rest_y"], own
-        )
-        load = effort + s["tremor_z"]
-        s["z"], s["vz"], t["z"], t["vz"] = stretch(s["z"], s["vz"], t["z"], t["vz"], fz, load, s["equilibrium"], own)
+    s, arm = state[0], constants[0]
+    done = beats = 0
+    while done < steps:
+        if s["steps"] % BEAT == 0:
+            when = origin + (done + 0.5 * BEAT) * STEP
+            tense(s, arm, plan, when, white[beats, 0], white[beats, 1], white[beats, 2])
+            beats += 1
+        part = min(BEAT - s["steps"] % BEAT, steps - done)
+        if len(cables) > 0:
+            push_on_cables(s, tip[0], cables[0], fx, fy, fz, part)
+        else:
+            push(s, arm, fx, fy, fz, part)
+        done += part
 
 
 class Hand:
@@ -301,8 +333,8 @@ class Hand:
         Constants, from `pack_arm`.
     rng : numpy.random.Generator
         Source of the tremor and of the rest position across the vertical path.
-    cables : ndarray of CABLES, shape (1,), or None
-        Constants of compliant cables, from `netboard.participants.cable.pack_cables`; None for rigid cables.
+    cables : ndarray of CABLES, shape (0,) or (1,)
+        Constants of compliant cables, from `netboard.participants.cable.pack_cables`; empty for rigid ones.
 
     Attributes
     ----------
@@ -314,7 +346,7 @@ class Hand:
         Start, duration and displacement of the submovements that are not complete [s, s, m].
     """
 
-    def __init__(self, arm: NDArray[Any], rng: np.random.Generator, cables: NDArray[Any] | None = None) -> None:
+    def __init__(self, arm: NDArray[Any], rng: np.random.Generator, cables: NDArray[Any] = RIGID) -> None:
         self.state = np.zeros(1, HAND)
         self.end = np.zeros(1, TIP)
         self.cables = cables
@@ -371,11 +403,8 @@ class Hand:
         force : tuple of float
             Motor force on the stylus along x, y, z [N].
         """
-        white = self.noise(steps)
-        if self.cables is None:
-            swing(self.state, self.arm, self.course, origin, force[0], force[1], force[2], white)
-        else:
-            swing_on_cables(self.state, self.end, self.arm, self.cables, self.course, origin, *force, white)
+        parts = self.state, self.end, self.arm, self.cables, self.course
+        swing(*parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
 
     def noise(self, steps: int) -> NDArray[np.float64]:
         """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
@@ -387,20 +416,21 @@ class Hand:
 
         Returns
         -------
-        ndarray of float64, shape (steps, 3)
-            Standard normal numbers that drive the tremor [1].
+        ndarray of float64, shape (n, 3)
+            Standard normal numbers that drive the tremor, a row for each beat that begins in these steps [1].
         """
-        start = self._drawn
-        if start + steps > len(self._white):
-            fresh = self._rng.standard_normal((max(AHEAD, steps), 3))
+        done, start = int(self._record["steps"]), self._drawn
+        beats = -(-(done + steps) // BEAT) + -done // BEAT
+        if start + beats > len(self._white):
+            fresh = self._rng.standard_normal((max(AHEAD, beats), 3))
             self._white, start = np.concatenate([self._white[start:], fresh]), 0
-        self._drawn = start + steps
+        self._drawn = start + beats
         return self._white[start : self._drawn]
 
     @property
     def tip(self) -> tuple[float, float, float]:
         """Position x, y, z of the stylus; with compliant cables it differs from that at the encoders [m]."""
-        if self.cables is None:
+        if len(self.cables) == 0:
             return self.position
         t = self.end[0]
         return float(t["x"]), float(t["y"]), float(t["z"])

@@ -27,13 +27,16 @@ SLACK = 1.01
 
 
 @kernel
-def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, band: float) -> float:
+def slope(stamps: NDArray[np.int64], values: NDArray[np.float64], count: int, band: float) -> float:
     """Return the slope over the longest window in which a straight line fits all values.
+
+    A line from the newest value fits an older one if its slope is within ``band / elapsed time`` of the slope between
+    the two. So one pass suffices, which narrows the interval of the slopes that fit all values so far.
 
     Parameters
     ----------
-    times : ndarray, shape (n,)
-        Sample times, newest first [s].
+    stamps : ndarray of int64, shape (n,)
+        Sample times, newest first [ns].
     values : ndarray, shape (n,)
         Sampled values, newest first.
     count : int
@@ -46,13 +49,14 @@ def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, b
     float
         Slope, in the unit of the values per second; 0 with fewer than two values.
     """
-    best = 0.0
+    best, lowest, highest = 0.0, -np.inf, np.inf
     for last in range(1, count):
-        rate = (values[0] - values[last]) / (times[0] - times[last])
-        for i in range(1, last):
-            if abs(values[0] - rate * (times[0] - times[i]) - values[i]) > band:
-                return best
+        per_second = 1e9 / (stamps[0] - stamps[last])
+        rate = (values[0] - values[last]) * per_second
+        if not lowest <= rate <= highest:
+            break
         best = rate
+        lowest, highest = max(lowest, rate - band * per_second), min(highest, rate + band * per_second)
     return best
 
 
@@ -96,9 +100,8 @@ def taken(
         stamps[0] = stamp_ns
     for axis in range(3):
         places[axis, 0] = place[axis]
-    times = (stamps - stamps[0]) * 1e-9
-    vx, vy = slope(times, places[0], count, band), slope(times, places[1], count, band)
-    return count, vx, vy, slope(times, places[2], count, band)
+    vx, vy = slope(stamps, places[0], count, band), slope(stamps, places[1], count, band)
+    return count, vx, vy, slope(stamps, places[2], count, band)
 
 
 class Estimator(Protocol):

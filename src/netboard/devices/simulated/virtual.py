@@ -54,9 +54,8 @@ class Options:
 
 
 @kernel
-def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
-    """Return the hand's position a given time after its state, in whole encoder steps."""
-    s = state[0]
+def encoder_position(s: Any, rest: float, step: float) -> tuple[float, float, float]:
+    """Return a hand's position a given time [s] after its state, a record of HAND, in whole encoder steps."""
     x, y, z = s["x"] + rest * s["vx"], s["y"] + rest * s["vy"], s["z"] + rest * s["vz"]
     if step == 0.0:
         return x, y, z
@@ -64,8 +63,16 @@ def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
 
 
 @kernel
+def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
+    """Return the same of an array of one record."""
+    return encoder_position(state[0], rest, step)
+
+
+@kernel
 def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
     """Scale a force down to a limit [N]."""
+    if abs(fx) + abs(fy) + abs(fz) <= limit:  # no vector is longer than the sum of its parts, and roots take long
+        return fx, fy, fz
     size = np.hypot(np.hypot(fx, fy), fz)
     if size <= limit:
         return fx, fy, fz

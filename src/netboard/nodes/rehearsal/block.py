@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import composed
+from netboard.base.compiled import borrowed, composed, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.nodes.rehearsal.body import LEAD_NS, STEPS, Body, fill, plan, tell
+from netboard.nodes.rehearsal.body import BODY, LEAD_NS, STEPS, fill, pack_body, plan, tell
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -57,7 +57,8 @@ def _loop(
     book: Any,
     tables: Any,
     bodies: Any,
-    white: Any,
+    coming: NDArray[np.float64],
+    white: NDArray[np.float64],
     minds: Any,
     hands: NDArray[np.int64],
 ) -> int:
@@ -74,22 +75,25 @@ def _loop(
         Number of ticks [1].
     """
     count = len(rows) - first
+    state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
+    book, tables, bodies, coming = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(coming)
+    white, minds, hands = borrowed(white), borrowed(minds), borrowed(hands)
     for k in range(count):
         place = first + k
         for side in range(2):
-            fill(bodies[side], side, white[side][k * STEPS : (k + 1) * STEPS], words[place], numbers[place])
+            fill(bodies, side, white, k, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
-            tell(bodies[side], side, words[place], numbers[place])
+            tell(bodies, side, coming, words, numbers, place)
         tick = words[place, _TICK]
         if tick % THINK_TICKS == 0:
             for which in range(len(hands)):
                 late = tick - newest_seen(minds[which], tick)
                 if late <= min(tick, THINK_TICKS):  # else it has seen that view already
                     see(minds[which], words[place - late], numbers[place - late])
-                felt = bodies[hands[which]][5][0]["wanted"]
+                felt = bodies[hands[which]]["device"]["wanted"]
                 begun = think(minds[which], words[place], felt)
-                plan(bodies, minds[which][8][:begun])
+                plan(bodies, minds[which][8], begun)
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -138,16 +142,16 @@ class Rehearsal:
             )
         self._stage = make_stage(config)
         self._state = self._stage.initial()
-        self._loop = _loop_around(self._stage.ticks)
+        self._code: Callable[..., int] | None = None
         block = config.block
         moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
-        left, right = (
-            Body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)))
+        self._bodies = np.zeros(len(SIDES), BODY)
+        self._tremor = [
+            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), self._bodies)
             for place, side in enumerate(SIDES)
-        )
-        self._bodies: dict[Side, Body] = {"left": left, "right": right}
-        self._parts = (left.parts, right.parts)
+        ]
+        self._coming = np.zeros((len(SIDES), block.force_delay_ms + 1))
         minds = [
             Mind(config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))).parts
             for station, sides in seats_of(config)
@@ -181,27 +185,37 @@ class Rehearsal:
         """
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        stage = self._stage
         over = False
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
             self._prepare(rows[KEPT:])
-            white = self._bodies["left"].noise(size), self._bodies["right"].noise(size)
-            count = self._loop(
-                *(self._state, rows, words, numbers, KEPT, stage.book, stage.tables),
-                *(self._parts, white, self._minds, self._hands),
-            )
+            before = int(self._state["successes"][0])
+            count = self._run(rows, words, numbers, np.stack([hand.noise(size * STEPS) for hand in self._tremor]))
             self._ticks += count
             done = rows[KEPT : KEPT + count]
-            after = np.append(done["completion"][1:], self._state["completion"])  # a row has the value before its tick
-            self._completions += after[done["event"] == Cause.HELD].tolist()
+            if self._state["successes"][0] != before:
+                after = np.append(
+                    done["completion"][1:], self._state["completion"]
+                )  # a row has the one before its tick
+                self._completions += after[done["event"] == Cause.HELD].tolist()
             over = bool(self._state["phase"][0] == Phase.FINISHED)
             self._given_up = bool(done["event"][-1] == Cause.STOP)
             yield done
 
+    def _run(
+        self, rows: NDArray[Any], words: NDArray[np.int64], numbers: NDArray[np.float64], white: NDArray[np.float64]
+    ) -> int:
+        """Run the next ticks; return their number."""
+        stage = self._stage
+        parts = (self._state, rows, words, numbers, KEPT, stage.book, stage.tables)
+        seats = (self._bodies, self._coming, white, self._minds, self._hands)
+        if self._code is None:
+            self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)
+        return self._code(*parts, *seats)
+
     def _prepare(self, rows: NDArray[Any]) -> None:
         """Number and date the next ticks."""
-        rows[:] = np.zeros(1, TICK)
+        rows.view(np.int64)[:] = 0
         rows["tick"] = np.arange(self._ticks, self._ticks + len(rows))
         rows["time_ns"] = START_NS + rows["tick"] * TICK_NS
         rows["command"][rows["tick"] == START_TICK] = Cause.START

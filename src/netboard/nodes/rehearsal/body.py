@@ -12,18 +12,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK, TICK_NS
 from netboard.devices.contract.velocity import SAMPLES, SLACK, taken
 from netboard.devices.safety.fixture import drawn_in
-from netboard.devices.simulated.virtual import encoded, within
+from netboard.devices.simulated.virtual import encoder_position, within
 from netboard.network.protocol.motion import Safeguard
-from netboard.participants.cable import CABLES
+from netboard.participants.cable import CABLES, TIP
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import CAPACITY, STEP, STEP_NS, hold, swing, swing_on_cables
+from netboard.participants.hand import (
+    ARM,
+    BEAT,
+    CAPACITY,
+    HAND,
+    STEP,
+    STEP_NS,
+    Hand,
+    hold,
+    push,
+    push_on_cables,
+    tense,
+)
 from netboard.task.trials.state_machine import is_active
 
 LEAD_NS = STEP_NS
@@ -71,90 +83,134 @@ _DEVICE = np.dtype(
 )
 """A device as the kernels see it."""
 
+BODY = np.dtype(
+    [
+        ("hand", HAND),
+        ("tip", TIP),  # state of the stylus side, with compliant cables
+        ("arm", ARM),
+        ("cables", CABLES),
+        ("rigid", "<i8"),  # 1: without compliant cables
+        ("course", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
+        ("device", _DEVICE),
+        ("stamps", "<i8", (SAMPLES,)),  # times of the newest positions [ns]
+        ("places", "<f8", (3, SAMPLES)),  # the positions [m]
+    ]
+)
+"""A hand on its device, as one record, because kernels count references to arrays, which takes longer than a step."""
 
-@kernel
-def _live(body: Any, white: NDArray[np.float64], origin: float, force: tuple[float, float, float]) -> None:
+
+@inlined
+def _live(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Integrate a hand for some steps under a constant force."""
-    hand, end, arm, cables, course = body[:5]
-    if len(cables) == 0:
-        swing(hand, arm, course, origin, force[0], force[1], force[2], white)
+    if body["rigid"]:
+        push(body["hand"], body["arm"], fx, fy, fz, steps)
     else:
-        swing_on_cables(hand, end, arm, cables, course, origin, force[0], force[1], force[2], white)
+        push_on_cables(body["hand"], body["tip"], body["cables"], fx, fy, fz, steps)
 
 
 @kernel
-def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: Any) -> None:
+def fill(bodies: Any, side: int, white: Any, beat: int, words: Any, numbers: Any, place: int) -> None:
     """Integrate from the last reading to that of this tick, and put the reading into the tick's row.
 
     Parameters
     ----------
-    words : ndarray of int64, shape (n,)
-        The row as words; its ``tick`` and ``time_ns`` are set, ``time_ns`` one tick after that of the row before.
+    bodies : ndarray of BODY, shape (2,)
+        The left and the right hand.
+    white : ndarray, shape (2, n, 3)
+        Standard normal numbers that drive the tremor of both hands: a tick is one beat of a hand [1].
+    beat : int
+        Row of `white` for this tick [1].
+    words : ndarray of int64, shape (m, n)
+        The rows as words; ``tick`` and ``time_ns`` are set, ``time_ns`` one tick after that of the row before.
+    numbers : ndarray of float64, shape (m, n)
+        The same memory as numbers.
+    place : int
+        The row of this tick [1].
     """
-    hand, _, _, _, _, device, stamps, places, _ = body
-    d = device[0]
-    stamp_ns = words[_TIME] - LEAD_NS
-    words[_LIVE[side]], words[_SEQ[side]], words[_STAMP[side]] = 1, words[_TICK], stamp_ns
-    words[_GUARDS[side]], words[_LEAD[side]] = _ARMED, LEAD_NS
-    numbers[_RENDERED[side]] = 0.0
+    body = bodies[side]
+    d, hand = body["device"], body["hand"]
+    stamp_ns = words[place, _TIME] - LEAD_NS
+    words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
+    words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
+    words[place, _GUARDS[side]] = _ARMED
+    numbers[place, _RENDERED[side]] = 0.0
     if d["held"] == 0:
         return
-    origin = (stamp_ns - TICK_NS) * 1e-9
-    _live(body, white[:_BEFORE], origin, (d["fx"], d["fy"], d["fz"]))
+    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * BEAT * STEP
+    tense(hand, body["arm"], body["course"], when, white[side, beat, 0], white[side, beat, 1], white[side, beat, 2])
+    _live(body, d["fx"], d["fy"], d["fz"], _BEFORE)
     fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
-    force = within(d["limit"], fx, fy, d["wanted"])
-    d["fx"], d["fy"], d["fz"] = force
-    _live(body, white[_BEFORE:], origin + _BEFORE * STEP, force)
-    x, y, z = encoded(hand, 0.0, d["resolution"])
-    count, vx, vy, vz = taken(stamps, places, d["count"], SLACK * d["resolution"], stamp_ns, (x, y, z))
+    fx, fy, fz = within(d["limit"], fx, fy, d["wanted"])
+    d["fx"], d["fy"], d["fz"] = fx, fy, fz
+    _live(body, fx, fy, fz, STEPS - _BEFORE)
+    _read(body, stamp_ns, words, numbers, place, side)
+    numbers[place, _RENDERED[side]], words[place, _LOOP[side]] = fz, LEAD_NS
+    if fz != d["wanted"]:
+        words[place, _GUARDS[side]] = _ARMED | _CLAMPED
+
+
+@inlined
+def _read(body: Any, stamp_ns: int, words: Any, numbers: Any, place: int, side: int) -> None:
+    """Put position and velocity, as the encoders tell them, into a tick's row."""
+    d = body["device"]
+    x, y, z = encoder_position(body["hand"], 0.0, d["resolution"])
+    band = SLACK * d["resolution"]
+    count, vx, vy, vz = taken(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
     d["count"], d["x"], d["y"], d["vx"], d["vy"] = count, x, y, vx, vy
-    numbers[_Z[side]], numbers[_VZ[side]], numbers[_X[side]], numbers[_Y[side]] = z, vz, x, y
-    numbers[_RENDERED[side]], words[_LOOP[side]] = force[2], LEAD_NS
-    if force[2] != d["wanted"]:
-        words[_GUARDS[side]] = _ARMED | _CLAMPED
+    numbers[place, _Z[side]], numbers[place, _VZ[side]] = z, vz
+    numbers[place, _X[side]], numbers[place, _Y[side]] = x, y
 
 
 @kernel
-def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
+def tell(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
+
+    Parameters
+    ----------
+    bodies : ndarray of BODY, shape (2,)
+        The left and the right hand.
+    coming : ndarray, shape (2, n)
+        Forces of the last n ticks on both hands, for a delay of n - 1 ticks [N].
 
     Returns
     -------
     float
         Vertical force on the hand that acts next, zero unless a trial is running [N].
     """
-    d, coming = body[5][0], body[8]
-    place, size = d["told"], len(coming)
-    coming[place % size] = numbers[_FORCE[side]]
-    d["told"] = place + 1
-    d["wanted"] = coming[(place + 1) % size] if is_active(words[_PHASE]) else 0.0
+    d = bodies[side]["device"]
+    told, size = d["told"], coming.shape[1]
+    coming[side, told % size] = numbers[place, _FORCE[side]]
+    d["told"] = told + 1
+    d["wanted"] = coming[side, (told + 1) % size] if is_active(words[place, _PHASE]) else 0.0
     return float(d["wanted"])
 
 
 @kernel
-def plan(bodies: Any, moves: Any) -> None:
+def plan(bodies: Any, moves: Any, count: int) -> None:
     """Begin new movements of both hands.
 
     Parameters
     ----------
-    bodies : tuple of tuple
-        Parts of the left and of the right `Body`.
+    bodies : ndarray of BODY, shape (2,)
+        The left and the right hand.
     moves : ndarray of netboard.participants.controller.MOVE, shape (n,)
-        The movements.
+        The movements, of which the first `count` are new.
     """
-    for k in range(len(moves)):
+    for k in range(count):
         move = moves[k]
-        hand, course = bodies[move["side"]][0], bodies[move["side"]][4]
-        under_way = hand[0]["moves"]
+        hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["course"]
+        under_way = hand["moves"]
         if under_way == CAPACITY:
             raise ValueError("a simulated hand has too many submovements under way")
         course[under_way, 0], course[under_way, 1] = move["start"], move["duration"]
         course[under_way, 2] = move["displacement"]
-        hand[0]["moves"] = under_way + 1
+        hand["moves"] = under_way + 1
 
 
-class Body:
-    """One hand on one device.
+def pack_body(
+    config: Config, side: Side, person: Participant | None, rng: np.random.Generator, bodies: NDArray[Any]
+) -> Hand:
+    """Put a hand on its device.
 
     Parameters
     ----------
@@ -162,27 +218,50 @@ class Body:
         Rig and experiment; of the rig, the simulated device, the fixture and the largest force count.
     person : Participant or None
         The participant whose hand it is; None for a stylus that is held still at height 0.
+    bodies : ndarray of BODY, shape (2,)
+        The left and the right hand; that of this side is written.
+
+    Returns
+    -------
+    Hand
+        The source of its tremor.
+    """
+    refuse_flaws(config)
+    own = resolved(config.virtual)
+    hand, body = hold(person or config.participant, config.virtual, rng), bodies[SIDES.index(side)]
+    body["hand"], body["tip"], body["arm"] = hand.state[0], hand.end[0], hand.arm[0]
+    body["rigid"] = len(hand.cables) == 0
+    if len(hand.cables):
+        body["cables"] = hand.cables[0]
+    device = body["device"]
+    device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
+    device["limit"] = min(own.max_force, config.safety.max_force)
+    device["resolution"], device["held"] = own.resolution, person is not None
+    return hand
+
+
+class Body:
+    """One hand on one device, by itself: that of a robot partner.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment; see `pack_body`.
+    person : Participant or None
+        The participant whose hand it is; None for a stylus that is held still at height 0.
     """
 
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
-        refuse_flaws(config)
-        own = resolved(config.virtual)
+        self.bodies = np.zeros(len(SIDES), BODY)
         self._place = SIDES.index(side)
-        self._hand = hold(person or config.participant, config.virtual, rng)
-        hand, device = self._hand, np.zeros(1, _DEVICE)
-        device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
-        device["limit"] = min(own.max_force, config.safety.max_force)
-        device["resolution"], device["held"] = own.resolution, person is not None
-        self._device = device[0]
-        cables = np.zeros(0, CABLES) if hand.cables is None else hand.cables
-        stamps, places = np.zeros(SAMPLES, np.int64), np.zeros((3, SAMPLES))
-        coming = np.zeros(config.block.force_delay_ms + 1)
-        self.parts = (hand.state, hand.end, hand.arm, cables, hand.course, device, stamps, places, coming)
+        self._hand = pack_body(config, side, person, rng, self.bodies)
+        self._coming = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
+        self._white = np.zeros((len(SIDES), 1, 3))
 
     @property
     def wanted(self) -> float:
         """Vertical force on the hand that acts next [N]."""
-        return float(self._device["wanted"])
+        return float(self.bodies["device"]["wanted"][self._place])
 
     def warm(self) -> None:
         """Compile or load the kernels by running a tick of this body, which changes its state."""
@@ -190,17 +269,16 @@ class Body:
         self.fill(words)
         self.tell(words)
 
-    def noise(self, ticks: int) -> NDArray[np.float64]:
-        """Return the random drive of the tremor in the next ticks."""
-        return self._hand.noise(ticks * STEPS)
-
     def fill(self, words: NDArray[np.int64]) -> None:
         """Advance by a millisecond, and put the stylus into a tick's row."""
-        fill(self.parts, self._place, self.noise(1), words, words.view(np.float64))
+        self._white[self._place] = self._hand.noise(STEPS)
+        row = words.reshape(1, -1)
+        fill(self.bodies, self._place, self._white, 0, row, row.view(np.float64), 0)
 
     def tell(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
-        return tell(self.parts, self._place, words, words.view(np.float64))
+        row = words.reshape(1, -1)
+        return tell(self.bodies, self._place, self._coming, row, row.view(np.float64), 0)
 
 
 def refuse_flaws(config: Config) -> None:

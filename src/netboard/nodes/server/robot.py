@@ -54,6 +54,7 @@ class Robot:
         told = self._body.tell(words)
         tick = int(words[_TICK])
         if tick % THINK_TICKS == 0:
-            plan((self._body.parts, self._body.parts), self._mind.think(words, told))
+            moves = self._mind.think(words, told)
+            plan(self._body.bodies, moves, len(moves))
         if self._mind.shown(tick + 1) == tick:
             self._mind.look(words)
