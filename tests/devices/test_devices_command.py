@@ -163,7 +163,7 @@ def test_the_profile_goes_into_the_agent_s_introduction() -> None:
     devices("calibrate", "--side", "left", "--set", "placement.zero_z=0.02")
     config = configured()
     with VirtualTouch("left", config) as device:
-        details = introduction("left", config, device.info).details
+        details = introduction("left", config, device.info, {}).details
         assert details["profile_zero"] == "0.0 0.0 0.02 m"
         assert details["zero"] == "0.0 m"
         assert device.read(10**9).z == pytest.approx(-0.02)

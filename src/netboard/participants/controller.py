@@ -25,6 +25,7 @@ from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
 from netboard.participants.partner import partner_height, partner_seen
+from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
     LEVELLING,
     NOISE_TIME,
@@ -461,7 +462,7 @@ def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, l
 
 
 class Brain:
-    """Controller of one simulated participant.
+    """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
 
     Parameters
     ----------
@@ -475,6 +476,13 @@ class Brain:
         Hands of the participant: one in a dyad, both in a bimanual block.
     rng : numpy.random.Generator
         Source of the participant's variability.
+
+    Attributes
+    ----------
+    identity : dict of str
+        What is recorded of it.
+    interval : float
+        Time between two decisions [s].
     """
 
     def __init__(
@@ -485,6 +493,8 @@ class Brain:
         sides: tuple[Side, ...],
         rng: np.random.Generator,
     ) -> None:
+        self.identity = identity_of(SIMULATED_PARTICIPANT, person)
+        self.interval = THINK_EVERY
         self.person = pack_person(person, physics, task, sides)
         self.mind = np.zeros(1, MIND)
         self._rng = rng

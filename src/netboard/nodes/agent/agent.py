@@ -12,7 +12,7 @@ arrived, and the agent slowly shifts its phase until that is `LEAD_NS`. A sample
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from typing import Protocol
 
@@ -65,6 +65,9 @@ def phase_shift(lead_ns: int) -> int:
 class Companion(Protocol):
     """The simulated participant or player that moves a virtual stylus, in the agent's process."""
 
+    identity: Mapping[str, str]
+    """What is recorded of it; see `netboard.participants.policy`."""
+
     def begin(self, text: str) -> None:
         """Take the configuration of the block that begins."""
 
@@ -87,7 +90,8 @@ class Agent:
         socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         timeout_ns = int(config.network.sample_timeout_ms * 1e6)
         self._config, self._side = config, side
-        self._link = Link(socket, introduction(side, config, device.info), timeout_ns)
+        self._identity: Mapping[str, str] = {} if companion is None else companion.identity
+        self._link = Link(socket, introduction(side, config, device.info, self._identity), timeout_ns)
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
         self._fixture = config.fixture
@@ -145,7 +149,7 @@ class Agent:
                 continue
             log.info("the device is back: %s %s", info.model, info.serial)
             self._safety = Safety(self._config.safety, info.max_force, info.continuous_force)
-            self._link.introduce(introduction(self._side, self._config, info))
+            self._link.introduce(introduction(self._side, self._config, info, self._identity))
             return
 
     def _tick(self, until_ns: int) -> int:
@@ -265,8 +269,8 @@ class Agent:
         self._safeguards = 0
 
 
-def introduction(side: Side, config: Config, info: DeviceInfo) -> Hello:
-    """Return the agent's `Hello`, with the details of its device for the recording."""
+def introduction(side: Side, config: Config, info: DeviceInfo, policy: Mapping[str, str]) -> Hello:
+    """Return the agent's `Hello`, with what the recording says of its device, and of the policy that moves it."""
     agent = config.agents.left if side == "left" else config.agents.right
     details = {
         **info.details,
@@ -276,6 +280,7 @@ def introduction(side: Side, config: Config, info: DeviceInfo) -> Hello:
         "max_force": f"{info.max_force!r} N",
         "resolution": f"{info.resolution!r} m",
         "zero": f"{agent.zero!r} m",
+        **policy,
     }
     if info.mass is not None and info.damping is not None:
         loops = loops_of(config, Mechanism(info.mass, info.damping))

@@ -22,6 +22,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
 from netboard.participants.controller import Brain
+from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.stage.view import View
@@ -163,6 +164,7 @@ class Player:
 
     def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
         where = channels.addresses(config.network)
+        self.identity = identity_of("player with a mouse")
         self._device = device
         self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
@@ -198,6 +200,7 @@ class Life:
     """The simulated participant at a device, made anew for each block."""
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+        self.identity = identity_of(SIMULATED_PARTICIPANT, config.participant)
         self._config, self._device, self._context = config, device, context
         self._nerve: sockets.Socket | None = None
         self._who = self._made()

@@ -17,7 +17,8 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.population import LETTERS, person_of
-from netboard.recording.files.offline_writer import Keeper
+from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
+from netboard.recording.files.offline_writer import REHEARSED, Keeper
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,12 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
     begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
-    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, begun_ns)
+    said = REHEARSED | {
+        f"{letter}_{name}": text
+        for letter, person in job.people.items()
+        for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
+    }
+    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, begun_ns, said)
     ticks = 0
     for rows in rehearsal.pieces():
         if keeper is not None:

@@ -71,3 +71,5 @@ class BlockChanges:
         stepping = {name: str(value) for name, value in asdict(state.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
         state.note(BLOCK_BEGAN, {**label, **stepping, "config": state.block.text})
+        for robot in state.block.robots:
+            state.note("robot_joined", {"side": robot.side, **robot.identity})

@@ -12,6 +12,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.body import Body, plan
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind
+from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _TICK, _TIME = _AT["tick"], _AT["time_ns"]
@@ -31,6 +32,7 @@ class Robot:
         self.side = side
         moved = config.block.left if side == "left" else config.block.right
         who = None if moved == "still" else config.participant
+        self.identity = identity_of("held still" if who is None else SIMULATED_PARTICIPANT, who)
         seed = (config.block.seed, config.block.number, SIDES.index(side))
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
         self._body = Body(config, side, who, np.random.default_rng((*seed, 0)))

@@ -1,0 +1,69 @@
+"""A policy: what decides for a hand that no person moves.
+
+The same policy runs in an agent beside a person's, in the server as a robot partner, and in a rehearsal. It gets what
+its seat may know, at its own interval, and answers with movements. Its identity is recorded, so that anybody can say
+later against what a person has played.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Protocol
+
+from netboard.base.tables.simulated import Participant
+from netboard.participants.senses import Glimpse
+from netboard.participants.submovement import Submovement
+
+SIMULATED_PARTICIPANT = "simulated participant"
+"""Kind of the policy of a `netboard.participants.controller.Brain`."""
+
+
+class Policy(Protocol):
+    """What decides for one hand, or for both hands of a simulated person."""
+
+    interval: float
+    """Time between two decisions [s]."""
+
+    identity: Mapping[str, str]
+    """What is recorded of it; see `identity_of`."""
+
+    def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
+        """Decide.
+
+        Parameters
+        ----------
+        now : float
+            Present time, later than in the previous call [s].
+        glimpse : Glimpse or None
+            Newest glimpse of the display at its seat; None before the first.
+        felt : float or None
+            Vertical force on its hand, + = up; None without haptic feedback, and with two hands [N].
+
+        Returns
+        -------
+        tuple of Submovement
+            New submovements; empty most of the time.
+        """
+
+
+def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, str]:
+    """Return what a recording says of a policy.
+
+    Parameters
+    ----------
+    kind : str
+        What kind of policy it is.
+    parameters : Participant or None
+        Its parameters; None if it has none.
+
+    Returns
+    -------
+    dict of str
+        ``policy``: its kind. With parameters also ``policy_parameters``, as JSON with sorted names, and
+        ``policy_sha256``, the SHA-256 of that text.
+    """
+    if parameters is None:
+        return {"policy": kind}
+    text = json.dumps(asdict(parameters), sort_keys=True)
+    return {"policy": kind, "policy_sha256": hashlib.sha256(text.encode()).hexdigest(), "policy_parameters": text}
