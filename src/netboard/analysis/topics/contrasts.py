@@ -24,7 +24,7 @@ from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import BLACK, Picture
 from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, with_base
 from netboard.analysis.topics.marks import Look, beside, draw_mean, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.measures import EXPLAINED, Measure, as_read, exponential, levels
+from netboard.analysis.topics.measures import Measure, as_read, exponential, levels
 from netboard.analysis.topics.result import Result, kept
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ class Comparisons:
 
 def _rows(one: Comparison) -> Iterator[Result]:
     contrast = one.contrast
-    note = "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), *contrast.notes)))
+    note = "; ".join(filter(None, (one.measure.note, *contrast.notes)))
     group = one.question.name
     yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
     yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)

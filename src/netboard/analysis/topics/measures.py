@@ -49,6 +49,8 @@ class Measure:
         Function of a performer's values in a condition; returns one number [its unit]. None: their mean.
     compared : bool
         Whether conditions are compared in this measure. If not, a difference says nothing about performance.
+    note : str
+        What figures and tables say of its interpretation.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Measure:
     weights: Callable[[pd.DataFrame], ArrayLike] | None = None
     level: Callable[[pd.Series], float] | None = None
     compared: bool = True
+    note: str = ""
 
 
 def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
@@ -99,44 +102,76 @@ def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 MEASURES = (
-    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True),
-    Measure("velocity peaks", "1", "performance", "trial", column("peaks")),
+    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True, note="geometric mean"),
+    Measure("velocity peaks", "1", "performance", "trial", column("peaks"), note="NP, of the ball's speed"),
     Measure("SPARC", "1", "performance", "trial", column("sparc")),
     Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
-    Measure("reaction time", "s", "performance", "trial", _reaction),
-    Measure("time in target", "s", "performance", "trial", column("in_target")),
+    Measure(
+        "reaction time",
+        "s",
+        "performance",
+        "trial",
+        _reaction,
+        note="of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
+    ),
+    Measure("time in target", "s", "performance", "trial", column("in_target"), note="before the hold"),
     Measure("overshoots", "1", "performance", "trial", column("overshoots")),
     Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
     *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
-    Measure("|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20")),
-    Measure("|lag|", "s", "coordination", "trial", _magnitude("lag")),
+    Measure(
+        "|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20"), note="of cooperative movements"
+    ),
+    Measure("|lag|", "s", "coordination", "trial", _magnitude("lag"), note="by cross-correlation"),
     Measure("correlation of the hands", "1", "coordination", "trial", column("correlation"), compared=False),
     Measure("effort", "N2 s", "forces", "trial", _both("effort")),
-    Measure("interaction force", "N", "forces", "trial", column("interaction")),
+    Measure(
+        "interaction force",
+        "N",
+        "forces",
+        "trial",
+        column("interaction"),
+        note="mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
+    ),
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
-    Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
-    Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
-    Measure("power, left", "W", "forces", "trial", column("left_power"), compared=False),
-    Measure("power, right", "W", "forces", "trial", column("right_power"), compared=False),
-    Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
+    Measure("work given", "J", "forces", "trial", _both("given"), compared=False, note="of both hands on the coupling"),
+    Measure(
+        "work received",
+        "J",
+        "forces",
+        "trial",
+        _both("received"),
+        compared=False,
+        note="by both hands from the coupling",
+    ),
+    Measure(
+        "power, left",
+        "W",
+        "forces",
+        "trial",
+        column("left_power"),
+        compared=False,
+        note="mean, of the left hand on the coupling",
+    ),
+    Measure(
+        "power, right",
+        "W",
+        "forces",
+        "trial",
+        column("right_power"),
+        compared=False,
+        note="mean, of the right hand on the coupling",
+    ),
+    Measure(
+        "force share, right",
+        "1",
+        "forces",
+        "trial",
+        column("force_share"),
+        compared=False,
+        note="of the right hand, without what each must bear: on a light board a half, whatever people do",
+    ),
 )
 """All measures."""
-
-EXPLAINED = {
-    "completion time": "geometric mean",
-    "reaction time": "of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
-    "velocity peaks": "NP, of the ball's speed",
-    "time in target": "before the hold",
-    "|delay at 20 %|": "of cooperative movements",
-    "|lag|": "by cross-correlation",
-    "interaction force": "mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
-    "force share, right": "of the right hand, without what each must bear: on a light board a half, whatever people do",
-    "work given": "of both hands on the coupling",
-    "work received": "by both hands from the coupling",
-    "power, left": "mean, of the left hand on the coupling",
-    "power, right": "mean, of the right hand on the coupling",
-}
-"""Notes on the interpretation of measures."""
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:
@@ -240,7 +275,7 @@ class Overview:
 
 
 def _note(one: Levels) -> str:
-    return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
+    return "; ".join(filter(None, (one.measure.note, f"of {one.rows} {one.measure.of}s")))
 
 
 def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
