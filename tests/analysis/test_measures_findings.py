@@ -74,6 +74,13 @@ def test_a_reaction_is_that_of_the_first_hand_and_none_if_a_hand_has_guessed() -
     assert level_of(overview(study), "reaction time", "dyadic, full").values == pytest.approx([0.4])
 
 
+def test_the_largest_overshoot_is_measured_and_not_compared() -> None:
+    study = made_study([Block("D01", "D01", "dyadic", "full", [{"overshoot": 0.01}, {"overshoot": 0.03}])])
+    one = level_of(overview(study), "largest overshoot", "dyadic, full")
+    assert one.values == pytest.approx([0.02])
+    assert (one.measure.unit, one.measure.compared) == ("m", False)
+
+
 def test_delays_are_those_of_cooperative_movements_of_trials_that_count() -> None:
     moves = [
         {"delay_20": -0.1},

@@ -116,6 +116,7 @@ MEASURES = (
     ),
     Measure("time in target", "s", "performance", "trial", column("in_target"), note="before the hold"),
     Measure("overshoots", "1", "performance", "trial", column("overshoots")),
+    Measure("largest overshoot", "m", "performance", "trial", column("overshoot"), compared=False),
     Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
     *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
     Measure(
