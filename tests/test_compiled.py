@@ -1,4 +1,4 @@
-"""Kept kernels are never older than their source."""
+"""Kept kernels are never older than their source, and each is its own."""
 
 import os
 import re
@@ -114,3 +114,36 @@ def test_what_a_kernel_borrows_is_the_same_and_stays_its_owners() -> None:
     assert summed_through_a_tuple(parts, 1000) == expected
     assert machine_code(summed_through_a_tuple, parts, 1000)(parts, 1000) == expected
     assert [sys.getrefcount(one) for one in (*arrays, chance)] == counts
+
+
+MADE = """
+import sys
+from netboard.base.compiled import kernel
+def make(number):
+    @kernel
+    def inner(x):
+        return x + number
+    @kernel
+    def outer(x):
+        return inner(x) + inner(2.0 * x)
+    return outer
+for number in map(float, sys.argv[1:]):
+    print(make(number)(0.0))
+"""
+
+
+def test_kernels_that_differ_in_a_constant_never_share_machine_code(tmp_path: Path) -> None:
+    """Two processes compile one of them each, and a third one loads both from the cache."""
+    script = tmp_path / "made.py"
+    script.write_text(MADE, encoding="utf-8")
+
+    def run(*numbers: str) -> list[float]:
+        command = [sys.executable, str(script), *numbers]
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        found = subprocess.run(command, env=environment, capture_output=True, check=True, text=True)
+        return [float(word) for word in found.stdout.split()]
+
+    assert run("1") == [2.0]
+    assert run("5") == [10.0]
+    assert run("1", "5") == [2.0, 10.0]
+    assert run("5", "1") == [10.0, 2.0]
