@@ -1,4 +1,4 @@
-"""Kept kernels are never older than their source."""
+"""Kept kernels are never older than their source, and each is its own."""
 
 import os
 import re
@@ -92,3 +92,36 @@ def test_no_kernel_leaves_open_how_it_is_compiled() -> None:
     asks = re.compile(r"numba\.n?jit|from numba import n?jit")
     compiling = [path for path in package.rglob("*.py") if asks.search(path.read_text())]
     assert compiling == [package / "base" / "compiled.py"]
+
+
+MADE = """
+import sys
+from netboard.base.compiled import kernel
+def make(number):
+    @kernel
+    def inner(x):
+        return x + number
+    @kernel
+    def outer(x):
+        return inner(x) + inner(2.0 * x)
+    return outer
+for number in map(float, sys.argv[1:]):
+    print(make(number)(0.0))
+"""
+
+
+def test_kernels_that_differ_in_a_constant_never_share_machine_code(tmp_path: Path) -> None:
+    """Two processes compile one of them each, and a third one loads both from the cache."""
+    script = tmp_path / "made.py"
+    script.write_text(MADE, encoding="utf-8")
+
+    def run(*numbers: str) -> list[float]:
+        command = [sys.executable, str(script), *numbers]
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        found = subprocess.run(command, env=environment, capture_output=True, check=True, text=True)
+        return [float(word) for word in found.stdout.split()]
+
+    assert run("1") == [2.0]
+    assert run("5") == [10.0]
+    assert run("1", "5") == [2.0, 10.0]
+    assert run("5", "1") == [10.0, 2.0]

@@ -87,13 +87,28 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         Of scalars, arrays and records, in the part of Python that numba knows; it also runs as it stands, with
         NUMBA_DISABLE_JIT=1.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(_told_apart(function))
     return compiled
+
+
+def _told_apart(function: Callable[P, R]) -> Callable[P, R]:
+    """Add a digest of its closure to the name of a function.
+
+    Numba derives the symbols of machine code from the name and a number that counts compilations in a process. Code of
+    the same name, compiled with other constants in two processes and loaded from the cache into a third, could have the
+    same symbol, and the linker would silently use the first for both.
+    """
+    if not isinstance(function, FunctionType) or not function.__closure__:
+        return function
+    known = [cell.cell_contents for cell in function.__closure__]
+    told = [getattr(getattr(one, "py_func", one), "__qualname__", None) or repr(one) for one in known]
+    function.__qualname__ += f"-{hashlib.sha256(repr(told).encode()).hexdigest()[:16]}"
+    return function
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function into every kernel that calls it, so that dead code is removed there."""
-    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(_told_apart(function))
     return compiled
 
 
@@ -105,7 +120,7 @@ def fast(function: Callable[P, R]) -> Callable[P, R]:
     function : callable
         As for `kernel`. Kernels that it calls stay strict, except those from `loosened`.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(_told_apart(function))
     return compiled
 
 
