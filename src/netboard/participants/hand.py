@@ -3,7 +3,8 @@
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
 force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
-white noise is an argument, so the kernel is deterministic.
+white noise is an argument, so the kernel is deterministic. The reflexes of the arm yield to a force on the hand that
+is not expected.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
@@ -43,11 +44,11 @@ FOREARM = 0.30
 GRASP = 0.002
 """Standard deviation of the stylus' rest position along x and y, across its vertical path [m]."""
 
-FRICTION_SKILL = 0.8
-"""Share of the device's friction that a practised participant compensates during intended movements [1]."""
-
 PURPOSE = 0.005
 """Speed of the equilibrium point at which friction compensation is complete [m/s]."""
+
+RECALL = 512
+"""Steps for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
 
 ARM = np.dtype(
     [
@@ -60,6 +61,10 @@ ARM = np.dtype(
         ("calm", "<f8"),  # decay factor of the tremor per step [1]
         ("tremor", "<f8"),  # tremor force per standard normal number [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
+        ("yielding", "<f8"),  # displacement of the equilibrium point per unexpected force [m/N]
+        ("loading", "<f8"),  # displacement of the equilibrium point against an expected force [m/N]
+        ("habit", "<f8"),  # decay factor per step of the difference between force and expected force [1]
+        ("reflex_steps", "<i8"),  # delay of the reflexes [1]
     ]
 )
 """Constants of a hand, as one record for the kernels."""
@@ -81,6 +86,9 @@ HAND = np.dtype(
         ("muscle", "<f8"),  # output of the first muscle lag [m]
         ("equilibrium", "<f8"),  # output of the second lag: the present equilibrium height [m]
         ("moves", "<i8"),  # number of submovements under way or planned
+        ("expected", "<f8"),  # vertical motor force that the reflexes expect [N]
+        ("felt", "<f8", (RECALL,)),  # vertical motor force of the last steps [N]
+        ("felt_count", "<i8"),  # number of forces felt so far
     ]
 )
 """State of a hand."""
@@ -137,7 +145,12 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
-        arm["skill"] = FRICTION_SKILL * own.friction
+        arm["skill"] = participant.friction_skill * own.friction * (1.0 - participant.rest_skill)
+        arm["friction"] -= participant.friction_skill * own.friction * participant.rest_skill
+        arm["loading"] = participant.load_skill / participant.arm_stiffness
+        arm["yielding"] = participant.reflex_gain / participant.arm_stiffness
+        arm["habit"] = np.exp(-STEP / participant.reflex_time)
+        arm["reflex_steps"] = round(participant.reflex_delay / STEP)
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
     return arm
 
@@ -174,9 +187,29 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
     return float(asked)
 
 
+@inlined
+def _yielded(s: Any, arm: Any, force: float) -> float:
+    """Return the displacement of the equilibrium point by the reflexes, in the direction of an unexpected force [m].
+
+    ``r = G (F(t - delay) - expected) / K``, where the expected force follows the delayed one with a time constant; the
+    two muscle lags smooth it. Short- and long-latency responses of the arm follow 25 to 100 ms after a perturbation and
+    the long-latency one depends on what the person intends (Cluff, Crevecoeur and Scott, Exp. Brain Res. 2015).
+    """
+    if arm["yielding"] == 0.0 and arm["loading"] == 0.0:
+        return 0.0
+    place = s["felt_count"]
+    s["felt"][place & (RECALL - 1)] = force
+    s["felt_count"] = place + 1
+    late = s["felt"][(place - arm["reflex_steps"]) & (RECALL - 1)]
+    s["expected"] = late + (s["expected"] - late) * arm["habit"]
+    return float(arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"])
+
+
 @kernel
-def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64]) -> tuple[float, float]:
-    """Advance equilibrium point and tremor by one step.
+def tense(
+    s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64], force: float
+) -> tuple[float, float]:
+    """Advance equilibrium point, reflexes and tremor by one step.
 
     Parameters
     ----------
@@ -190,6 +223,8 @@ def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArr
         Time at the end of the step, on the clock of the submovements [s].
     white : ndarray, shape (3,)
         Standard normal numbers that drive the tremor [1].
+    force : float
+        Vertical motor force on the hand [N].
 
     Returns
     -------
@@ -198,7 +233,7 @@ def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArr
     nearer : float
         Present rest position of the arm along x [m].
     """
-    asked = _aim(s, plan, when)
+    asked = _aim(s, plan, when) + _yielded(s, arm, force)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
@@ -240,7 +275,7 @@ def swing(
     s, arm = state[0], constants[0]
     stiffness = arm["stiffness"]
     for k in range(white.shape[0]):
-        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
+        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k], fz)
         s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
         s["y"], s["vy"] = _push(s["y"], s["vy"], stiffness * (s["rest_y"] - s["y"]) + s["tremor_y"] + fy, arm)
         pull = stiffness * (s["equilibrium"] - s["z"]) + effort
@@ -283,7 +318,7 @@ def swing_on_cables(
     """
     s, t, arm, own = state[0], tip[0], constants[0], cables[0]
     for k in range(white.shape[0]):
-        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
+        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k], fz)
         s["x"], s["vx"], t["x"], t["vx"] = stretch(s["x"], s["vx"], t["x"], t["vx"], fx, s["tremor_x"], nearer, own)
         s["y"], s["vy"], t["y"], t["vy"] = stretch(
             s["y"], s["vy"], t["y"], t["vy"], fy, s["tremor_y"], s["rest_y"], own
