@@ -50,7 +50,9 @@ def test_practice_is_the_trials_of_ones_own_blocks_before() -> None:
     people = list(people_of(blocks(), 1, 1))
     assert [one["A"].practice for one in people] == [0, 10, 10, 40]
     assert [one["B"].practice for one in people] == [0, 0, 20, 50]
-    assert {replace(one["A"], practice=0) for one in people} == {replace(person_of(Participant(), 1, 1, "A"), practice=0)}
+    assert {replace(one["A"], practice=0) for one in people} == {
+        replace(person_of(Participant(), 1, 1, "A"), practice=0)
+    }
 
 
 def test_a_set_practice_stays() -> None:

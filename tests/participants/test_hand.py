@@ -163,7 +163,7 @@ def test_reflexes_yield_to_a_step_of_force_as_a_band_pass_does() -> None:
     assert not course[:late].any()
     adapting, muscle = [YIELDING.reflex_time, 1.0], [YIELDING.muscle_lag, 1.0]
     system = lti([YIELDING.reflex_time, 0.0], np.polymul(adapting, np.polymul(muscle, muscle)))
-    t, theory = step(system, T=STEP * np.arange(4000 - late))
+    _, theory = step(system, T=STEP * np.arange(4000 - late))
     gain = YIELDING.reflex_gain * 0.3 / YIELDING.arm_stiffness
     np.testing.assert_allclose(course[late:], gain * theory, atol=0.01 * gain)
 

@@ -65,12 +65,8 @@ class Participant:
     friction_skill: Annotated[
         float, about("share of the device's friction that the arm compensates while its aim moves", "1", ge=0, le=1)
     ] = 0.8
-    rest_skill: Annotated[
-        float, about("share of that compensation that acts at rest, too", "1", ge=0, le=1)
-    ] = 1.0
-    load_skill: Annotated[
-        float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)
-    ] = 1.0
+    rest_skill: Annotated[float, about("share of that compensation that acts at rest, too", "1", ge=0, le=1)] = 1.0
+    load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
     reflex_gain: Annotated[
         float, about("how far reflexes yield to an unexpected force, over the arm's own yielding", "1", ge=0, le=5)
     ] = 0.0
@@ -80,18 +76,18 @@ class Participant:
     kd: Annotated[float, about("wanted ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest tilt asked for", "deg", gt=0, le=45)] = 2.97
     lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
-    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 0.93
+    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 1.13
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
-    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.296
-    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.313
+    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.283
+    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.30
     movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
     amplitude_cv: Annotated[float, about("variability of a submovement's amplitude", "1", ge=0, le=2)] = 0.08
     visual_delay: Annotated[float, about("delay of what is seen", "s", ge=0, le=2)] = 0.175
     haptic_delay: Annotated[float, about("delay of what is felt", "s", ge=0, le=2)] = 0.070
     reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
-    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.003
-    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.010
-    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.25
+    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.0026
+    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087
+    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.22
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
     mirror: Annotated[
         float, about("share of one's own tilting that one expects of the partner at first", "1", ge=0, le=1)
@@ -107,12 +103,12 @@ class Participant:
     haptic_noise: Annotated[float, about("standard deviation of that inferred height", "m", ge=0, le=1)] = 0.002
     bimanual_async: Annotated[
         float, about("standard deviation of the onset difference between one person's hands", "s", ge=0, le=1)
-    ] = 0.045
+    ] = 0.055
     bimanual_amplitude_cv: Annotated[
         float, about("variability of the amplitude between one person's hands", "1", ge=0, le=2)
     ] = 0.2
     novice: Annotated[
         float, about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1)
-    ] = 1.5
+    ] = 1.29
     learning_trials: Annotated[float, about("trials over which the difference falls to 1/e", "1", gt=0)] = 200.0
     practice: Annotated[float, about("trials done before the block", "1", ge=0)] | OfPlan = "plan"

@@ -17,13 +17,13 @@ from netboard.benchmarks.harness.results import Folder, Part, Verdict
 from netboard.benchmarks.harness.running import Study, Tell
 from netboard.benchmarks.participants.others import others_part
 from netboard.benchmarks.participants.paper import Sample
-from netboard.benchmarks.participants.trials import Played, play_all
+from netboard.benchmarks.participants.slowing import slowing_part
+from netboard.benchmarks.participants.trials import Cast, Played, play_all
 from netboard.benchmarks.participants.validation import (
     ABLATIONS,
     LIKELY,
     STATES,
     Prediction,
-    cast_of,
     predictions,
     studies,
 )
@@ -34,6 +34,9 @@ TRIALS, QUICK_TRIALS = 30, 6
 DYADS, QUICK_DYADS = 24, 4
 """Dyads of the full model [1]."""
 
+SLOWING_DYADS, SLOWING_TRIALS = 8, 12
+"""Dyads and trials in a block in which one person's haptic effect is taken apart [1]."""
+
 QUICK_VARIANTS = ("full model", "no information")
 
 
@@ -42,18 +45,22 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
 
     def run(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
         pool = _whole(dyads or (QUICK_DYADS if quick else DYADS))
+        cores = workers or os.cpu_count() or 1
         variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
         found: dict[str, list[Prediction]] = {}
         for number, name in enumerate(variants):
             size = pool if name == variants[0] else _whole(ceil(pool / 3))
             trials = QUICK_TRIALS if quick else TRIALS
-            played = list(_played(name, size, trials, workers or os.cpu_count() or 1, number, len(variants), tell))
+            played = list(_played(name, size, trials, cores, number, len(variants), tell))
             found[name] = predictions(studies([one.attempts for one in played], count))
             if name == variants[0]:
                 yield predictions_part(found[name], played, trials, count)
                 folder.save("participants", lambda: draw(found[variants[0]]))
                 yield others_part(Sample(np.concatenate([one.attempts for one in played])), Participant(), Config())
         yield ablations_part(found)
+        if not quick:
+            tell("bimanual blocks with parts of the force", 1.0)
+            yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
 
     return run
 
@@ -67,7 +74,7 @@ def _played(
     name: str, dyads: int, trials: int, workers: int, number: int, variants: int, tell: Tell
 ) -> Iterator[Played]:
     """Let the dyads of a variant perform, and say so."""
-    cast = cast_of(name, trials)
+    cast = Cast(ABLATIONS[name], trials)
     tasks = [(cast.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
     for done, played in enumerate(play_all(tasks, workers)):
         tell(f"{name}: dyad {done + 1} of {dyads}", (number + (done + 1) / dyads) / variants)

@@ -26,6 +26,9 @@ from netboard.nodes.rehearsal.jobs import Job
 DYADS = 4
 """Dyads whose participants perform [1]."""
 
+EVALUATIONS = 16
+"""Evaluations of the loss after which the fit ends, converged or not [1]."""
+
 TARGETS = {
     "completion, first 30, mean [s]": 5.71,
     "completion, first 30, SD [s]": 4.48,
@@ -36,6 +39,18 @@ TARGETS = {
     "delay, mean of the portions [s]": 0.040,
 }
 """Figures of the paper to which the model is fitted."""
+
+START = Participant(
+    novice=1.5,
+    position_noise=0.003,
+    velocity_noise=0.010,
+    tilt_noise_deg=0.25,
+    threshold_deg=0.93,
+    refractory=0.296,
+    movement_time=0.313,
+    bimanual_async=0.045,
+)
+"""Where the fit begins: the parameters before it."""
 
 FREE: dict[str, tuple[str, ...]] = {
     "novice": ("novice",),
@@ -116,4 +131,4 @@ def fit(start: Participant, workers: int, evaluations: int) -> Participant:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(f"{fit(Participant(), workers=2, evaluations=60)}\n")
+    sys.stdout.write(f"{fit(START, workers=2, evaluations=EVALUATIONS)}\n")

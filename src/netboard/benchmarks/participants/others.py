@@ -35,7 +35,7 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
     yield _row("refractory time [s]", person.refractory, 0.25, 0.55, "van de Kamp et al. 2013, plants of order 0 to 2")
     yield _row("muscle lag [s]", person.muscle_lag, 0.04, 0.04, "Lokesh 2023, model")
     felt = person.haptic_noise * NEWTON_PER_METRE
-    yield _row("noise of a felt force [N]", felt, 0.02, 0.05, "Weber fraction 7 to 10 % (Pang, Tan and Durlach) of 0.3-0.5 N")
+    yield _row("noise of a felt force [N]", felt, 0.02, 0.05, "7 to 10 % (Pang, Tan and Durlach 1991) of 0.3 to 0.5 N")
     seen = 2.0 * config.physics.l * np.radians(person.tilt_noise_deg)
     drift = (person.partner_noise * config.physics.l * np.radians(person.max_tilt_deg)) ** 2 / person.movement_time
     gain = haptic_weight(seen, drift, person.visual_delay - person.haptic_delay, person.haptic_noise)
@@ -44,13 +44,12 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
 
 def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
     """Yield what the participants did that others measured."""
-    alone = sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum()
+    alone = float(sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum())
+    first, sparc = (float(np.nanmedian(sample.of(name, "bimanual"))) for name in ("first_move", "sparc"))
+    yield _row("first movement of the board after the release, median [s]", first, 0.2, 0.6, "reaction and muscle lags")
+    yield _row("SPARC of the ball's speed, bimanual, median", sparc, -2.5, -1.41, "one smooth movement: -1.41 at most")
     yield _row("velocity peaks per second, bimanual", alone, 0.69, 0.88, "this paper: 3.92/5.71 to 3.17/3.61")
-    for on in (True, False):
-        gains = []
-        for dyad in sample.dyads:
-            a, b, both = sample.levels("completion", dyad, on)
-            gains.append(min(a, b) - both > 0)
-        word = "on" if on else "off"
-        source = "Ganesh et al. 2014: both improve" if on else "no haptic partner"
-        yield _row(f"dyads faster than their better participant, haptics {word}", np.mean(gains), 0.5 if on else 0.0, 1.0, source)
+    levels = [sample.levels("completion", dyad, True) for dyad in sample.dyads]
+    share = float(np.mean([both < min(a, b) for a, b, both in levels]))
+    source = "Ganesh et al. 2014: better with a worse partner, too"
+    yield _row("share of dyads faster than their better participant, haptics on", share, 0.5, 1.0, source)

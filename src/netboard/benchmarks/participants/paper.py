@@ -18,6 +18,7 @@ from netboard.analysis.measures.ellipses import ellipse
 from netboard.analysis.measures.performance import relative_performance, running_number
 
 Configuration = Literal["bimanual", "dyadic"]
+End = Literal["first", "last"]
 
 GROUPS = 6
 """Groups of trials in a condition, of which the paper draws ellipses [1]."""
@@ -64,7 +65,7 @@ class Sample:
         """Return a column of the trials of a condition."""
         return np.asarray(self.rows[name][self._masks[configuration, haptics]])
 
-    def end(self, name: str, configuration: Configuration, which: Literal["first", "last"]) -> NDArray[Any]:
+    def end(self, name: str, configuration: Configuration, which: End) -> NDArray[Any]:
         """Return a column of the first or last trials of a configuration, both haptic conditions pooled."""
         share = self._share[self._masks[configuration, None]]
         return self.of(name, configuration)[share <= ENDS if which == "first" else share > 1 - ENDS]
@@ -97,11 +98,12 @@ class Sample:
         chosen = self._masks[configuration, None]
         points = np.stack([self.rows[name][chosen] for name in ("distance", "velocity")], axis=1)
         group, whose = np.ceil(self._share[chosen] * GROUPS - 1e-9), self._whose[chosen]
-        first, last = (
-            np.nanmean([measure(points[(group == number) & (whose == one)]) for one in np.unique(whose)])
-            for number in (1, GROUPS)
-        )
-        return float(np.log(last / first))
+        means = []
+        for number in (1, GROUPS):
+            each = np.array([measure(points[(group == number) & (whose == one)]) for one in np.unique(whose)])
+            known = each[np.isfinite(each)]
+            means.append(float(known.mean()) if len(known) else float("nan"))
+        return float(np.log(means[1] / means[0]))
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class Statement:
 
 def _ends() -> list[Statement]:
     """Completion times and numbers of peaks of the first and last trials."""
-    printed: dict[tuple[str, Configuration], tuple[float, ...]] = {
+    printed: dict[tuple[str, Configuration], tuple[float, float, float, float]] = {
         ("completion", "bimanual"): (5.71, 4.48, 3.61, 3.08),
         ("completion", "dyadic"): (4.33, 2.92, 3.62, 2.23),
         ("peaks", "bimanual"): (3.92, 2.42, 3.17, 1.85),
@@ -130,15 +132,18 @@ def _ends() -> list[Statement]:
     }
     words = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     found = []
-    for (name, configuration), values in printed.items():
-        fitted = configuration == "bimanual"
-        for which, mean, deviation in (("first", *values[:2]), ("last", *values[2:])):
-            text = f"{words[name]}, {configuration}, {which} 30"
+    for (name, configuration), (first, first_sd, last, last_sd) in printed.items():
+        text, fitted = f"{words[name]}, {configuration}", configuration == "bimanual"
+        ends: tuple[tuple[End, float, float], ...] = (("first", first, first_sd), ("last", last, last_sd))
+        for which, mean, deviation in ends:
             of = partial(_end, name=name, configuration=configuration, which=which)
-            found.append(Statement(text, of, mean, fitted=fitted))
-            found.append(Statement(f"{text}, SD", partial(of, summary=_deviation), deviation, fitted=fitted))
-        of = partial(_learned, name=name, configuration=configuration)
-        found.append(Statement(f"{words[name]}, {configuration}, last - first", of, sense=-1, fitted=fitted))
+            spread = partial(of, summary=_deviation)
+            # The standard deviation of the peaks is not among the figures of the fit.
+            of_fit = fitted and name == "completion"
+            found.append(Statement(f"{text}, {which} 30", of, mean, fitted=fitted))
+            found.append(Statement(f"{text}, {which} 30, SD", spread, deviation, fitted=of_fit))
+        learned = partial(_learned, name=name, configuration=configuration)
+        found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
     return found
 
 
@@ -154,7 +159,7 @@ def _end(
     sample: Sample,
     name: str,
     configuration: Configuration,
-    which: Literal["first", "last"],
+    which: End,
     summary: Callable[[NDArray[np.float64]], float] = _mean,
 ) -> float:
     return summary(sample.end(name, configuration, which))
@@ -183,14 +188,15 @@ def _shares() -> list[Statement]:
         Statement(f"{name} share, dyadic - bimanual", partial(_together, name=name), sense=sense)
         for name, sense in (("cooperative", -1), ("still", -1), ("single", 1), ("competitive", 1))
     ]
-    for name, configuration, sense in (
+    effects: tuple[tuple[str, Configuration, int], ...] = (
         ("cooperative", "bimanual", 1),
         ("cooperative", "dyadic", 1),
         ("single", "bimanual", -1),
         ("single", "dyadic", -1),
         ("competitive", "dyadic", -1),
-    ):
-        of = partial(_felt, name=name, configuration=configuration)  # type: ignore[arg-type]
+    )
+    for name, configuration, sense in effects:
+        of = partial(_felt, name=name, configuration=configuration)
         found.append(Statement(f"{name} share, {configuration}, haptics on - off", of, sense=sense))
     return found
 
@@ -217,25 +223,23 @@ def _area(points: NDArray[np.float64]) -> float:
 
 
 def _variance(points: NDArray[np.float64], column: int) -> float:
-    return float(np.nanvar(points[:, column], ddof=1))
+    known = points[np.isfinite(points[:, column]), column]
+    return float(np.var(known, ddof=1)) if len(known) > 1 else float("nan")
 
 
 def _strategies() -> list[Statement]:
     """Convergence of the strategies: ellipses shrink, variances fall."""
-    measures = {
+    measures: dict[str, Callable[[NDArray[np.float64]], float]] = {
         "ellipse area": _area,
         "variance of distance": partial(_variance, column=0),
         "variance of velocity": partial(_variance, column=1),
     }
+    configurations: tuple[Configuration, ...] = ("bimanual", "dyadic")
     return [
-        Statement(f"{text}, {configuration}, log(last/first)", partial(_converged, name=configuration, how=how), sense=-1)
+        Statement(f"{text}, {one}, log(last/first)", partial(Sample.spread, configuration=one, measure=how), sense=-1)
         for text, how in measures.items()
-        for configuration in ("bimanual", "dyadic")
+        for one in configurations
     ]
-
-
-def _converged(sample: Sample, name: Configuration, how: Callable[[NDArray[np.float64]], float]) -> float:
-    return sample.spread(name, how)
 
 
 def _delay(sample: Sample, configuration: Configuration, haptics: bool) -> float:

@@ -7,7 +7,7 @@ is counted.
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from typing import Any
 
@@ -22,7 +22,7 @@ from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.analysis.measures.segments import Segments, board_segments
 from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import Config
-from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job, jobs_of
@@ -71,18 +71,17 @@ _KEPT = ("p", "theta", "left_used_z", "right_used_z")
 
 @dataclass(frozen=True)
 class Cast:
-    """A population: parameters of the usual participant, the device, and the length of the blocks.
+    """A population: parameters of the usual participant, and the length of the blocks.
 
     - `trials`: successful trials in a block, 60 in the paper. Practice counts as if all 60 had been done [1].
     """
 
-    participant: Participant = Participant()
-    device: VirtualDevice = VirtualDevice()
+    participant: Participant = field(default_factory=Participant)
     trials: int = PAPER_TRIALS
 
     def jobs(self, dyad: int) -> list[Job]:
         """Return the blocks of a dyad in the paper's plan."""
-        config = replace(Config(), participant=self.participant, virtual=self.device)
+        config = replace(Config(), participant=self.participant)
         plan = blocks_of(config, paper_study(), SEED, dyad)
         jobs = zip(jobs_of(plan, SEED, dyad, None), shortened(plan, None, self.trials), strict=True)
         return [replace(job, config=config) for job, config in jobs]

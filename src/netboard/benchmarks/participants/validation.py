@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.participants.paper import EXTRA, STATEMENTS, Sample, Statement
-from netboard.benchmarks.participants.trials import SEED, Cast
+from netboard.benchmarks.participants.trials import SEED
 
 STATES = 4
 """Starting states of the paper's plan, one for each of its dyads [1]."""
@@ -26,20 +26,15 @@ LIKELY = 0.8
 USUAL = Participant()
 
 ABLATIONS = {
-    "full model": (USUAL, VirtualDevice()),
-    "no friction": (USUAL, VirtualDevice(friction=0.0)),
-    "no information": (replace(USUAL, haptic_gain=0.0), VirtualDevice()),
-    "no reflex": (replace(USUAL, reflex_gain=0.0), VirtualDevice()),
-    "fixed partner": (replace(USUAL, mirror_rate=0.0), VirtualDevice()),
-    "no learning": (replace(USUAL, novice=1.0), VirtualDevice()),
+    "full model": USUAL,
+    "friction at rest": replace(USUAL, rest_skill=0.0),
+    "no load skill": replace(USUAL, load_skill=0.0),
+    "no information": replace(USUAL, haptic_gain=0.0),
+    "fixed partner": replace(USUAL, mirror_rate=0.0),
+    "no learning": replace(USUAL, novice=1.0),
+    "with reflex": replace(USUAL, reflex_gain=1.0),
 }
-"""Variants of the model, each without one part."""
-
-
-def cast_of(name: str, trials: int) -> Cast:
-    """Return a variant of the model."""
-    participant, device = ABLATIONS[name]
-    return Cast(participant, device, trials)
+"""Variants of the model: each but the last is without one part; the last has a part that the model leaves out."""
 
 
 def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
@@ -92,6 +87,4 @@ class Prediction:
 
 def predictions(samples: Sequence[Sample]) -> list[Prediction]:
     """Evaluate all statements in virtual studies."""
-    return [
-        Prediction(one, np.array([one.of(sample) for sample in samples], float)) for one in (*STATEMENTS, *EXTRA)
-    ]
+    return [Prediction(one, np.array([one.of(sample) for sample in samples], float)) for one in (*STATEMENTS, *EXTRA)]
