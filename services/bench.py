@@ -181,6 +181,25 @@ def forces(output: Output = None, quick: Quick = False, force: Force = False, js
     _run("forces", study, output, json, quick=quick, force=force)
 
 
+@app.command(epilog=examples("netboard bench participants --quick", "netboard bench participants --studies 200"))
+def participants(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    studies: Annotated[int, typer.Option(min=1, metavar="N", help="Virtual studies of four dyads.")] = 200,
+    dyads: Annotated[
+        int | None,
+        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 24."),
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")] = None,
+) -> None:
+    """Which of the paper's results the simulated participants reproduce, and without which part they do not."""
+    from netboard.benchmarks.participants.bench import study
+
+    _run("participants", study(studies, dyads, workers), output, json, quick=quick, force=force)
+
+
 @app.command(epilog=examples("netboard bench fuzz --quick", "netboard bench fuzz --frames 1000000 -o results"))
 def fuzz(
     output: Output = None,

@@ -9,7 +9,7 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.closed_loop import Mind, scale_in, seats_of
-from netboard.nodes.rehearsal.population import person_of
+from netboard.nodes.rehearsal.population import people_of, performers, person_of
 
 
 def mind(config: Config, station: str, sides: tuple[str, ...]) -> Mind:
@@ -28,10 +28,44 @@ def test_people_differ_by_seed_dyad_and_letter() -> None:
 def test_what_differs_is_spread_about_the_usual() -> None:
     people = [asdict(person_of(Participant(), 1, dyad, "A")) for dyad in range(1, 401)]
     for name, usual in asdict(Participant()).items():
+        if isinstance(usual, str):
+            continue
         factors = np.log([person[name] / usual for person in people])
         assert abs(factors.mean()) < 0.03
         assert factors.std() < 0.18
     assert np.std([person["threshold_deg"] for person in people]) > 0.1
+
+
+def blocks() -> list[Config]:
+    """A alone, B alone, both, A alone."""
+    default = Config()
+    kinds = [("bimanual", "A"), ("bimanual", "B"), ("dyadic", "A"), ("bimanual", "A")]
+    return [
+        replace(default, block=replace(default.block, configuration=kind, performer=who, trials=10 * (k + 1)))
+        for k, (kind, who) in enumerate(kinds)
+    ]
+
+
+def test_practice_is_the_trials_of_ones_own_blocks_before() -> None:
+    people = list(people_of(blocks(), 1, 1))
+    assert [one["A"].practice for one in people] == [0, 10, 10, 40]
+    assert [one["B"].practice for one in people] == [0, 0, 20, 50]
+    assert {replace(one["A"], practice=0) for one in people} == {
+        replace(person_of(Participant(), 1, 1, "A"), practice=0)
+    }
+
+
+def test_a_set_practice_stays() -> None:
+    trained = [replace(config, participant=Participant(practice=500.0)) for config in blocks()]
+    assert {one[letter].practice for one in people_of(trained, 1, 1) for letter in "AB"} == {500.0}
+
+
+def test_a_robot_and_a_still_partner_learn_nothing() -> None:
+    config = Config()
+    swapped = replace(config, session=replace(config.session, seat_a="right"))
+    assert performers(config) == ("A", "B")
+    assert performers(replace(config, block=replace(config.block, left="robot"))) == ("B",)
+    assert performers(replace(swapped, block=replace(config.block, left="still"))) == ("A",)
 
 
 def test_views_come_as_often_as_the_server_makes_them_and_one_tick_late() -> None:

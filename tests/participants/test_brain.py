@@ -11,7 +11,7 @@ from netboard.base.config import Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.controller import Brain
+from netboard.participants.controller import Brain, _learn_partner, learned
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 
@@ -150,6 +150,46 @@ def test_a_partner_who_has_acted_is_felt_before_he_is_seen() -> None:
     on_board = (weight + physics.k_s * z) / 2 + physics.m * physics.g * p / (2 * physics.l)
     assert moves_of(make(("right",), person), scene(p=p), 1.0)
     assert moves_of(make(("right",), person), scene(p=p), 1.0, felt=-on_board) == []
+
+
+def test_learning_is_exponential_in_the_logarithm() -> None:
+    trials = np.array([0.0, 100.0, 200.0, 1000.0, np.inf])
+    levels = [learned(2.0, n, 200.0) for n in trials]
+    np.testing.assert_allclose(np.log2(levels), np.exp(-trials / 200.0))
+    assert {learned(1.0, n, 200.0) for n in trials} == {1.0}
+
+
+def test_each_attempt_is_practice() -> None:
+    """The skill of an attempt is that of the attempts before it."""
+    person = replace(CALM, novice=3.0, practice=0.0, learning_trials=2.0)
+    brain = make(("left",), person)
+    skills = []
+    for attempt in range(4):
+        for phase in ("levelling", "running"):
+            moves_of(brain, scene(phase, p=0.15), 1.0, first=2.0 * attempt + (phase == "running"))
+        skills.append(float(brain.mind["skill"][0]))
+    assert skills == pytest.approx([3.0 ** np.exp(-n / 2.0) for n in range(4)])
+
+
+def after_movements(rate: float, share: float, movements: int) -> float:
+    """Return the expected share after movements that the partner mirrored by another share."""
+    brain = make(("right",), replace(CALM, mirror_rate=rate))
+    mind, person = brain.mind[0], brain.person[0]
+    intent, seen = mind["intents"][0], mind["percept"]
+    lift, turn = 0.002, 0.010
+    for _ in range(movements):
+        intent["side"], intent["displacement"], intent["turn"], intent["other"] = 1, lift + turn, turn, 0.003
+        other = 0.003 + lift - share * turn
+        seen["right"], seen["theta"] = 0.02, (0.02 - other) / (2 * Physics().l)
+        _learn_partner(mind, person, intent)
+    return float(mind["mirror"])
+
+
+@pytest.mark.parametrize("share", [0.2, 0.9])
+def test_what_the_partner_does_is_learned_by_the_delta_rule(share: float) -> None:
+    expected = share + (CALM.mirror - share) * (1 - 0.1) ** 7
+    assert after_movements(0.1, share, 7) == pytest.approx(expected)
+    assert after_movements(0.0, share, 7) == CALM.mirror
 
 
 def test_the_same_seed_gives_the_same_person() -> None:

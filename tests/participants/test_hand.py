@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lti, step
 
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
 from netboard.participants.submovement import Submovement
 
-PERSON = Participant(force_noise=0.0)
+PERSON = Participant(force_noise=0.0, reflex_gain=0.0)
+YIELDING = replace(PERSON, reflex_gain=1.5)
 SMOOTH = VirtualDevice(friction=0.0)
 TOUCH = resolved(VirtualDevice())
 NO_FORCE = (0.0, 0.0, 0.0)
@@ -144,3 +146,35 @@ def test_too_many_plans_are_refused() -> None:
     hand.plan(Submovement("left", 9.0, 0.3, 0.0) for _ in range(CAPACITY))
     with pytest.raises(ValueError, match="at most"):
         hand.plan([Submovement("left", 9.0, 0.3, 0.0)])
+
+
+def equilibria(hand: Hand, steps: int, force: float) -> np.ndarray:
+    found = []
+    for k in range(steps):
+        hand.advance(1, k * STEP, (0.0, 0.0, force))
+        found.append(float(hand.state["equilibrium"][0]))
+    return np.array(found)
+
+
+def test_reflexes_yield_to_a_step_of_force_as_a_band_pass_does() -> None:
+    """``G/K T s / (1 + T s) / (1 + tau s)^2``, after the delay."""
+    course = equilibria(make(YIELDING), 4000, 0.3)
+    late = round(YIELDING.reflex_delay / STEP)
+    assert not course[:late].any()
+    adapting, muscle = [YIELDING.reflex_time, 1.0], [YIELDING.muscle_lag, 1.0]
+    system = lti([YIELDING.reflex_time, 0.0], np.polymul(adapting, np.polymul(muscle, muscle)))
+    _, theory = step(system, T=STEP * np.arange(4000 - late))
+    gain = YIELDING.reflex_gain * 0.3 / YIELDING.arm_stiffness
+    np.testing.assert_allclose(course[late:], gain * theory, atol=0.01 * gain)
+
+
+def test_reflexes_free_a_hand_from_the_friction_that_holds_it() -> None:
+    """A force below the device's friction moves nobody who does not react to it."""
+    device = VirtualDevice(friction=0.26)
+    stiff, yielding = make(device=device), make(YIELDING, device)
+    assert not heights(stiff, 2000, 0.2).any()
+    assert heights(yielding, 2000, 0.2).max() > 0.2 / YIELDING.arm_stiffness / 4
+
+
+def test_a_force_that_lasts_is_expected_in_the_end() -> None:
+    assert equilibria(make(YIELDING), 12_000, 0.3)[-1] == pytest.approx(0.0, abs=1e-6)

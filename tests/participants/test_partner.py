@@ -1,5 +1,6 @@
 """What one's own force says of the partner, against the statics of the scene."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -8,7 +9,7 @@ from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
 from netboard.participants.controller import pack_person
-from netboard.participants.partner import SIGN, partner_height, partner_seen
+from netboard.participants.partner import SIGN, haptic_weight, partner_height, partner_seen
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.statics import equilibrium
 
@@ -38,3 +39,19 @@ def test_the_tilt_shows_where_the_partner_is(left: float, right: float) -> None:
     theta = (right - left) / (2 * PHYSICS.l)
     assert partner_seen(left, theta, SIGN["left"], PHYSICS.l) == pytest.approx(right, abs=1e-12)
     assert partner_seen(right, theta, SIGN["right"], PHYSICS.l) == pytest.approx(left, abs=1e-12)
+
+
+def test_the_weight_of_touch_minimises_the_variance() -> None:
+    """The best linear mix of a noisy view from the past and a noisier or finer touch, by brute force."""
+    seen, drift, apart, felt = 0.002, 1.4e-4, 0.105, 0.003
+    rng = np.random.default_rng(1)
+    truth = rng.normal(0.0, np.sqrt(drift * apart), 200_000)
+    view, touch = rng.normal(0.0, seen, truth.size), truth + rng.normal(0.0, felt, truth.size)
+    weights = np.linspace(0.0, 1.0, 201)
+    variances = [np.var(weight * touch + (1 - weight) * view - truth) for weight in weights]
+    assert haptic_weight(seen, drift, apart, felt) == pytest.approx(weights[np.argmin(variances)], abs=0.01)
+
+
+@pytest.mark.parametrize(("seen", "felt", "weight"), [(0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.01, 0.0, 1.0)])
+def test_who_is_sure_needs_no_other_sense(seen: float, felt: float, weight: float) -> None:
+    assert haptic_weight(seen, 0.0, 0.1, felt) == weight

@@ -67,7 +67,7 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
     cables["step"], cables["stiffness"], cables["damping"], cables["pull"] = step, k, c, pull
     cables["keep_motor"], cables["keep_tip"] = motor - half * device.damping, tip - half * held
     cables["across"], cables["tip"], cables["motor"] = across, on_tip, on_motor - across * across / on_tip
-    cables["grip"], cables["stop"] = step * device.friction, device.workspace
+    cables["grip"], cables["stop"] = step * float(arm["friction"][0]), device.workspace
     return cables
 
 

@@ -6,6 +6,9 @@ the refractory time has passed. The action is one ballistic submovement of each 
 moves it towards its neutral height. With one hand, the controller expects the partner to mirror most of its tilting and
 to share its lifting, unless the force on its hand shows otherwise. In a bimanual block it moves both hands.
 
+Each part can be switched off by a parameter: ``haptic_gain = 0`` (force carries no information), ``mirror_rate = 0``
+(the partner's share is not learned) and ``novice = 1`` (no learning over trials).
+
 `decide` is the controller as one kernel over records; `Brain` runs it for one live participant.
 
 Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
@@ -24,7 +27,7 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.partner import partner_height, partner_seen
+from netboard.participants.partner import haptic_weight, partner_height, partner_seen
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
     LEVELLING,
@@ -54,10 +57,6 @@ FELT_SPAN = 0.030
 TOUCH_TIME = 0.5
 """Correlation time of the error of a height inferred from force [s]."""
 
-MIRROR = 0.65
-"""Share of one's own tilting that one expects the partner to mirror [1]. With a share of 1, two participants who
-disagree about the tilt would oscillate for ever, because each takes back what the other did not mirror."""
-
 REACTION_CV = 0.2
 """Coefficient of variation of the reaction time [1]."""
 
@@ -78,7 +77,7 @@ _SCENE = ("M", "ball", "g", "l", "k_h", "k_s")
 
 PERSON = np.dtype(
     [
-        *((field.name, "<f8") for field in fields(Participant)),
+        *((field.name, "<f8") for field in fields(Participant)),  # haptic_gain: -1 for "noise"
         *((name, "<f8") for name in _SCENE),  # constants of the scene; `ball` is the ball's mass, 0 without one [SI]
         ("level_angle", "<f8"),  # tilt and height within which the board counts as level [rad, m]
         ("level_height", "<f8"),
@@ -95,6 +94,7 @@ INTENT = np.dtype(
         ("displacement", "<f8"),  # without motor noise [m]
         ("turn", "<f8"),  # part of it that tilts the board; the rest lifts it [m]
         ("echo", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
+        ("other", "<f8"),  # height of the partner's hand as seen at the decision; NaN if unknown [m]
     ]
 )
 """An intended submovement: its expected effect until it becomes visible."""
@@ -113,9 +113,16 @@ MIND = np.dtype(
         ("ready", "<f8"),  # earliest time of the next action [s]
         ("threshold", "<f8"),  # tilt error that triggers the next submovement [rad]
         ("phase", "<f8"),  # phase seen at the last decision
+        ("mirror", "<f8"),  # share of own tilting that the partner is expected to mirror [1]
+        ("practice", "<f8"),  # attempts done [1]
+        ("skill", "<f8"),  # present noise, threshold and reaction time, over those of a trained participant [1]
     ]
 )
 """State of a controller."""
+
+
+_WORDS = {"haptic_gain": -1.0, "practice": inf}
+"""How a word in place of a number is packed: the gain follows from the noise; without a plan, all is learned."""
 
 
 def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
@@ -141,7 +148,8 @@ def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[
         raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
     packed = np.zeros(1, PERSON)
     for field in fields(Participant):
-        packed[field.name] = getattr(person, field.name)
+        value = getattr(person, field.name)
+        packed[field.name] = _WORDS[field.name] if isinstance(value, str) else value
     for name in ("M", "g", "l", "k_h", "k_s"):
         packed[name] = getattr(physics, name)
     packed["ball"] = physics.m if physics.balls else 0.0
@@ -164,12 +172,38 @@ def awake(mind: Any, k: Any, rng: np.random.Generator) -> None:
         Source of the participant's variability.
     """
     senses = mind["senses"]
-    senses["noise_p"] = k["position_noise"] * rng.standard_normal()
-    senses["noise_v"] = k["velocity_noise"] * rng.standard_normal()
-    senses["noise_theta"] = radians(k["tilt_noise_deg"]) * rng.standard_normal()
-    mind["touch"] = k["haptic_noise"] * rng.standard_normal()
+    mind["mirror"], mind["practice"] = k["mirror"], k["practice"]
+    skill = mind["skill"] = learned(k["novice"], k["practice"], k["learning_trials"])
+    senses["noise_p"] = skill * k["position_noise"] * rng.standard_normal()
+    senses["noise_v"] = skill * k["velocity_noise"] * rng.standard_normal()
+    senses["noise_theta"] = skill * radians(k["tilt_noise_deg"]) * rng.standard_normal()
+    mind["touch"] = skill * k["haptic_noise"] * rng.standard_normal()
     mind["thought"] = mind["ready"] = -inf
-    mind["threshold"] = _draw_threshold(k, rng)
+    mind["threshold"] = _draw_threshold(mind, k, rng)
+
+
+@kernel
+def learned(novice: float, practice: float, trials: float) -> float:
+    """Return what multiplies the trained level after some practice: ``novice ** exp(-practice / trials)``.
+
+    The logarithm of the level decays exponentially with the number of trials, as in Heathcote, Brown and Mewhort
+    (Psychon. Bull. Rev. 7:185, 2000), who find exponential rather than power laws in individual learners.
+
+    Parameters
+    ----------
+    novice : float
+        The factor before the first trial [1].
+    practice : float
+        Trials done [1].
+    trials : float
+        Trials over which the logarithm falls to 1/e [1].
+
+    Returns
+    -------
+    float
+        The factor, from `novice` down to 1 [1].
+    """
+    return float(novice ** exp(-practice / trials))
 
 
 @kernel
@@ -204,15 +238,16 @@ def decide(
     mind["thought"] = now
     senses, seen = mind["senses"], mind["percept"]
     take(senses, now, glimpse, felt)
-    mind["touch"] = wander(mind["touch"], k["haptic_noise"], TOUCH_TIME, dt, rng.standard_normal())
-    senses["noise_p"] = wander(senses["noise_p"], k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
-    senses["noise_v"] = wander(senses["noise_v"], k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
-    tilt_noise = radians(k["tilt_noise_deg"])
+    skill = mind["skill"]
+    mind["touch"] = wander(mind["touch"], skill * k["haptic_noise"], TOUCH_TIME, dt, rng.standard_normal())
+    senses["noise_p"] = wander(senses["noise_p"], skill * k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
+    senses["noise_v"] = wander(senses["noise_v"], skill * k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
+    tilt_noise = skill * radians(k["tilt_noise_deg"])
     senses["noise_theta"] = wander(senses["noise_theta"], tilt_noise, NOISE_TIME, dt, rng.standard_normal())
     if not look(senses, now - k["visual_delay"], seen):
         return 0
     _notice(mind, k, rng)
-    _forget(mind, seen["time"] - _lag(k))
+    _forget(mind, k, seen["time"] - _lag(k))
     if now < mind["ready"]:
         return 0
     if seen["phase"] == LEVELLING:
@@ -230,17 +265,19 @@ def _lag(k: Any) -> float:
 
 @inlined
 def _notice(mind: Any, k: Any, rng: np.random.Generator) -> None:
-    """Wait for a reaction time once the release of the ball is seen."""
+    """Once the release of the ball is seen, count the attempt and wait for a reaction time."""
     phase = mind["percept"]["phase"]
     if is_free(phase) and not is_free(mind["phase"]):
-        reaction = k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
+        mind["skill"] = learned(k["novice"], mind["practice"], k["learning_trials"])
+        mind["practice"] += 1.0
+        reaction = mind["skill"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
         mind["ready"] = mind["percept"]["time"] + reaction
     mind["phase"] = phase
 
 
 @inlined
-def _forget(mind: Any, shown: float) -> None:
-    """Forget the intents whose whole effect has been seen."""
+def _forget(mind: Any, k: Any, shown: float) -> None:
+    """Forget the intents whose whole effect has been seen, and learn from the partner's part in it."""
     intents, kept = mind["intents"], 0
     for i in range(mind["intent_count"]):
         intent = intents[i]
@@ -249,8 +286,31 @@ def _forget(mind: Any, shown: float) -> None:
                 to = intents[kept]
                 to["side"], to["start"], to["duration"] = intent["side"], intent["start"], intent["duration"]
                 to["displacement"], to["turn"], to["echo"] = intent["displacement"], intent["turn"], intent["echo"]
+                to["other"] = intent["other"]
             kept += 1
+        elif k["hands"] != 3 and is_free(mind["percept"]["phase"]):
+            _learn_partner(mind, k, intent)
     mind["intent_count"] = kept
+
+
+@inlined
+def _learn_partner(mind: Any, k: Any, intent: Any) -> None:
+    """Correct the expected share of the partner by what was seen of it during an own movement (delta rule).
+
+    The partner is expected to lift the board as far as oneself, and to mirror a share of the turn.
+    """
+    rise = _other_seen(mind, k, intent["side"]) - intent["other"]
+    if isnan(rise) or intent["turn"] == 0.0:
+        return
+    share = (intent["displacement"] - intent["turn"] - rise) / intent["turn"]
+    mirror = mind["mirror"] + k["mirror_rate"] * (share - mind["mirror"])
+    mind["mirror"] = min(max(mirror, 0.0), 1.0)
+
+
+@inlined
+def _other_seen(mind: Any, k: Any, side: int) -> float:
+    """Return the height of the partner's hand as the board showed it; NaN if the own hand is hidden [m]."""
+    return partner_seen(_own_height(mind, side), mind["percept"]["theta"], 2.0 * side - 1.0, k["l"])
 
 
 @inlined
@@ -260,10 +320,10 @@ def _done(intent: Any, when: float) -> float:
 
 
 @inlined
-def _draw_threshold(k: Any, rng: np.random.Generator) -> float:
+def _draw_threshold(mind: Any, k: Any, rng: np.random.Generator) -> float:
     """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
-    drawn = k["threshold_deg"] * exp(spread * rng.standard_normal())
+    drawn = mind["skill"] * k["threshold_deg"] * exp(spread * rng.standard_normal())
     return radians(min(drawn, LARGEST_THRESHOLD * k["max_tilt_deg"]))
 
 
@@ -326,13 +386,7 @@ def _expected_tilt(mind: Any, k: Any, now: float) -> float:
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
     own = _under_way(mind, k, side)
-    when = mind["percept"]["time"] - _lag(k)
-    echo = 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
-        echo += intent["echo"] * (1.0 - _done(intent, when))
-    likely = own - _turning(mind, k, side) - echo
-    other = _other_rise(mind, k, now, side, likely)
+    other = _other_rise(mind, k, now, side)
     return float(theta + sign * own / lever - sign * other / lever)
 
 
@@ -359,20 +413,50 @@ def _turning(mind: Any, k: Any, side: int) -> float:
 
 
 @inlined
-def _other_rise(mind: Any, k: Any, now: float, side: int, guess: float) -> float:
-    """Estimate the displacement of the partner's hand since it was seen: a guess, corrected by the force [m]."""
+def _other_moved(mind: Any, k: Any, when: float) -> float:
+    """Return the expected displacement of the partner's hand from where it was seen to a later time [m]."""
+    lag, rise = _lag(k), 0.0
+    for i in range(mind["intent_count"]):
+        intent = mind["intents"][i]
+        progress = _done(intent, when - lag) - _done(intent, mind["percept"]["time"] - lag)
+        rise += (intent["displacement"] - intent["turn"] - intent["echo"]) * progress
+    return rise
+
+
+@inlined
+def _other_rise(mind: Any, k: Any, now: float, side: int) -> float:
+    """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
+
+    The correction is a Kalman filter's: the weight times the difference between what is felt and what was expected to
+    be felt then, carried on at its present rate.
+    """
     then = now - k["haptic_delay"]
     late, early = force_at(mind["senses"], then), force_at(mind["senses"], then - FELT_SPAN)
-    shown = _own_height(mind, side)
+    shown = _other_seen(mind, k, side)
+    expected = _other_moved(mind, k, inf)
     unknown = isnan(late) or isnan(early) or isnan(shown)
-    if unknown or k["haptic_gain"] == 0.0 or k["k_s"] == 0.0:
-        return guess
-    sign = 2.0 * side - 1.0
-    before = _partner_at(mind, k, then - FELT_SPAN, early, side)
-    height = _partner_at(mind, k, then, late, side)
-    felt = height + (height - before) / FELT_SPAN * FELT_AHEAD + mind["touch"]
-    rise = felt - partner_seen(shown, mind["percept"]["theta"], sign, k["l"])
-    return float((1.0 - k["haptic_gain"]) * guess + k["haptic_gain"] * rise)
+    weight = _haptic_weight(mind, k)
+    if unknown or weight == 0.0 or k["k_s"] == 0.0:
+        return expected
+    surprise = _partner_at(mind, k, then, late, side) - shown - _other_moved(mind, k, then)
+    before = _partner_at(mind, k, then - FELT_SPAN, early, side) - shown - _other_moved(mind, k, then - FELT_SPAN)
+    rate = (surprise - before) / FELT_SPAN
+    return float(expected + weight * (surprise + rate * FELT_AHEAD + mind["touch"]))
+
+
+@inlined
+def _haptic_weight(mind: Any, k: Any) -> float:
+    """Return the weight of the height inferred from force against the visual prediction [1].
+
+    The partner is taken to make, in each movement time, one unforeseen movement of `partner_noise` times the hand's
+    part in the largest tilt.
+    """
+    if k["haptic_gain"] >= 0.0:
+        return float(k["haptic_gain"])
+    seen = mind["skill"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
+    drift = (k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"]
+    apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
+    return haptic_weight(seen, drift, apart, mind["skill"] * k["haptic_noise"])
 
 
 @inlined
@@ -429,9 +513,9 @@ def _level(mind: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArr
 @kernel
 def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
     """Write one submovement of each own hand that tilts and lifts the board [rad, m]; return how many."""
-    mind["threshold"] = _draw_threshold(k, rng)
+    mind["threshold"] = _draw_threshold(mind, k, rng)
     duration = k["movement_time"] * exp(k["movement_cv"] * rng.standard_normal())
-    scale = 1.0 + k["amplitude_cv"] * rng.standard_normal()
+    scale = 1.0 + mind["skill"] * k["amplitude_cv"] * rng.standard_normal()
     wait = uneven = 0.0
     late = -1
     if k["hands"] == 3:
@@ -451,7 +535,8 @@ def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, l
         intent = mind["intents"][mind["intent_count"]]
         intent["side"], intent["start"], intent["duration"] = side, start, duration
         intent["displacement"], intent["turn"] = share + lift, share
-        intent["echo"] = MIRROR * share * (1.0 + trust)
+        intent["echo"] = mind["mirror"] * share * (1.0 + trust)
+        intent["other"] = _other_seen(mind, k, side)
         mind["intent_count"] += 1
         move = moves[count]
         move["side"], move["start"], move["duration"] = side, start, duration

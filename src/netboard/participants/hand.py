@@ -3,7 +3,8 @@
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
 force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
-white noise is an argument, so the kernel is deterministic.
+white noise is an argument, so the kernel is deterministic. The reflexes of the arm yield to a force on the hand that
+is not expected.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -46,17 +47,18 @@ FOREARM = 0.30
 GRASP = 0.002
 """Standard deviation of the stylus' rest position along x and y, across its vertical path [m]."""
 
-FRICTION_SKILL = 0.8
-"""Share of the device's friction that a practised participant compensates during intended movements [1]."""
-
 PURPOSE = 0.005
 """Speed of the equilibrium point at which friction compensation is complete [m/s]."""
+
+RECALL = 128
+"""Beats for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
 
 ARM = np.dtype(
     [
         ("mass", "<f8"),  # mass of arm and device [kg]
         ("stiffness", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
         ("damping", "<f8"),  # damping of arm and device [N s/m]
+        ("friction", "<f8"),  # Coulomb friction of each axis, without what the arm compensates at rest [N]
         ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]
         ("grip", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
         ("glide", "<f8"),  # factor of the velocity by damping in a step [1]
@@ -65,6 +67,10 @@ ARM = np.dtype(
         ("calm", "<f8"),  # decay factor of the tremor per beat [1]
         ("tremor", "<f8"),  # tremor force per standard normal number [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
+        ("yielding", "<f8"),  # displacement of the equilibrium point per unexpected force [m/N]
+        ("loading", "<f8"),  # displacement of the equilibrium point against an expected force [m/N]
+        ("habit", "<f8"),  # decay factor per beat of the difference between force and expected force [1]
+        ("reflex_beats", "<i8"),  # delay of the reflexes [1]
     ]
 )
 """Constants of a hand, as one record for the kernels."""
@@ -88,6 +94,8 @@ HAND = np.dtype(
         ("effort", "<f8"),  # force with which the arm compensates friction, along z [N]
         ("moves", "<i8"),  # number of submovements under way or planned
         ("steps", "<i8"),  # steps so far
+        ("expected", "<f8"),  # vertical motor force that the reflexes expect [N]
+        ("felt", "<f8", (RECALL,)),  # vertical motor force of the last beats [N]
     ]
 )
 """State of a hand."""
@@ -139,6 +147,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     arm, own = np.zeros(1, ARM), resolved(device)
     arm["mass"] = own.mass
     arm["damping"] = own.damping
+    arm["friction"] = own.friction
     arm["stop"] = own.workspace
     arm["lag"] = np.exp(-BEAT * STEP / participant.muscle_lag)
     arm["calm"] = np.exp(-BEAT * STEP / TREMOR_TIME)
@@ -146,10 +155,15 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
-        arm["skill"] = FRICTION_SKILL * own.friction
+        arm["skill"] = participant.friction_skill * own.friction * (1.0 - participant.rest_skill)
+        arm["friction"] -= participant.friction_skill * own.friction * participant.rest_skill
+        arm["loading"] = participant.load_skill / participant.arm_stiffness
+        arm["yielding"] = participant.reflex_gain / participant.arm_stiffness
+        arm["habit"] = np.exp(-BEAT * STEP / participant.reflex_time)
+        arm["reflex_beats"] = round(participant.reflex_delay / (BEAT * STEP))
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
     arm["per_force"] = STEP / arm["mass"]
-    arm["grip"] = arm["per_force"] * own.friction
+    arm["grip"] = arm["per_force"] * arm["friction"]
     arm["glide"] = 1.0 / (1.0 + arm["per_force"] * arm["damping"])
     return arm
 
@@ -182,9 +196,28 @@ def _aim(s: Any, plan: Any, when: float) -> float:
     return float(asked)
 
 
+@inlined
+def _yielded(s: Any, arm: Any, force: float) -> float:
+    """Return the displacement of the equilibrium point by the reflexes, in the direction of an unexpected force [m].
+
+    ``r = G (F(t - delay) - expected) / K``, where the expected force follows the delayed one with a time constant; the
+    two muscle lags smooth it. Short- and long-latency responses of the arm follow 25 to 100 ms after a perturbation and
+    the long-latency one depends on what the person intends (Cluff, Crevecoeur and Scott, Exp. Brain Res. 2015).
+    """
+    if arm["yielding"] == 0.0 and arm["loading"] == 0.0:
+        return 0.0
+    place = s["steps"] // BEAT
+    s["felt"][place & (RECALL - 1)] = force
+    late = s["felt"][(place - arm["reflex_beats"]) & (RECALL - 1)]
+    s["expected"] = late + (s["expected"] - late) * arm["habit"]
+    return float(arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"])
+
+
 @kernel
-def tense(s: Any, arm: Any, plan: Any, when: float, white_x: float, white_y: float, white_z: float) -> None:
-    """Begin a beat: advance equilibrium point, friction compensation and tremor.
+def tense(
+    s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
+) -> None:
+    """Begin a beat: advance equilibrium point, reflexes, friction compensation and tremor.
 
     Parameters
     ----------
@@ -196,10 +229,12 @@ def tense(s: Any, arm: Any, plan: Any, when: float, white_x: float, white_y: flo
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     when : float
         Time in the middle of the beat, on the clock of the submovements [s].
+    force : float
+        Vertical motor force on the hand [N].
     white_x, white_y, white_z : float
         Standard normal numbers that drive the tremor [1].
     """
-    asked = _aim(s, plan, when)
+    asked = _aim(s, plan, when) + _yielded(s, arm, force)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
@@ -314,7 +349,7 @@ def swing(
     while done < steps:
         if s["steps"] % BEAT == 0:
             when = origin + (done + 0.5 * BEAT) * STEP
-            tense(s, arm, plan, when, white[beats, 0], white[beats, 1], white[beats, 2])
+            tense(s, arm, plan, when, fz, white[beats, 0], white[beats, 1], white[beats, 2])
             beats += 1
         part = min(BEAT - s["steps"] % BEAT, steps - done)
         if len(cables) > 0:

@@ -65,3 +65,33 @@ def partner_seen(own: float, theta: float, sign: float, l: float) -> float:  # n
         Height of the partner's hand [m].
     """
     return own - sign * 2.0 * l * theta
+
+
+@kernel
+def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float:
+    """Return the Kalman gain of the partner's height inferred from force, against the visual prediction of it.
+
+    The partner's height is a random walk. Vision measured it `apart` before touch did, so its variance has grown to
+    ``P = seen**2 + drift * apart`` when the force measures it with the variance ``R = felt**2``: ``K = P / (P + R)``.
+    Vision and touch integrate in this way (Ernst and Banks, Nature 415:429, 2002), also when the force comes from a
+    partner (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat. Hum. Behav. 1:0054, 2017).
+
+    Parameters
+    ----------
+    seen : float
+        Standard deviation of the height as seen [m].
+    drift : float
+        Variance of the partner's unforeseen movement per time [m2/s].
+    apart : float
+        Time by which vision is later than touch [s].
+    felt : float
+        Standard deviation of the height inferred from force [m].
+
+    Returns
+    -------
+    float
+        The gain, from 0 to 1; 0 without any uncertainty [1].
+    """
+    prior = seen * seen + drift * apart
+    total = prior + felt * felt
+    return prior / total if total > 0.0 else 0.0

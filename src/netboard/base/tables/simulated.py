@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 from netboard.base.settings import NO_EXTRAS, about
 
 OfModel = Literal["model"]
+OfNoise = Literal["noise"]
+OfPlan = Literal["plan"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,31 +62,53 @@ class Participant:
     ] = 150.0
     muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
     force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
+    friction_skill: Annotated[
+        float, about("share of the device's friction that the arm compensates while its aim moves", "1", ge=0, le=1)
+    ] = 0.8
+    rest_skill: Annotated[float, about("share of that compensation that acts at rest, too", "1", ge=0, le=1)] = 1.0
+    load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
+    reflex_gain: Annotated[
+        float, about("how far reflexes yield to an unexpected force, over the arm's own yielding", "1", ge=0, le=5)
+    ] = 0.0
+    reflex_delay: Annotated[float, about("delay of the reflexes", "s", ge=0, le=0.1)] = 0.060
+    reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
     kp: Annotated[float, about("wanted ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
     kd: Annotated[float, about("wanted ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest tilt asked for", "deg", gt=0, le=45)] = 2.97
     lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
-    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 0.93
+    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 1.13
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
-    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.296
-    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.313
+    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.283
+    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.30
     movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
     amplitude_cv: Annotated[float, about("variability of a submovement's amplitude", "1", ge=0, le=2)] = 0.08
     visual_delay: Annotated[float, about("delay of what is seen", "s", ge=0, le=2)] = 0.175
     haptic_delay: Annotated[float, about("delay of what is felt", "s", ge=0, le=2)] = 0.070
     reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
-    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.003
-    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.010
-    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.25
+    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.0026
+    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087
+    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.22
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
+    mirror: Annotated[
+        float, about("share of one's own tilting that one expects of the partner at first", "1", ge=0, le=1)
+    ] = 0.65
+    mirror_rate: Annotated[
+        float, about("how much of its error that share learns from each movement; 0: it stays", "1", ge=0, le=1)
+    ] = 0.01
     centring: Annotated[float, about("pull of the hand's height towards the neutral height", "1", ge=0, le=2)] = 0.46
-    haptic_gain: Annotated[
-        float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)
-    ] = 0.45
+    haptic_gain: (
+        Annotated[float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)]
+        | OfNoise
+    ) = "noise"
     haptic_noise: Annotated[float, about("standard deviation of that inferred height", "m", ge=0, le=1)] = 0.002
     bimanual_async: Annotated[
         float, about("standard deviation of the onset difference between one person's hands", "s", ge=0, le=1)
-    ] = 0.045
+    ] = 0.055
     bimanual_amplitude_cv: Annotated[
         float, about("variability of the amplitude between one person's hands", "1", ge=0, le=2)
     ] = 0.2
+    novice: Annotated[
+        float, about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1)
+    ] = 1.29
+    learning_trials: Annotated[float, about("trials over which the difference falls to 1/e", "1", gt=0)] = 200.0
+    practice: Annotated[float, about("trials done before the block", "1", ge=0)] | OfPlan = "plan"

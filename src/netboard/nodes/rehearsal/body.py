@@ -137,7 +137,8 @@ def fill(bodies: Any, side: int, white: Any, beat: int, words: Any, numbers: Any
     if d["held"] == 0:
         return
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * BEAT * STEP
-    tense(hand, body["arm"], body["course"], when, white[side, beat, 0], white[side, beat, 1], white[side, beat, 2])
+    wx, wy, wz = white[side, beat, 0], white[side, beat, 1], white[side, beat, 2]
+    tense(hand, body["arm"], body["course"], when, d["fz"], wx, wy, wz)
     _live(body, d["fx"], d["fy"], d["fz"], _BEFORE)
     fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
     fx, fy, fz = within(d["limit"], fx, fy, d["wanted"])

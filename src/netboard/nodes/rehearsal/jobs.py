@@ -16,7 +16,7 @@ from netboard.base.config import Config, digest
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.population import LETTERS, person_of
+from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.recording.files.offline_writer import REHEARSED, Keeper
 
@@ -71,7 +71,7 @@ class Sheet:
 
 
 def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True) -> list[Job]:
-    """Make the jobs of a dyad; session ids depend only on the blocks and the seed."""
+    """Make the jobs of a dyad, in the order in which they are practised; session ids depend on blocks and seed only."""
     ids = {
         name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
         for name in dict.fromkeys(block.session.name for block in blocks)
@@ -79,12 +79,12 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
     return [
         Job(
             replace(config, session=replace(config.session, pilot=True)),
-            {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS},
+            people,
             ids[config.session.name].hexdigest()[:32],
             folder,
             fast,
         )
-        for config in blocks
+        for config, people in zip(blocks, people_of(blocks, seed, dyad), strict=True)
     ]
 
 

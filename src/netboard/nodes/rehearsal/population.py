@@ -1,13 +1,17 @@
 """Simulated participants that differ as real ones do, and stay the same in all blocks of a session.
 
 Gains, thresholds and noise of each participant are those of ``[participant]`` times log-normal factors. The factors of
-a participant depend neither on those of others nor on the blocks that are rehearsed.
+a participant depend neither on those of others nor on the blocks that are rehearsed. Practice does: a participant has
+done the trials of its own blocks before.
 """
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from netboard.base.config import SIDES, Config
 from netboard.base.tables.simulated import Participant
 
 SPREAD = 0.15
@@ -38,3 +42,24 @@ def person_of(usual: Participant, seed: int, dyad: int, letter: str) -> Particip
         for name in names
     }
     return replace(usual, **{name: getattr(usual, name) * factor for name, factor in factors.items()})
+
+
+def people_of(blocks: Sequence[Config], seed: int, dyad: int) -> Iterator[dict[str, Participant]]:
+    """Yield the participants A and B of each block; by default their practice is the trials of the blocks before."""
+    done = Counter[str]()
+    for config in blocks:
+        people = {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS}
+        if config.participant.practice == "plan":
+            people = {letter: replace(person, practice=float(done[letter])) for letter, person in people.items()}
+        yield people
+        done.update(dict.fromkeys(performers(config), config.block.trials))
+
+
+def performers(config: Config) -> tuple[str, ...]:
+    """Return the letters of the participants who perform a block."""
+    block = config.block
+    if block.configuration == "bimanual":
+        return (block.performer,)
+    moved = {"left": block.left, "right": block.right}
+    seats = SIDES if config.session.seat_a == "left" else SIDES[::-1]
+    return tuple(letter for letter, side in zip(LETTERS, seats, strict=True) if moved[side] == "person")

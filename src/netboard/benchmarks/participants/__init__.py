@@ -1,0 +1,1 @@
+"""Validation of the simulated participants against the paper and against other measurements."""

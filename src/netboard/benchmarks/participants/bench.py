@@ -1,0 +1,168 @@
+"""``netboard bench participants``: which of the paper's results the simulated participants reproduce.
+
+The model was fitted to one person's two hands with haptic feedback off; every other condition is a prediction. Each
+part is a table; nothing depends on the machine but how long it takes.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.harness.results import Folder, Part, Verdict
+from netboard.benchmarks.harness.running import Study, Tell
+from netboard.benchmarks.participants.others import others_part
+from netboard.benchmarks.participants.paper import Sample
+from netboard.benchmarks.participants.slowing import slowing_part
+from netboard.benchmarks.participants.trials import Cast, Played, play_all
+from netboard.benchmarks.participants.validation import (
+    ABLATIONS,
+    LIKELY,
+    STATES,
+    Prediction,
+    predictions,
+    studies,
+)
+
+TRIALS, QUICK_TRIALS = 30, 6
+"""Trials in a block, of the paper's 60 [1]."""
+
+DYADS, QUICK_DYADS = 24, 4
+"""Dyads of the full model [1]."""
+
+SLOWING_DYADS, SLOWING_TRIALS = 8, 12
+"""Dyads and trials in a block in which one person's haptic effect is taken apart [1]."""
+
+QUICK_VARIANTS = ("full model", "no information")
+
+
+def study(count: int, dyads: int | None, workers: int | None) -> Study:
+    """Return the study of a number of virtual studies, from a pool of dyads."""
+
+    def run(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+        pool = _whole(dyads or (QUICK_DYADS if quick else DYADS))
+        cores = workers or os.cpu_count() or 1
+        variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
+        found: dict[str, list[Prediction]] = {}
+        for number, name in enumerate(variants):
+            size = pool if name == variants[0] else _whole(ceil(pool / 3))
+            trials = QUICK_TRIALS if quick else TRIALS
+            played = list(_played(name, size, trials, cores, number, len(variants), tell))
+            found[name] = predictions(studies([one.attempts for one in played], count))
+            if name == variants[0]:
+                yield predictions_part(found[name], played, trials, count)
+                folder.save("participants", lambda: draw(found[variants[0]]))
+                yield others_part(Sample(np.concatenate([one.attempts for one in played])), Participant(), Config())
+        yield ablations_part(found)
+        if not quick:
+            tell("bimanual blocks with parts of the force", 1.0)
+            yield slowing_part(SLOWING_DYADS, SLOWING_TRIALS, cores)
+
+    return run
+
+
+def _whole(dyads: int) -> int:
+    """Round a number of dyads up, so that there are as many of each starting state."""
+    return STATES * ceil(dyads / STATES)
+
+
+def _played(
+    name: str, dyads: int, trials: int, workers: int, number: int, variants: int, tell: Tell
+) -> Iterator[Played]:
+    """Let the dyads of a variant perform, and say so."""
+    cast = Cast(ABLATIONS[name], trials)
+    tasks = [(cast.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
+    for done, played in enumerate(play_all(tasks, workers)):
+        tell(f"{name}: dyad {done + 1} of {dyads}", (number + (done + 1) / dyads) / variants)
+        yield played
+
+
+def predictions_part(found: Sequence[Prediction], played: Sequence[Played], trials: int, count: int) -> Part:
+    """Tabulate the predictions of the full model, with what it does not reproduce."""
+    rows = []
+    for one in found:
+        middle, low, high = one.interval
+        statement = one.statement
+        value = "-" if statement.value is None else statement.value
+        direction = "-" if not statement.sense else "above 0" if statement.sense > 0 else "below 0"
+        probability = "-" if one.probability is None else f"{one.probability:.2f}"
+        use = "fitted" if statement.fitted else "predicted"
+        rows.append((statement.name, use, value, direction, middle, low, high, probability, one.reproduced))
+    failures = sum(int((~one.attempts["success"]).sum()) for one in played)
+    successes = sum(int(one.attempts["success"].sum()) for one in played)
+    given_up = sum(one.given_up for one in played)
+    about = f"{count} virtual studies of {STATES} dyads, drawn from {len(played)} dyads, {trials} trials a block"
+    columns = ("result", "use", "paper", "direction", "median", "2.5 %", "97.5 %", "P(direction)", "reproduced")
+    verdicts = [*_verdicts(found)]
+    verdicts.append(
+        Verdict(
+            "nobody is screened out, and nobody fails to finish a block",
+            given_up == 0,
+            f"{len(played)} dyads: {given_up} blocks given up; {failures} falls of the ball in {successes} trials",
+        )
+    )
+    return Part("predictions", f"Results of the paper: {about}", columns, rows, verdicts)
+
+
+def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
+    """Count the held-out results that the model reproduces."""
+    held_out = [one for one in found if not one.statement.fitted]
+    values = [one for one in held_out if one.inside is not None]
+    directions = [one for one in held_out if one.probability is not None]
+    inside = sum(bool(one.inside) for one in values)
+    likely = sum(one.reproduced == "yes" for one in directions)
+    yield Verdict(
+        "every held-out value of the paper lies in its 95 % predictive interval",
+        inside == len(values),
+        f"{inside} of {len(values)}",
+    )
+    yield Verdict(
+        f"every held-out direction of the paper appears in at least {LIKELY:.0%} of the virtual studies",
+        likely == len(directions),
+        f"{likely} of {len(directions)}",
+    )
+
+
+def ablations_part(found: dict[str, list[Prediction]]) -> Part:
+    """Tabulate each result without one part of the model: the median, and the probability of the direction."""
+    rows: list[tuple[Any, ...]] = []
+    for k, one in enumerate(found[next(iter(found))]):
+        paper = one.statement.value if one.statement.value is not None else {1: "above 0", -1: "below 0", 0: "-"}
+        told = paper if not isinstance(paper, dict) else paper[one.statement.sense]
+        rows.append((one.statement.name, told, *(_cell(variant[k]) for variant in found.values())))
+    return Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found), rows)
+
+
+def _cell(one: Prediction) -> str:
+    """Format a prediction; an exclamation mark means that it is not reproduced."""
+    mark = " !" if one.reproduced == "NO" else ""
+    chance = "" if one.probability is None else f" ({one.probability:.2f})"
+    return f"{one.interval[0]:.3g}{chance}{mark}"
+
+
+def draw(found: Sequence[Prediction]) -> Any:
+    """Draw the predictive intervals of all printed values, relative to the paper's, and all directions."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 7), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    values = [one for one in found if one.statement.value is not None]
+    for place, one in enumerate(reversed(values)):
+        middle, low, high = (number / one.statement.value for number in one.interval)  # type: ignore[operator]
+        colour = "C1" if one.statement.fitted else "C0"
+        left.plot([low, high], [place, place], color=colour)
+        left.plot(middle, place, "o", color=colour, markersize=4)
+    left.axvline(1.0, color="grey", linewidth=0.8)
+    left.set_yticks(range(len(values)), [one.statement.name for one in reversed(values)], fontsize=8)
+    left.set(xlabel="model / paper: median and 95 % predictive interval", title="values (orange: fitted)")
+    directions = [one for one in found if one.probability is not None]
+    for place, one in enumerate(reversed(directions)):
+        right.barh(place, one.probability, color="C1" if one.statement.fitted else "C0")
+    right.axvline(0.5, color="grey", linewidth=0.8)
+    right.set_yticks(range(len(directions)), [one.statement.name for one in reversed(directions)], fontsize=8)
+    right.set(xlim=(0, 1), xlabel="probability of the paper's direction", title="directions")
+    return figure

@@ -1,0 +1,134 @@
+"""Fit of the model's free parameters to one condition of the paper: one person with both hands, haptic feedback off.
+
+    python -m netboard.benchmarks.participants.fit
+
+The targets are completion times (mean and standard deviation) and velocity peaks of the first and last 30 trials, and
+a delay between the hands of about 40 ms. The paper prints the first two with both haptic conditions pooled. Seeds are
+fixed, so the loss is a function of the parameters alone; it is still rough, because a small change of a parameter
+changes each single trial. The optimiser is therefore Nelder and Mead's, on logarithms. The values found are the
+defaults of ``[participant]``, rounded; nothing else was fitted.
+"""
+
+import sys
+from collections.abc import Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.participants.trials import PAPER_TRIALS, Cast, Played, play
+from netboard.nodes.rehearsal.jobs import Job
+
+DYADS = 4
+"""Dyads whose participants perform [1]."""
+
+EVALUATIONS = 16
+"""Evaluations of the loss after which the fit ends, converged or not [1]."""
+
+TARGETS = {
+    "completion, first 30, mean [s]": 5.71,
+    "completion, first 30, SD [s]": 4.48,
+    "completion, last 30, mean [s]": 3.61,
+    "completion, last 30, SD [s]": 3.08,
+    "peaks, first 30, mean": 3.92,
+    "peaks, last 30, mean": 3.17,
+    "delay, mean of the portions [s]": 0.040,
+}
+"""Figures of the paper to which the model is fitted."""
+
+START = Participant(
+    novice=1.5,
+    position_noise=0.003,
+    velocity_noise=0.010,
+    tilt_noise_deg=0.25,
+    threshold_deg=0.93,
+    refractory=0.296,
+    movement_time=0.313,
+    bimanual_async=0.045,
+)
+"""Where the fit begins: the parameters before it."""
+
+FREE: dict[str, tuple[str, ...]] = {
+    "novice": ("novice",),
+    "noise": ("position_noise", "velocity_noise", "tilt_noise_deg"),
+    "threshold": ("threshold_deg",),
+    "pace": ("refractory", "movement_time"),
+    "asynchrony": ("bimanual_async",),
+}
+"""Free parameters, each a factor on some keys of ``[participant]``."""
+
+
+def scaled(factors: Sequence[float], start: Participant) -> Participant:
+    """Return a participant with the free parameters multiplied; a novice is at least as good as the trained."""
+    keys = {key: getattr(start, key) * f for f, keys in zip(factors, FREE.values(), strict=True) for key in keys}
+    return replace(start, **(keys | {"novice": max(1.0, keys["novice"])}))
+
+
+def ends_of(cast: Cast, dyad: int) -> list[Job]:
+    """Return the first and the last 30 trials of both participants alone with haptic feedback off.
+
+    The last 30 trials are the second half of the last block, so as many trials of it count as practice.
+    """
+    half = PAPER_TRIALS // 2
+    jobs = []
+    for performer in ("A", "B"):
+        own = [
+            job
+            for job in cast.jobs(dyad)
+            if (job.config.block.configuration, job.config.block.performer) == ("bimanual", performer)
+            and not job.config.block.haptics
+        ]
+        for job, before in ((own[0], 0), (own[-1], half)):
+            person = job.people[performer]
+            practised = replace(person, practice=float(person.practice) + before)
+            block = replace(job.config.block, trials=half)
+            jobs.append(replace(job, config=replace(job.config, block=block), people={performer: practised}))
+    return jobs
+
+
+def figures(played: Sequence[Played]) -> NDArray[np.float64]:
+    """Return the figures of `TARGETS` of some dyads."""
+    rows = np.concatenate([one.attempts for one in played])
+    rows = rows[rows["success"]]
+    early = np.concatenate([_early(one) for one in played])
+    values: list[float] = []
+    for own in (rows[early], rows[~early]):
+        values += [own["completion"].mean(), own["completion"].std(ddof=1)]
+    values += [rows[early]["peaks"].mean(), rows[~early]["peaks"].mean()]
+    return np.array([*values, (rows["delay"].sum(axis=0) / rows["delays"].sum(axis=0)).mean()])
+
+
+def _early(played: Played) -> NDArray[np.bool_]:
+    """Return which successful trials of a dyad are in the first block of their performer."""
+    rows = played.attempts[played.attempts["success"]]
+    first = {who: rows["block"][rows["performer"] == who].min() for who in ("A", "B")}
+    return np.array([block == first[who] for block, who in zip(rows["block"], rows["performer"], strict=True)])
+
+
+def loss(log_factors: NDArray[np.float64], start: Participant, pool: Executor) -> float:
+    """Return the sum of squared logarithmic errors of the figures."""
+    cast = Cast(scaled(np.exp(log_factors), start))
+    dyads = range(1, DYADS + 1)
+    found = figures(list(pool.map(play, [ends_of(cast, dyad) for dyad in dyads], dyads)))
+    error = float(np.sum(np.log(found / list(TARGETS.values())) ** 2))
+    words = " ".join(f"{name} {factor:.3f}" for name, factor in zip(FREE, np.exp(log_factors), strict=True))
+    sys.stdout.write(f"{error:.4f}  {words}  {np.round(found, 3).tolist()}\n")
+    sys.stdout.flush()
+    return error
+
+
+def fit(start: Participant, workers: int, evaluations: int) -> Participant:
+    """Return the participant with the smallest loss that was found."""
+    simplex = np.vstack([np.zeros(len(FREE)), 0.25 * np.eye(len(FREE))])
+    options = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.002}
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        found = minimize(loss, simplex[0], (start, pool), method="Nelder-Mead", options=options)
+    return scaled(np.exp(found.x), start)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{fit(START, workers=2, evaluations=EVALUATIONS)}\n")

@@ -1,0 +1,295 @@
+"""The paper's reported results, as statements about the trials of one study of a few dyads.
+
+A statement has a value where the paper prints one, and a direction where it reports one. Values are those of the text;
+the paper prints no numbers for shares, ellipses and most delays. Readings of the wording are those of the analysis:
+first and last trials are counted within configuration and haptic condition, both conditions are pooled, and standard
+deviations are those of single trials.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.measures.ellipses import ellipse
+from netboard.analysis.measures.performance import relative_performance, running_number
+
+Configuration = Literal["bimanual", "dyadic"]
+End = Literal["first", "last"]
+
+GROUPS = 6
+"""Groups of trials in a condition, of which the paper draws ellipses [1]."""
+
+ENDS = 1 / 6
+"""Share of a condition's trials that are its first ones, and its last ones: 30 of 180 [1]."""
+
+
+class Sample:
+    """The successful trials of some dyads.
+
+    Parameters
+    ----------
+    attempts : ndarray of ATTEMPT, shape (n,)
+        Their attempts, each dyad's in the order of the plan.
+    """
+
+    def __init__(self, attempts: NDArray[Any]) -> None:
+        self.failures = int((~attempts["success"]).sum())
+        self.rows = attempts[attempts["success"]]
+        self.dyads = np.unique(self.rows["dyad"])
+
+    @cached_property
+    def _share(self) -> NDArray[np.float64]:
+        """Place of each trial among those of its performer and haptic condition, above 0 to 1 [1]."""
+        order = running_number(self._whose)
+        return np.asarray(order / np.bincount(self._whose)[self._whose])
+
+    @cached_property
+    def _whose(self) -> NDArray[np.int64]:
+        """Number of the performer and haptic condition of each trial [1]."""
+        labels = [np.unique(self.rows[name], return_inverse=True)[1] for name in ("dyad", "performer", "haptics")]
+        return np.asarray(np.unique(np.stack(labels), axis=1, return_inverse=True)[1].ravel())
+
+    @cached_property
+    def _masks(self) -> dict[tuple[Configuration, bool | None], NDArray[np.bool_]]:
+        together, on = self.rows["performer"] == "dyad", self.rows["haptics"]
+        every = np.ones(len(on), bool)
+        which: dict[Configuration, NDArray[np.bool_]] = {"bimanual": ~together, "dyadic": together}
+        forces: dict[bool | None, NDArray[np.bool_]] = {None: every, True: on, False: ~on}
+        return {(name, haptics): one & other for name, one in which.items() for haptics, other in forces.items()}
+
+    def of(self, name: str, configuration: Configuration, haptics: bool | None = None) -> NDArray[Any]:
+        """Return a column of the trials of a condition."""
+        return np.asarray(self.rows[name][self._masks[configuration, haptics]])
+
+    def end(self, name: str, configuration: Configuration, which: End) -> NDArray[Any]:
+        """Return a column of the first or last trials of a configuration, both haptic conditions pooled."""
+        share = self._share[self._masks[configuration, None]]
+        return self.of(name, configuration)[share <= ENDS if which == "first" else share > 1 - ENDS]
+
+    def better(self, name: str, haptics: bool) -> int:
+        """Count the dyads that are better than the mean of their two participants alone."""
+        return sum(self.gain(name, dyad, haptics) > 0 for dyad in self.dyads)
+
+    def levels(self, name: str, dyad: int, haptics: bool) -> tuple[float, float, float]:
+        """Return the mean of both participants alone and of the dyad in a haptic condition."""
+        own = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
+        a, b, both = (float(np.mean(own[name][own["performer"] == who])) for who in ("A", "B", "dyad"))
+        return a, b, both
+
+    def gain(self, name: str, dyad: int, haptics: bool) -> float:
+        """Return how far a dyad is below the mean of its participants alone."""
+        return relative_performance(*self.levels(name, dyad, haptics)).gain
+
+    def delay(self, configuration: Configuration, haptics: bool, portion: int | None = None) -> float:
+        """Return the mean absolute delay at one portion of the peak, or of all portions [s]."""
+        total, count = (self.of(name, configuration, haptics).sum(axis=0) for name in ("delay", "delays"))
+        means = total / np.maximum(count, 1)
+        return float(means.mean() if portion is None else means[portion])
+
+    def spread(self, configuration: Configuration, measure: Callable[[NDArray[np.float64]], float]) -> float:
+        """Return a measure of the strategies in the last group over that in the first, as a logarithm [1].
+
+        Each performer and haptic condition counts alike.
+        """
+        chosen = self._masks[configuration, None]
+        points = np.stack([self.rows[name][chosen] for name in ("distance", "velocity")], axis=1)
+        group, whose = np.ceil(self._share[chosen] * GROUPS - 1e-9), self._whose[chosen]
+        means = []
+        for number in (1, GROUPS):
+            each = np.array([measure(points[(group == number) & (whose == one)]) for one in np.unique(whose)])
+            known = each[np.isfinite(each)]
+            means.append(float(known.mean()) if len(known) else float("nan"))
+        return float(np.log(means[1] / means[0]))
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One reported result.
+
+    - `value`: the printed value; None without one.
+    - `sense`: reported direction of the quantity: +1 above zero, -1 below; 0 without one [1].
+    - `fitted`: the parameters of the model were fitted to it, so it is no prediction.
+    """
+
+    name: str
+    of: Callable[[Sample], float]
+    value: float | None = None
+    sense: int = 0
+    fitted: bool = False
+
+
+def _ends() -> list[Statement]:
+    """Completion times and numbers of peaks of the first and last trials."""
+    printed: dict[tuple[str, Configuration], tuple[float, float, float, float]] = {
+        ("completion", "bimanual"): (5.71, 4.48, 3.61, 3.08),
+        ("completion", "dyadic"): (4.33, 2.92, 3.62, 2.23),
+        ("peaks", "bimanual"): (3.92, 2.42, 3.17, 1.85),
+        ("peaks", "dyadic"): (4.27, 2.91, 3.28, 1.95),
+    }
+    words = {"completion": "completion time [s]", "peaks": "velocity peaks"}
+    found = []
+    for (name, configuration), (first, first_sd, last, last_sd) in printed.items():
+        text, fitted = f"{words[name]}, {configuration}", configuration == "bimanual"
+        ends: tuple[tuple[End, float, float], ...] = (("first", first, first_sd), ("last", last, last_sd))
+        for which, mean, deviation in ends:
+            of = partial(_end, name=name, configuration=configuration, which=which)
+            spread = partial(of, summary=_deviation)
+            # The standard deviation of the peaks is not among the figures of the fit.
+            of_fit = fitted and name == "completion"
+            found.append(Statement(f"{text}, {which} 30", of, mean, fitted=fitted))
+            found.append(Statement(f"{text}, {which} 30, SD", spread, deviation, fitted=of_fit))
+        learned = partial(_learned, name=name, configuration=configuration)
+        found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
+    return found
+
+
+def _deviation(values: NDArray[np.float64]) -> float:
+    return float(np.std(values, ddof=1))
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    return float(np.mean(values))
+
+
+def _end(
+    sample: Sample,
+    name: str,
+    configuration: Configuration,
+    which: End,
+    summary: Callable[[NDArray[np.float64]], float] = _mean,
+) -> float:
+    return summary(sample.end(name, configuration, which))
+
+
+def _learned(sample: Sample, name: str, configuration: Configuration) -> float:
+    return _end(sample, name, configuration, "last") - _end(sample, name, configuration, "first")
+
+
+def _share(sample: Sample, name: str, configuration: Configuration, haptics: bool | None = None) -> float:
+    """Return the mean share of a movement class."""
+    return float(np.nanmean(sample.of(name, configuration, haptics)))
+
+
+def _together(sample: Sample, name: str) -> float:
+    return _share(sample, name, "dyadic") - _share(sample, name, "bimanual")
+
+
+def _felt(sample: Sample, name: str, configuration: Configuration) -> float:
+    return _share(sample, name, configuration, True) - _share(sample, name, configuration, False)
+
+
+def _shares() -> list[Statement]:
+    """Shares of the movement classes: the paper prints only directions."""
+    found = [
+        Statement(f"{name} share, dyadic - bimanual", partial(_together, name=name), sense=sense)
+        for name, sense in (("cooperative", -1), ("still", -1), ("single", 1), ("competitive", 1))
+    ]
+    effects: tuple[tuple[str, Configuration, int], ...] = (
+        ("cooperative", "bimanual", 1),
+        ("cooperative", "dyadic", 1),
+        ("single", "bimanual", -1),
+        ("single", "dyadic", -1),
+        ("competitive", "dyadic", -1),
+    )
+    for name, configuration, sense in effects:
+        of = partial(_felt, name=name, configuration=configuration)
+        found.append(Statement(f"{name} share, {configuration}, haptics on - off", of, sense=sense))
+    return found
+
+
+def _dyads() -> list[Statement]:
+    """Dyads that are better than the mean of their participants, of four."""
+    return [
+        Statement(f"dyads {word} than alone, haptics {on}", partial(_better, name=name, haptics=on == "on"), value)
+        for name, word, on, value in (
+            ("completion", "faster", "on", 4),
+            ("completion", "faster", "off", 2),
+            ("peaks", "smoother", "on", 3),
+            ("peaks", "smoother", "off", 1),
+        )
+    ]
+
+
+def _better(sample: Sample, name: str, haptics: bool) -> float:
+    return float(sample.better(name, haptics))
+
+
+def _area(points: NDArray[np.float64]) -> float:
+    return ellipse(points).area
+
+
+def _variance(points: NDArray[np.float64], column: int) -> float:
+    known = points[np.isfinite(points[:, column]), column]
+    return float(np.var(known, ddof=1)) if len(known) > 1 else float("nan")
+
+
+def _strategies() -> list[Statement]:
+    """Convergence of the strategies: ellipses shrink, variances fall."""
+    measures: dict[str, Callable[[NDArray[np.float64]], float]] = {
+        "ellipse area": _area,
+        "variance of distance": partial(_variance, column=0),
+        "variance of velocity": partial(_variance, column=1),
+    }
+    configurations: tuple[Configuration, ...] = ("bimanual", "dyadic")
+    return [
+        Statement(f"{text}, {one}, log(last/first)", partial(Sample.spread, configuration=one, measure=how), sense=-1)
+        for text, how in measures.items()
+        for one in configurations
+    ]
+
+
+def _delay(sample: Sample, configuration: Configuration, haptics: bool) -> float:
+    return 1e3 * sample.delay(configuration, haptics)
+
+
+def _rising(sample: Sample, configuration: Configuration, haptics: bool) -> float:
+    return 1e3 * (sample.delay(configuration, haptics, -1) - sample.delay(configuration, haptics, 0))
+
+
+def _delays() -> list[Statement]:
+    """Delays between the sides, the mean of the four portions of the peak."""
+    kinds: tuple[tuple[Configuration, float], ...] = (("dyadic", 100.0), ("bimanual", 40.0))
+    found = []
+    for configuration, value in kinds:
+        of = partial(_delay, configuration=configuration, haptics=False)
+        found.append(
+            Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")
+        )
+        for on in ("off", "on"):
+            rising = partial(_rising, configuration=configuration, haptics=on == "on")
+            found.append(Statement(f"delay [ms], {configuration}, haptics {on}, 40 % - 10 %", rising, sense=1))
+    return [
+        *found,
+        Statement("delay [ms], dyadic, haptics on - off", _felt_delay, sense=-1),
+        Statement("delay [ms], haptic effect, dyadic - bimanual, absolute", _contrast, sense=1),
+    ]
+
+
+def _felt_delay(sample: Sample, configuration: Configuration = "dyadic") -> float:
+    return _delay(sample, configuration, True) - _delay(sample, configuration, False)
+
+
+def _contrast(sample: Sample) -> float:
+    """Return how much larger the haptic effect on the delay is in dyads than bimanually [ms]."""
+    return abs(_felt_delay(sample)) - abs(_felt_delay(sample, "bimanual"))
+
+
+STATEMENTS = (*_ends(), *_shares(), *_dyads(), *_strategies(), *_delays())
+"""All reported results."""
+
+
+def _slowed(sample: Sample, configuration: Configuration) -> float:
+    """Return the haptic effect on the mean completion time, relative [1]."""
+    on, off = (float(np.mean(sample.of("completion", configuration, haptics))) for haptics in (True, False))
+    return on / off - 1.0
+
+
+EXTRA = (
+    Statement("completion time, bimanual, haptics on/off - 1", partial(_slowed, configuration="bimanual")),
+    Statement("completion time, dyadic, haptics on/off - 1", partial(_slowed, configuration="dyadic")),
+)
+"""Quantities that the paper does not report, for comparison."""

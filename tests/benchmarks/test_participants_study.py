@@ -1,0 +1,134 @@
+"""The validation of the simulated participants: its statistics on made trials, and its short form."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.harness.running import run_named
+from netboard.benchmarks.participants import fit
+from netboard.benchmarks.participants.bench import study
+from netboard.benchmarks.participants.paper import STATEMENTS, Sample, Statement
+from netboard.benchmarks.participants.trials import ATTEMPT, Cast, play
+from netboard.benchmarks.participants.validation import ABLATIONS, Prediction, studies
+
+
+def made(dyad: int = 1, trials: int = 12) -> np.ndarray:
+    """Attempts of a dyad: each participant alone, then both; first without and then with haptic feedback."""
+    parts = []
+    for performer, level in (("A", 5.0), ("B", 3.0), ("dyad", 3.5)):
+        for haptics in (False, True):
+            rows = np.zeros(trials, ATTEMPT)
+            rows["dyad"], rows["performer"], rows["haptics"], rows["success"] = dyad, performer, haptics, True
+            # A dyad gains a second by haptic feedback; everybody loses 0.1 s with each trial.
+            rows["completion"] = level - (performer == "dyad") * haptics + 0.1 * np.arange(trials)[::-1]
+            rows["cooperative"] = 0.5 + 0.1 * haptics
+            rows["delay"], rows["delays"] = 0.2 * (2 - haptics), 2
+            rows["distance"] = (1 + np.arange(trials)[::-1] // 2) * np.where(np.arange(trials) % 2, 1.0, -1.0)
+            parts.append(rows)
+    return np.concatenate(parts)
+
+
+def named(text: str) -> Statement:
+    (one,) = (one for one in STATEMENTS if one.name == text)
+    return one
+
+
+def test_the_statements_say_what_was_put_in() -> None:
+    sample = Sample(np.concatenate([made(1), made(2)]))
+    # The first two of twelve trials have 1.1 and 1.0 s more than the last, averaged over A and B.
+    assert named("completion time [s], bimanual, first 30").of(sample) == pytest.approx(4.0 + 1.05)
+    assert named("completion time [s], bimanual, last 30").of(sample) == pytest.approx(4.0 + 0.05)
+    assert named("completion time [s], dyadic, last - first").of(sample) == pytest.approx(-1.0)
+    assert named("dyads faster than alone, haptics on").of(sample) == 2
+    assert named("dyads faster than alone, haptics off").of(sample) == 2
+    assert named("cooperative share, dyadic, haptics on - off").of(sample) == pytest.approx(0.1)
+    assert named("delay [ms], dyadic, haptics off").of(sample) == pytest.approx(200.0)
+    assert named("delay [ms], dyadic, haptics on - off").of(sample) == pytest.approx(-100.0)
+    # Distances of the first group are +-6, those of the last +-1.
+    assert named("variance of distance, dyadic, log(last/first)").of(sample) == pytest.approx(-2 * np.log(6))
+
+
+def test_failed_attempts_are_counted_and_not_averaged() -> None:
+    rows = made()
+    rows["success"][::3] = False
+    rows["completion"][::3] = 1e6
+    sample = Sample(rows)
+    assert sample.failures == 24
+    assert named("completion time [s], bimanual, last 30").of(sample) < 10.0
+
+
+def test_a_study_has_a_dyad_of_each_starting_state() -> None:
+    pool = [made(dyad) for dyad in range(1, 9)]
+    drawn = studies(pool, 50)
+    assert len(drawn) == 50
+    assert {tuple(sorted((one.dyads - 1) % 4)) for one in drawn} == {(0, 1, 2, 3)}
+    assert len({tuple(one.dyads) for one in drawn}) > 8
+    with pytest.raises(ValueError, match="found 6 dyads, expected a multiple of 4"):
+        studies(pool[:6], 1)
+
+
+def test_a_prediction_says_whether_it_came_true() -> None:
+    values = np.linspace(0.0, 100.0, 1001)
+    low, high = (
+        Prediction(Statement("", lambda _: 0.0, 2.4), values),
+        Prediction(Statement("", lambda _: 0.0, 97.4), values),
+    )
+    assert low.interval == pytest.approx((50.0, 2.5, 97.5))
+    assert (low.inside, high.inside) == (False, True)
+    assert (low.reproduced, high.reproduced) == ("NO", "yes")
+    for shift, word in ((-10.0, "yes"), (-40.0, "unclear"), (-60.0, "NO")):
+        above = Prediction(Statement("", lambda _: 0.0, sense=1), values + shift)
+        assert above.reproduced == word
+
+
+def test_each_ablation_leaves_out_one_part() -> None:
+    usual = ABLATIONS["full model"]
+    for name, person in ABLATIONS.items():
+        changed = [key for key in person.__slots__ if getattr(person, key) != getattr(usual, key)]
+        assert len(changed) == (name != "full model")
+
+
+def test_the_fit_uses_only_one_person_without_haptic_feedback() -> None:
+    for job in fit.ends_of(Cast(), 1):
+        block = job.config.block
+        assert (block.configuration, block.force, block.trials) == ("bimanual", "none", 30)
+        assert list(job.people) == [block.performer]
+    practice = [job.people[job.config.block.performer].practice for job in fit.ends_of(Cast(), 1)]
+    assert practice[1] > 600
+    assert practice[3] > 600
+    assert fit.scaled((1.0,) * 5, Participant()) == Participant()
+    assert fit.scaled((1e-3, 2.0, 1.0, 1.0, 1.0), Participant()) == replace(
+        Participant(), novice=1.0, position_noise=0.006, velocity_noise=0.02, tilt_noise_deg=0.5
+    )
+
+
+@pytest.mark.slow
+def test_a_dyad_is_the_same_whenever_it_plays() -> None:
+    jobs = Cast(trials=1).jobs(1)[8:9]
+    one, again = play(jobs, 1), play(jobs, 1)
+    assert one.attempts.tobytes() == again.attempts.tobytes()
+    assert one.given_up == 0
+    done = one.attempts[one.attempts["success"]]
+    assert done.size == 1
+    shares = [float(done[name][0]) for name in ("cooperative", "competitive", "single", "still")]
+    assert sum(shares) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_the_study_writes_predictions_ablations_and_comparisons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pools = iter([made(dyad) for dyad in range(1, 5)] * 2)
+    monkeypatch.setattr(
+        "netboard.benchmarks.participants.bench._played",
+        lambda *_: (type("Made", (), {"attempts": next(pools), "given_up": 0})() for _ in range(4)),
+    )
+    run_named("participants", study(3, 4, 1), tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
+    parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}
+    assert set(parts) == {"predictions", "others", "ablations"}
+    assert len(parts["predictions"]["rows"]) == len(parts["ablations"]["rows"]) > len(STATEMENTS)
+    assert (tmp_path / "found" / "participants.png").stat().st_size > 10_000
