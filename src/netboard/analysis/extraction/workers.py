@@ -39,7 +39,7 @@ def processes(workers: int) -> Crew:
     def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
         count = min(workers, len(recordings))
         spawn = multiprocessing.get_context("spawn")
-        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, _leave_stopping)
+        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, leave_stopping)
         try:
             yield pool
         except BrokenExecutor as error:
@@ -52,7 +52,7 @@ def processes(workers: int) -> Crew:
     return crew
 
 
-def _leave_stopping() -> None:
+def leave_stopping() -> None:
     """Let Ctrl-C stop only the waiting process, which stops the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
