@@ -92,7 +92,7 @@ def show(found: "Answer", output: Path) -> None:
     from netboard.base.terminal import FittedTable
 
     console = Console(highlight=False, soft_wrap=True)
-    for part in found.parts:
+    for part in found.parts[:2]:  # the others are in power.json
         table = FittedTable(*part["columns"], title=part["title"])
         for row in part["rows"]:
             table.add_row(*map(str, row))

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.cohort.participants import rehearsal_of
-from netboard.analysis.extraction.devices import simulated_mechanics
 from netboard.analysis.extraction.details import MOVEMENTS, movements
+from netboard.analysis.extraction.devices import simulated_mechanics
 from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
@@ -38,7 +38,7 @@ COLUMNS = ("theta", "p", "left_used_z", "right_used_z")
 TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
 """Columns of the attempts of a virtual study: the measures of the paper."""
 
-PIECE = 4000
+PIECE = 10_000
 """Ticks that are simulated at a time [1]."""
 
 

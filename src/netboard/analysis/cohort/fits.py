@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.cohort.folder import MANIFEST, Cohort
-from netboard.analysis.cohort.power import Power, Rate, mean_and_error
+from netboard.analysis.cohort.power import Power, Rate, mean_width
 from netboard.analysis.cohort.workers import run_all
 from netboard.analysis.extraction.conditions import StudyFactor
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
@@ -26,7 +26,10 @@ from netboard.recording.export.formats import Progress
 from netboard.task.studies.factors import Declared
 
 Key = tuple[int, str, str, str]
-"""Number of dyads, measure, effect, and name of the model."""
+"""Number of dyads, measure, effect, and method of inference."""
+
+MODEL = "model"
+"""Name of the test with the between-dyad degrees of freedom."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +79,11 @@ def _terms(fit: Fit) -> Iterator[tuple[str, str, Term]]:
     """Yield the effects of a model, by each of its methods."""
     for effect in fit.model.effects:
         if effect.name not in (INTERCEPT, PRACTICE):
-            for one in (effect, *effect.others):
-                method = getattr(one, "method", "")
-                name = f"{fit.model.name}, {method}" if method else fit.model.name
-                yield effect.name, name, Term(one.ratio.value, one.ratio.low, one.ratio.high, one.p)
+            ratio = effect.ratio
+            yield effect.name, MODEL, Term(ratio.value, ratio.low, ratio.high, effect.p)
+            for other in effect.others:
+                ratio = other.ratio
+                yield effect.name, f"{MODEL}, {other.method}", Term(ratio.value, ratio.low, ratio.high, other.p)
 
 
 def model_powers(
@@ -128,6 +132,23 @@ def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, t
     known = [term for term in terms if term is not None]
     hits = sum(term.p <= alpha for term in known)
     misses = sum(truth < term.low or truth > term.high for term in known)
-    width = mean_and_error(np.array([term.high - term.low for term in known]))
-    rates = Rate.of(hits, len(terms)), Rate.of(misses, len(terms))
-    return Power(measure, effect, name, dyads, trials, len(terms), "1", truth, nan, *rates, *width)
+    ends = np.array([(term.low, term.high) for term in known]).reshape(-1, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        widths = np.log(ends[:, 1]) - np.log(ends[:, 0])
+    width, error = mean_width(widths, "ratio")
+    return Power(
+        measure=measure,
+        contrast=effect,
+        test=name,
+        dyads=dyads,
+        trials=trials,
+        studies=len(terms),
+        unit="1",
+        scale="ratio",
+        effect=truth,
+        deviation=nan,
+        power=Rate.of(hits, len(terms)),
+        false_positives=Rate.of(misses, len(terms)),
+        width=width,
+        width_error=error,
+    )

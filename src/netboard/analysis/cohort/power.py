@@ -12,6 +12,7 @@ confidence interval.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -24,6 +25,8 @@ from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.base.errors import ConfigError
 
 Array = NDArray[np.float64]
+
+Scale = Literal["difference", "ratio"]
 
 T_TEST, PERMUTATION = "paired t test", "permutation test"
 
@@ -86,14 +89,17 @@ class Power:
         Trials of a performer in each condition; 0 for all [1].
     studies : int
         Virtual studies of this size [1].
+    scale : {"difference", "ratio"}
+        Kind of the effect.
     effect : float
-        Mean effect in the whole cohort; a ratio if the unit is 1 and the measure is compared by ratios [unit].
+        Mean effect in the whole cohort [unit].
     deviation : float
         Standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
     power, false_positives : Rate
         Share of studies that reject no effect, with the effect and without it.
     width, width_error : float
-        Mean width of the confidence interval, and its Monte Carlo standard error [unit].
+        Mean width of the confidence interval; for a ratio the geometric mean of its upper limit over its lower one. And
+        the Monte Carlo standard error of that [unit].
     """
 
     measure: str
@@ -103,6 +109,7 @@ class Power:
     trials: int
     studies: int
     unit: str
+    scale: Scale
     effect: float
     deviation: float
     power: Rate
@@ -178,6 +185,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
     rng = np.random.default_rng(SEED)
     for one in found:
         mean, deviation = float(np.nanmean(one.gaps)), float(np.nanstd(one.gaps, ddof=1))
+        scale: Scale = "ratio" if one.ratio else "difference"
         effect = float(np.exp(mean)) if one.ratio else mean
         for dyads in sizes:
             own = divided(one.gaps, dyads)
@@ -187,11 +195,24 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
                 T_TEST: (p, null),
                 PERMUTATION: (permutation_p(own, rng=rng), permutation_p(own - mean, rng=rng)),
             }
-            widths = np.exp(high) - np.exp(low) if one.ratio else high - low
             for test, (with_effect, without) in tests.items():
-                rates = (Rate.of(int((values <= alpha).sum()), len(own)) for values in (with_effect, without))
-                numbers = (dyads, trials, len(own), one.unit, effect, deviation)
-                yield Power(one.measure, one.contrast, test, *numbers, *rates, *mean_and_error(widths))
+                width, error = mean_width(high - low, scale)
+                yield Power(
+                    measure=one.measure,
+                    contrast=one.contrast,
+                    test=test,
+                    dyads=dyads,
+                    trials=trials,
+                    studies=len(own),
+                    unit=one.unit,
+                    scale=scale,
+                    effect=effect,
+                    deviation=deviation,
+                    power=Rate.of(int((with_effect <= alpha).sum()), len(own)),
+                    false_positives=Rate.of(int((without <= alpha).sum()), len(own)),
+                    width=width,
+                    width_error=error,
+                )
 
 
 def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
@@ -214,9 +235,16 @@ def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
     return np.where(n > 1, p, nan), mean - half, mean + half
 
 
-def mean_and_error(values: Array) -> tuple[float, float]:
-    """Return the mean of the finite values, and its Monte Carlo standard error."""
-    known = values[np.isfinite(values)]
+def mean_width(widths: Array, scale: Scale) -> tuple[float, float]:
+    """Return the mean width, and its Monte Carlo standard error; NaN with fewer than two finite widths.
+
+    Parameters
+    ----------
+    widths : ndarray of float64, shape (n,)
+        Widths of the confidence intervals, of logarithms for a ratio [any].
+    """
+    known = widths[np.isfinite(widths)]
     if len(known) < 2:
-        return (float(known[0]) if len(known) else nan), nan
-    return float(known.mean()), float(known.std(ddof=1) / sqrt(len(known)))
+        return nan, nan
+    mean, error = float(known.mean()), float(known.std(ddof=1) / sqrt(len(known)))
+    return (mean, error) if scale == "difference" else (float(np.exp(mean)), float(np.exp(mean) * error))

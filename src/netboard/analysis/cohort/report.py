@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import Any
 from netboard.analysis.cohort.figure import draw
 from netboard.analysis.cohort.participants import SHOWN
 from netboard.analysis.cohort.power import T_TEST, Power
-from netboard.analysis.cohort.rows import SIZE
 from netboard.analysis.topics.figure import as_bytes
 from netboard.base.errors import RecordingError
 
@@ -26,7 +25,8 @@ COLUMNS = (
     ("trials", "per condition; 0: all"),
     ("studies", "1"),
     ("unit", ""),
-    ("effect", "unit; a ratio for completion times and models"),
+    ("scale", "difference or ratio"),
+    ("effect", "unit; mean of the cohort"),
     ("deviation", "SD of the dyads' differences; of logarithms for a ratio"),
     ("power", "1"),
     ("power_low", "1, Wilson 95 %"),
@@ -34,7 +34,7 @@ COLUMNS = (
     ("false_positives", "1"),
     ("false_positives_low", "1, Wilson 95 %"),
     ("false_positives_high", "1, Wilson 95 %"),
-    ("width", "unit; mean width of the confidence interval"),
+    ("width", "unit; mean width of the confidence interval; for a ratio upper over lower limit"),
     ("width_error", "unit; Monte Carlo standard error"),
 )
 """Columns of the table, with what they are."""
@@ -87,19 +87,15 @@ def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
     enough = next((one for one in found if one.power.value >= ENOUGH), None)
     one = enough or found[-1]
     trials = f" and {one.trials} trials per condition" if one.trials else ""
-    reached = "" if enough else f", less than {ENOUGH:g}, with as many as were simulated"
-    ratio = "ratio" if one.unit == "1" and isfinite(one.deviation) and _ratio(one) else "effect"
+    reached = "" if enough else f", below {ENOUGH:g} with each simulated number of dyads"
     unit = f" {one.unit}" if one.unit != "1" else ""
+    wide = f"spans a factor of {one.width:.3g}" if one.scale == "ratio" else f"is {one.width:.3g}{unit} wide"
     return (
-        f"With {one.dyads} dyads{trials}, a {one.test} of {one.measure} ({one.contrast}; {ratio} {one.effect:.3g}{unit}) "
-        f"at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte Carlo confidence interval "
-        f"{one.power.low:.2f} to {one.power.high:.2f}){reached}; its {100 * (1 - assumptions.alpha):g} % confidence "
-        f"interval is {one.width:.3g}{unit} wide on average. Simulated: {assumptions}."
+        f"With {one.dyads} dyads{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
+        f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
+        f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}; its "
+        f"{100 * (1 - assumptions.alpha):g} % confidence interval {wide} on average. Simulated: {assumptions}."
     )
-
-
-def _ratio(one: Power) -> bool:
-    return one.measure == "completion time"
 
 
 def by_test(found: Sequence[Power]) -> dict[tuple[str, str, str, int], list[Power]]:
@@ -131,25 +127,26 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
             "rows": [list(r) for r in assumptions.rows()],
         }
     ]
-    kinds = (
-        ("power", "Power, with 95 % Monte Carlo confidence intervals", lambda one: str(one.power)),
-        (
-            "false-positives",
-            "False-positive rate, with 95 % Monte Carlo confidence intervals",
-            lambda one: str(one.false_positives),
-        ),
-        ("precision", "Mean width of the confidence interval", lambda one: f"{one.width:.3g}"),
+    monte_carlo = "with 95 % Monte Carlo confidence intervals"
+    kinds: tuple[tuple[str, str, Callable[[Power], object]], ...] = (
+        ("power", f"Power, {monte_carlo}", lambda one: one.power),
+        ("false-positives", f"False-positive rate, {monte_carlo}", lambda one: one.false_positives),
+        ("precision", "Mean width of the confidence interval; of a ratio: upper over lower limit", _width),
     )
     for name, title, cell in kinds:
         rows = []
         for (measure, contrast, test, trials), own in by_test(found).items():
-            cells = {one.dyads: cell(one) for one in own}
+            cells = {one.dyads: str(cell(one)) for one in own}
             unit = "" if own[0].unit == "1" else f" {own[0].unit}"
             head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
         columns = ["measure", "contrast", "test", "trials", "effect", *(f"{size} dyads" for size in sizes)]
         tables.append({"name": name, "title": title, "columns": columns, "rows": rows})
     return [{**table, "verdicts": []} for table in tables]
+
+
+def _width(one: Power) -> str:
+    return f"{one.width:.3g}"
 
 
 def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> None:

@@ -13,7 +13,7 @@ import pandas as pd
 from netboard.analysis.cohort.block import TRIALS
 from netboard.analysis.extraction.details import PERCENT
 from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
-from netboard.analysis.extraction.tables import DTYPES, Columns, count, number, words
+from netboard.analysis.extraction.tables import DTYPES, Columns, count, number
 from netboard.analysis.measures.ellipses import groups_of
 from netboard.analysis.measures.performance import ENDS
 from netboard.analysis.topics.groups import CLASSES, counted

@@ -1,8 +1,8 @@
 """One virtual study: its dyads are drawn, do their plan, and are measured; a pure function of design and number.
 
-Virtual study k of a cohort with seed S has the seed ``S * SPACING + k`` for its plans, participants and ticks, so no two
-studies of a cohort share one, however many there are, nor do two cohorts. ``netboard session rehearse --seed`` with that
-number records the same dyads.
+Virtual study k of a cohort with seed S has the seed ``S * SPACING + k`` for its plans, participants and ticks, so no
+two studies share one, in one cohort or in two. ``netboard session rehearse --seed`` with that number records the same
+dyads.
 """
 
 import json

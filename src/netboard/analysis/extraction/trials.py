@@ -58,7 +58,7 @@ class Block:
     Parameters
     ----------
     columns : mapping of str to ndarray
-        Columns of `columns_for`; they are not copied [SI].
+        Columns of `columns_for`, without the forces if no measure needs them; they are not copied [SI].
     attempts : sequence of Attempt
         All attempts, in order.
     mechanics : mapping of str to Mechanics or None
@@ -82,7 +82,7 @@ class Block:
         self._columns = {
             name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
             for name in names
-            if name != "tick"
+            if name in columns and name != "tick"
         }
 
     @classmethod
