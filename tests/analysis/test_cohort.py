@@ -133,17 +133,25 @@ def refused() -> Iterator[tuple[Design, int, str]]:
     yield DESIGN, 0, "--studies: found 0, expected 1"
     ball = replace(DESIGN.config, physics=replace(DESIGN.config.physics, balls=0))
     yield replace(DESIGN, config=ball), 1, "balls: found 0, expected 1 or more"
-    still = PLAN.replace("block.trials = 2", 'block.trials = 2\nblock.left = "still"\nblock.right = "still"')
-    yield replace(DESIGN, study=parse_study(still, "still")), 1, "nobody holds a stylus"
+    forces = parse_study(PLAN.replace('"full"', '"unrelated"'), "forces")
+    yield replace(DESIGN, study=forces), 1, "unrelated"
 
 
-@pytest.mark.parametrize(("design", "studies", "words"), refused())
+@pytest.mark.parametrize(("design", "studies", "words"), list(refused()))
 def test_what_cannot_be_simulated_is_refused_before_it_begins(
     tmp_path: Path, design: Design, studies: int, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
         make_cohort(design, studies, tmp_path / "new", workers=1, progress=quiet)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("line", "words"), [("block.trials = 0", "trials"), ('short = ""', "short")])
+def test_plans_have_blocks_with_trials(line: str, words: str) -> None:
+    key = line.partition(" =")[0]
+    text = "\n".join(line if own.startswith(f"{key} =") else own for own in PLAN.splitlines())
+    with pytest.raises(ConfigError, match=words):
+        parse_study(text, "none")
 
 
 def test_designs_have_dyads_and_seeds_of_their_own() -> None:

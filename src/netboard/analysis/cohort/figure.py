@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from textwrap import fill
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from netboard.analysis.cohort.power import Power
-from netboard.analysis.topics.figure import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, new_figure
+from netboard.analysis.topics.figure import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, STYLE, VERMILION, new_figure
+from netboard.analysis.topics.marks import beside
 
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, SKY, PINK, BLACK)
 MARKERS = "osD^vPX"
@@ -16,9 +18,17 @@ MARKERS = "osD^vPX"
 ACROSS = 2
 """Panels in a row [1]."""
 
+SPREAD = 0.6
+"""Horizontal distance between the first and the last contrast [dyads]."""
+
 
 def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     """Draw power (filled) and false-positive rate (hollow, dashed) with Monte Carlo confidence intervals."""
+    with mpl.rc_context(STYLE):
+        return _drawn(found, alpha, assumptions)
+
+
+def _drawn(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     measures = list(dict.fromkeys(one.measure for one in found))
     contrasts = list(dict.fromkeys((one.contrast, one.trials) for one in found))
     rows = -(-len(measures) // ACROSS)
@@ -28,7 +38,8 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     for panel, measure in zip(axes, measures, strict=False):
         for which, key in enumerate(contrasts):
             own = [one for one in found if (one.measure, one.contrast, one.trials) == (measure, *key)]
-            _lines(panel, sorted(own, key=lambda one: one.dyads), which, _name(*key))
+            shift = beside(len(contrasts), SPREAD)[which]
+            _lines(panel, sorted(own, key=lambda one: one.dyads), which, _name(*key), shift)
         _frame(panel, measure, sorted({one.dyads for one in found}), alpha)
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2)
@@ -36,8 +47,8 @@ def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
     return figure
 
 
-def _lines(axes: Axes, own: Sequence[Power], which: int, name: str) -> None:
-    """Draw one contrast."""
+def _lines(axes: Axes, own: Sequence[Power], which: int, name: str, shift: float) -> None:
+    """Draw one contrast, shifted so that it does not cover others."""
     colour, marker = COLOURS[which % len(COLOURS)], MARKERS[which % len(MARKERS)]
     for rates, face, line, label in (
         ([one.power for one in own], colour, "-", name),
@@ -46,7 +57,7 @@ def _lines(axes: Axes, own: Sequence[Power], which: int, name: str) -> None:
         values = [rate.value for rate in rates]
         bars = [[rate.value - rate.low for rate in rates], [rate.high - rate.value for rate in rates]]
         axes.errorbar(
-            [one.dyads for one in own],
+            [one.dyads + shift for one in own],
             values,
             bars,
             color=colour,

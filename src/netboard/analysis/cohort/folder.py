@@ -22,7 +22,7 @@ import pandas as pd
 from netboard.analysis.cohort.participants import compile_kernels, jobs_of_dyad
 from netboard.analysis.cohort.rows import STUDIES
 from netboard.analysis.cohort.virtual import Design, Packed, check, simulate, unpack
-from netboard.analysis.cohort.workers import run_all
+from netboard.analysis.cohort.workers import CODE, run_all
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
 from netboard.analysis.extraction.tables import columns_of
@@ -36,9 +36,6 @@ from netboard.task.studies.study import resolve_study
 Ending = Literal["parquet", "csv"]
 
 MANIFEST, STUDIES_IN, TABLES_IN = "cohort.json", "studies", "tables"
-
-CODE = "netboard.analysis.cohort.virtual"
-"""Module whose code, with all that it imports, determines the tables."""
 
 WORDS = {
     "netboard": "version of netboard",

@@ -67,23 +67,18 @@ def check(design: Design, studies: int) -> None:
     Raises
     ------
     ConfigError
-        If there are no studies or too many, or a block of a plan has no valid configuration or no trials.
+        If there are no studies or too many, or a block of a plan has no valid configuration or cannot be simulated.
     """
     if not 1 <= studies < SPACING:
         raise ConfigError(f"--studies: found {studies}, expected 1 to {SPACING - 1}")
     for dyad in range(1, design.dyads + 1):
-        jobs = jobs_of_dyad(design.config, design.study, design.seed_of(1), dyad)
-        if not jobs:
-            raise ConfigError(f"{design.study.name}: the plan of dyad {dyad} has no block, expected one or more")
-        for job in jobs:
+        for job in jobs_of_dyad(design.config, design.study, design.seed_of(1), dyad):
             block = job.config.block
             where = f"{design.study.name}: dyad {dyad}, block {block.number} ({block.label})"
             if job.config.physics.balls == 0:
                 raise ConfigError(f"{where}: [physics] balls: found 0, expected 1 or more: without a ball no trials")
             if block.force == "unrelated":
                 raise ConfigError(f'{where}: [block] force: found "unrelated", which takes recorded forces')
-            if "person" not in (block.left, block.right):
-                raise ConfigError(f"{where}: nobody holds a stylus, expected a person at one side or both")
 
 
 def simulate(design: Design, number: int) -> bytes:

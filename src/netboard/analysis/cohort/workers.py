@@ -8,7 +8,7 @@ import multiprocessing
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from functools import partial
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +21,9 @@ Task = Callable[[int], T]
 
 TRIES = 2
 """How often a task is tried whose process ends too early [1]."""
+
+CODE = "netboard.analysis.cohort.virtual"
+"""Module whose code, with all that it imports, determines the tables of a virtual study."""
 
 AHEAD = 64
 """Tasks that a cluster has at a time [1]."""
@@ -44,51 +47,50 @@ def run_all(
     """
     if not numbers:
         return
-    if address is not None:
-        with dask(address)(files) as executor:
-            yield from _run(task, numbers, AHEAD, lambda: executor)
-    elif workers == 1:
-        for number in numbers:
-            yield number, task(number)
-    else:
-        spawn = partial(ProcessPoolExecutor, 1, multiprocessing.get_context("spawn"), leave_stopping)
-        yield from _run(task, numbers, min(workers, len(numbers)), spawn)
+    with ExitStack() as stack:
+
+        def process() -> Executor:
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_stopping)
+            stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            return pool
+
+        if address is not None:
+            cluster = stack.enter_context(dask(address, root=CODE)(files))
+            yield from _run(task, numbers, AHEAD, lambda: cluster)
+        elif workers > 1:
+            yield from _run(task, numbers, workers, process)
+        else:
+            for number in numbers:
+                yield number, task(number)
 
 
 def _run(
     task: Task[T], numbers: Sequence[int], ahead: int, executor_for: Callable[[], Executor]
 ) -> Iterator[tuple[int, T]]:
-    """Keep so many tasks running, each in an executor that is replaced if it breaks."""
+    """Keep some tasks running, each in an executor that is replaced if it breaks."""
     waiting, lost = deque(numbers), Counter[int]()
     running: dict[Future[T], tuple[int, Executor]] = {}
-    executors: list[Executor] = []
 
     def start(executor: Executor) -> None:
         number = waiting.popleft()
         running[executor.submit(task, number)] = number, executor
 
-    try:
-        for _ in range(min(ahead, len(waiting))):
-            executors.append(executor_for())
-            start(executors[-1])
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                number, executor = running.pop(future)
-                if isinstance(future.exception(), BrokenExecutor):
-                    lost[number] += 1
-                    executor.shutdown(wait=False)
-                    executors.append(executor := executor_for())
-                    if lost[number] < TRIES:
-                        waiting.appendleft(number)
-                    else:
-                        waiting.clear()
-                else:
-                    yield number, future.result()
-                if waiting:
-                    start(executor)
-    finally:
-        for executor in executors:
-            executor.shutdown(wait=False, cancel_futures=True)
+    for _ in range(min(ahead, len(waiting))):
+        start(executor_for())
+    while running:
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            number, executor = running.pop(future)
+            if not isinstance(future.exception(), BrokenExecutor):
+                yield number, future.result()
+            else:
+                lost[number] += 1
+                if lost[number] == TRIES:
+                    waiting.clear()
+                    continue
+                executor = executor_for()
+                waiting.appendleft(number)
+            if waiting:
+                start(executor)
     for number, times in lost.items():
         if times == TRIES:
             raise NetboardError(
