@@ -1,4 +1,4 @@
-"""Virtual studies: measures of an analysis of their recordings, equal tables however they are computed, clear errors."""
+"""Virtual studies: the measures of an analysis of their recordings, equal tables however computed, and clear errors."""
 
 import shutil
 from collections.abc import Iterator
