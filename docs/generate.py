@@ -6,8 +6,8 @@
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
 hand. The state diagram comes from the table of the trial state machine, the configuration reference from the
 dataclasses, the command reference from the commands, so they cannot differ from the program. Tables of measurements
-come from the results of `netboard bench`, copied unchanged to docs/data/, and the evidence for the measures from the
-marks of their tests.
+come from the results of `netboard bench` and `netboard power`, copied unchanged to docs/data/, and the evidence for the
+measures from the marks of their tests.
 """
 
 import json
@@ -283,6 +283,9 @@ SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements",
 CALIBRATION = ("about", "false-positives", "power", "interaction", "differences")
 """Those of `netboard bench analysis --calibration`."""
 
+POWER = ("about", "power", "false-positives", "precision")
+"""Those of `netboard power`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
@@ -317,6 +320,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
         f"calibration-{name}": ("explanation/analysis-calibration.md", study_part("calibration", name))
         for name in CALIBRATION
     },
+    **{f"power-{name}": ("how-to/plan-a-study-size.md", study_part("power", name)) for name in POWER},
     "sensitivity-headlines": ("reference/measures.md", study_part("sensitivity", "headlines")),
     "forces conditions": ("explanation/forces.md", study_part("forces", "conditions")),
     "faults machine": ("explanation/faults.md", study_machine("faults")),

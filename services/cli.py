@@ -16,6 +16,7 @@ from netboard.services import (
     analyse,
     bench,
     check,
+    cohort,
     configuration,
     console,
     control,
@@ -31,6 +32,7 @@ from netboard.services import (
     logger,
     lsl,
     plan,
+    power,
     recover,
     replay,
     server,
@@ -82,7 +84,22 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 RUNNING = (demo, up, server, agent, display, logger, lsl, console, status, control)
-OTHERS = (replay, info, check, recover, sessions, whatif, export, importing, analyse, explain, simulate, doctor)
+OTHERS = (
+    replay,
+    info,
+    check,
+    recover,
+    sessions,
+    whatif,
+    export,
+    importing,
+    analyse,
+    explain,
+    simulate,
+    cohort,
+    power,
+    doctor,
+)
 for part in (*RUNNING, *OTHERS):
     app.add_typer(part.app)
 app.add_typer(configuration.app, name="config", rich_help_panel=SET_UP)

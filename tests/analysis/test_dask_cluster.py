@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from harvests import assert_same, gathered, studied
+from netboard.analysis.cohort.workers import run_all
 from netboard.analysis.extraction import workers
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.workers import dask
@@ -33,6 +34,10 @@ def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Pa
     assert_same(studied(there), studied(here))
 
 
+def test_virtual_studies_are_done_there(address: str) -> None:
+    assert dict(run_all(hex, range(100), 1, address)) == {number: hex(number) for number in range(100)}
+
+
 def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
     data = recordings[0].read_bytes()
     damaged = tmp_path / "damaged.mcap"
@@ -52,7 +57,7 @@ def test_workers_must_see_the_files(address: str, tmp_path: Path) -> None:
 def test_workers_must_measure_alike(
     address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "fingerprint", lambda: "other code")
+    monkeypatch.setattr(workers, "fingerprint", lambda root: "other code")
     with pytest.raises(ConfigError, match=r"has netboard .* with other code .* than here"):  # noqa: SIM117
         with dask(address)(recordings):
             pytest.fail("they measure otherwise")

@@ -167,7 +167,7 @@ def test_the_code_that_measures_is_all_that_it_imports(tmp_path: Path, monkeypat
     copies = {name: tmp_path / f"{name}.py" for name in found}
     for name, copy in copies.items():
         copy.write_bytes(found[name].read_bytes())
-    monkeypatch.setattr(fingerprint, "sources", lambda: copies)
+    monkeypatch.setattr(fingerprint, "sources", lambda root: copies)
     fresh = fingerprint.fingerprint.__wrapped__
     assert fresh() == before
     copies["netboard.analysis.measures.lags"].write_bytes(found["netboard.analysis.measures.lags"].read_bytes() + b"\n")

@@ -14,7 +14,12 @@ from statsmodels.stats.weightstats import DescrStatsW
 
 from netboard.analysis.statistics.effect_sizes import hedges_factor, hedges_g, paired_effect
 from netboard.analysis.statistics.estimates import bootstrap, cluster_mean, ratio_of_sums, t_interval
-from netboard.analysis.statistics.exact_tests import permutation_test, permutation_test_between, sign_test
+from netboard.analysis.statistics.exact_tests import (
+    permutation_p,
+    permutation_test,
+    permutation_test_between,
+    sign_test,
+)
 
 DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=8)
 
@@ -139,6 +144,30 @@ def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> 
     found = permutation_test(values, alternative=alternative)
     assert found.p == pytest.approx(expected)
     assert found.p >= found.least_p - 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.evidence("independent", permutation_p, by="scipy")
+@pytest.mark.evidence("properties", permutation_p, of=("mirror", "unit", "order"))
+@pytest.mark.evidence("disturbance", permutation_p, of="holes")
+@pytest.mark.parametrize("n", [4, 8, 16])
+def test_many_permutation_tests_at_once(n: int) -> None:
+    gaps = np.random.default_rng(n).lognormal(size=(6, n)) - 1.6
+    expected = [permutation_test(own, rng=np.random.default_rng(0)).p for own in gaps]
+    found = permutation_p(gaps)
+    assert found == pytest.approx(expected)
+    assert permutation_p(-3.0 * gaps[:, ::-1]) == pytest.approx(expected)
+    gaps[0, 1] = np.nan
+    assert permutation_p(gaps)[0] == pytest.approx(permutation_test(gaps[0]).p)
+    assert np.isnan(permutation_p(np.array([[1.0, np.nan]]))).all()
+
+
+def test_permutation_tests_of_many_units_draw_arrangements() -> None:
+    gaps = np.random.default_rng(1).normal(0.4, 1.0, (3, 24))
+    expected = [permutation_test(own, rng=np.random.default_rng(0)).p for own in gaps]
+    assert permutation_p(gaps, rng=np.random.default_rng(2)) == pytest.approx(expected, abs=0.02)
+    with pytest.raises(ValueError, match="give a random generator"):
+        permutation_p(gaps)
 
 
 @pytest.mark.evidence("truth", permutation_test_between)

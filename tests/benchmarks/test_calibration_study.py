@@ -21,21 +21,12 @@ from netboard.benchmarks.analysis.calibration import (
     Setting,
     differences_alone,
     differences_part,
-    flipped,
     settings,
     share,
     simulated,
     table_part,
 )
 from netboard.services.cli import app
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [4, 8, 16])
-def test_flips_of_signs_are_the_permutation_test(n: int) -> None:
-    gaps = np.random.default_rng(n).lognormal(size=(6, n)) - 1.6
-    expected = [permutation_test(own, rng=np.random.default_rng(0)).p for own in gaps]
-    assert flipped(gaps) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("errors", ["normal", "skewed"])

@@ -38,7 +38,7 @@ def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics |
     if said.get("imported") == "measured":
         return dict.fromkeys(SIDES)
     if "rehearsed" in said or said.get("imported") == "simulated":
-        return dict.fromkeys(SIDES, _simulated(config))
+        return dict.fromkeys(SIDES, simulated_mechanics(config))
     told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
     return {side: _told(config, side, told.get(side, {})) for side in SIDES}
 
@@ -47,7 +47,7 @@ def _told(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics |
     """Return the mechanics that an agent reported for its device."""
     model = _model_of(details.get("model", ""))
     if details.get("device", getattr(config.agents, side).device) == "virtual":
-        return _simulated(config)
+        return simulated_mechanics(config)
     names = ("profile_mass", "profile_damping", "profile_friction")
     own = [_number(details.get(name, "")) for name in names]
     if not any(map(isnan, own)):
@@ -55,7 +55,8 @@ def _told(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics |
     return None if model is None else Mechanics(model.mass, model.damping, model.friction)
 
 
-def _simulated(config: Config) -> Mechanics:
+def simulated_mechanics(config: Config) -> Mechanics:
+    """Return the mechanics of the simulated device of a configuration."""
     device = resolved(config.virtual)
     return Mechanics(device.mass, device.damping, device.friction)
 

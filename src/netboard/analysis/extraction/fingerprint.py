@@ -22,20 +22,20 @@ _PACKAGE = ROOT.partition(".")[0]
 
 
 @cache
-def fingerprint() -> str:
-    """Return the hexadecimal digest of the extracting code; it does not depend on the installation path."""
+def fingerprint(root: str = ROOT) -> str:
+    """Return the hexadecimal digest of the code of a module; it does not depend on the installation path."""
     digest = hashlib.sha256()
-    for name, path in sorted(sources().items()):
+    for name, path in sorted(sources(root).items()):
         text = path.read_bytes()
         digest.update(f"{name} {len(text)}\n".encode() + text)
     digest.update(" ".join(f"{library} {version(library)}" for library in LIBRARIES).encode())
     return digest.hexdigest()
 
 
-def sources() -> dict[str, Path]:
-    """Return the modules that take part in the extraction."""
+def sources(root: str = ROOT) -> dict[str, Path]:
+    """Return a module and all that it imports; by default, those that take part in the extraction."""
     found: dict[str, Path] = {}
-    waiting = [ROOT]
+    waiting = [root]
     while waiting:
         name = waiting.pop()
         path = None if name in found else _file_of(name)

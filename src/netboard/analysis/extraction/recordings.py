@@ -4,7 +4,7 @@ A recording and its settings always give the same tables, in any process on any 
 `netboard.analysis.extraction.exclusions` marks attempts later.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, pa
 from netboard.analysis.extraction.modern import MODERN
 from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
+from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.forces import FORCE_WORDS
@@ -63,12 +63,13 @@ BLOCKS = (
 
 _RENDERED = tuple(f"{side}_rendered" for side in SIDES)
 
-_GROUPS = (*PAPER, *MODERN)
+GROUPS = (*PAPER, *MODERN)
+"""All groups of measures of an attempt."""
 
-_TO_COMPLETION = tuple(field.name for group in MODERN for field in group.fields if field.kind == "number")
+_TO_COMPLETION = {field.name for group in MODERN for field in group.fields if field.kind == "number"}
 """Measures over the window to completion, whatever the settings."""
 
-TRIALS = (
+ATTEMPT = (
     *PLACE,
     words("outcome", "success, fell or timed_out"),
     count("target", "side of the target: -1 left, +1 right"),
@@ -77,8 +78,10 @@ TRIALS = (
     words("role", "what the trial is for: practice, familiarisation, baseline, test, or catch"),
     count("catch", "1: a catch trial, in which nothing was felt"),
     words("flags", "marks of quality, with spaces between"),
-    *(field for group in _GROUPS for field in group.fields),
 )
+"""Columns of an attempt beside its measures."""
+
+TRIALS = (*ATTEMPT, *(field for group in GROUPS for field in group.fields))
 """Columns of the table of trials: one row for each attempt."""
 
 
@@ -107,22 +110,24 @@ def measure(run: Run, readings: Readings) -> Measured:
     name = run.path.stem
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, run.config, readings)
-        block = Block(recording, run.config, readings, columns)
+        block = Block.of(recording, run.config, readings, columns)
         unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
     flags = {verdict.release: verdict.flags for verdict in verdicts}
     takes = list(block.takes())
-    places: list[dict[str, Any]] = [
-        {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} for take in takes
-    ]
-    trials = [place | _attempt(take, flags) for place, take in zip(places, takes, strict=True)]
+    places = [place_of(name, take) for take in takes]
     turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
     return Measured(
-        columns_of(BLOCKS, [_block(run, block, repaired, unknown)]),
-        columns_of(TRIALS, trials),
+        columns_of(BLOCKS, [block_row(run, block, repaired, unknown)]),
+        columns_of(TRIALS, [attempt_row(name, take, flags) for take in takes]),
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
     )
+
+
+def place_of(name: str, take: Take) -> dict[str, Any]:
+    """Return the columns that locate an attempt."""
+    return {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt}
 
 
 def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
@@ -148,10 +153,20 @@ def _unknown(recording: Recording, columns: Columns) -> int:
     return sum(unknown_ticks(columns[name]) for name in _RENDERED)
 
 
-def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:
-    """Return the row of an attempt with its measures."""
+def attempt_row(
+    name: str, take: Take, flags: Mapping[int, tuple[str, ...]], groups: Sequence[Group] = GROUPS
+) -> dict[str, Any]:
+    """Return the row of an attempt with its measures.
+
+    Parameters
+    ----------
+    flags : mapping of int to tuple of str
+        Quality flags of the attempts, by the tick of their release.
+    groups : sequence of Group
+        Measures to compute.
+    """
     attempt, config = take.attempt, take.block.config
-    row: dict[str, Any] = {
+    row = place_of(name, take) | {
         "outcome": attempt.outcome,
         "target": attempt.target,
         "release": (attempt.tick - take.block.first) / RATE,
@@ -160,10 +175,10 @@ def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]
         "catch": int(attempt.trial in config.block.catch),
         "flags": " ".join(flags.get(attempt.tick, ())),
     }
-    for group in _GROUPS:
+    for group in groups:
         row |= group.measure(take)
     if not take.knows("to_completion"):
-        row |= dict.fromkeys(_TO_COMPLETION, np.nan)
+        row |= dict.fromkeys(row.keys() & _TO_COMPLETION, np.nan)
     return row
 
 
@@ -181,8 +196,14 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
     return whole
 
 
-def _block(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
-    """Return the row of a recording's block."""
+def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
+    """Return the row of a recording's block.
+
+    Parameters
+    ----------
+    unknown : int
+        Number of ticks, in both hands, without a known rendered force [1].
+    """
     said, config = run.metadata, run.config
     return {
         "recording": run.path.stem,

@@ -44,10 +44,12 @@ class Store:
     ----------
     limit : int
         Size above which unused entries are evicted, in bytes [1].
+    advice : str
+        Advice to the user if the folder cannot be used.
     """
 
-    def __init__(self, folder: Path, limit: int = LIMIT) -> None:
-        self._folder, self._limit = folder, limit
+    def __init__(self, folder: Path, limit: int = LIMIT, advice: str = "--no-cache keeps none") -> None:
+        self._folder, self._limit, self._advice = folder, limit, advice
         self._used: set[Path] = set()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +58,7 @@ class Store:
 
     def _refused(self, error: OSError) -> RecordingError:
         reason = error.strerror or str(error)
-        return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; --no-cache keeps none")
+        return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; {self._advice}")
 
     def get(self, name: str) -> memoryview | None:
         """Return the content of an entry; None if it is missing or damaged."""

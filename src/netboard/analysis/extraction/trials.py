@@ -4,7 +4,7 @@ Samples are numbered from the recording's first tick. Short gaps of missing tick
 longer ones remain NaN, and nothing is computed across them. Only the needed columns are read.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.devices import mechanics_of
+from netboard.analysis.extraction.devices import Mechanics, mechanics_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.measures.motion import (
     Completion,
@@ -27,7 +27,7 @@ from netboard.analysis.measures.motion import (
 )
 from netboard.analysis.measures.segments import Segments, board_segments
 from netboard.analysis.measures.signals import LowPass, bridge, by_number, ticks_of
-from netboard.base.config import SIDES, Config
+from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK_SECONDS
 from netboard.recording.files.reader import Recording
@@ -53,41 +53,59 @@ def measurable(attempt: Attempt) -> bool:
 
 
 class Block:
-    """A recording in memory.
+    """A recording, or a rehearsed block, in memory.
 
     Parameters
     ----------
-    recording : Recording
-        Open recording; it is read here and not needed afterwards.
-    columns : mapping of str to ndarray, optional
-        Columns of `columns_for`, if already read; they are not copied [SI].
+    columns : mapping of str to ndarray
+        Columns of `columns_for`, without the forces if no measure needs them; they are not copied [SI].
+    attempts : sequence of Attempt
+        All attempts, in order.
+    mechanics : mapping of str to Mechanics or None
+        Mechanics of the device at each side.
     """
 
     def __init__(
         self,
-        recording: Recording,
         config: Config,
         readings: Readings,
-        columns: Mapping[str, NDArray[Any]] | None = None,
+        columns: Mapping[str, NDArray[Any]],
+        attempts: Sequence[Attempt],
+        mechanics: Mapping[Side, Mechanics | None],
     ) -> None:
-        if not recording.counts["/ticks"]:
-            raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
-        if config.physics.balls == 0:
-            raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
         self.config, self.readings = config, readings
-        names = columns_for(readings)
-        columns = recording.columns(*names) if columns is None else columns
-        ticks = columns["tick"]
+        self.attempts, self.mechanics = tuple(attempts), mechanics
+        names, ticks = columns_for(readings), columns["tick"]
         self.first = int(ticks[0])
         whole = int(ticks[-1]) + 1 - self.first
         self.missing = whole - ticks.size
         self._columns = {
             name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
             for name in names
-            if name != "tick"
+            if name in columns and name != "tick"
         }
-        self.attempts: tuple[Attempt, ...] = recording.attempts()
-        self.mechanics = mechanics_of(config, recording)
+
+    @classmethod
+    def of(
+        cls,
+        recording: Recording,
+        config: Config,
+        readings: Readings,
+        columns: Mapping[str, NDArray[Any]] | None = None,
+    ) -> "Block":
+        """Return an open recording, which is read here and not needed afterwards.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray, optional
+            Columns of `columns_for`, if already read; they are not copied [SI].
+        """
+        if not recording.counts["/ticks"]:
+            raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
+        if config.physics.balls == 0:
+            raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
+        columns = recording.columns(*columns_for(readings)) if columns is None else columns
+        return cls(config, readings, columns, recording.attempts(), mechanics_of(config, recording))
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
         """Return the same recording with other settings or columns; unchanged signals are not filtered again."""

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from netboard.analysis.extraction.fingerprint import fingerprint
+from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.recording.export.formats import library
 
@@ -39,7 +39,7 @@ def processes(workers: int) -> Crew:
     def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
         count = min(workers, len(recordings))
         spawn = multiprocessing.get_context("spawn")
-        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, _leave_stopping)
+        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, leave_stopping)
         try:
             yield pool
         except BrokenExecutor as error:
@@ -52,25 +52,27 @@ def processes(workers: int) -> Crew:
     return crew
 
 
-def _leave_stopping() -> None:
+def leave_stopping() -> None:
     """Let Ctrl-C stop only the waiting process, which stops the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def dask(address: str, patience: float = PATIENCE) -> Crew:
+def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> Crew:
     """Measure on the workers of a Dask cluster.
 
     Parameters
     ----------
     patience : float
         Timeout for the scheduler, and for a worker [s].
+    root : str
+        Module whose code must be the same there.
     """
     distributed = library("distributed", "dask")
 
     @contextmanager
     def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
         with _client(distributed, address, patience) as client:
-            _check(client, address, recordings)
+            _check(client, address, recordings, root)
             executor = client.get_executor(pure=False)
             try:
                 yield executor
@@ -97,14 +99,14 @@ def _client(distributed: Any, address: str, patience: float) -> Iterator[Any]:
         yield client
 
 
-def _check(client: Any, address: str, recordings: Sequence[Path]) -> None:
+def _check(client: Any, address: str, recordings: Sequence[Path], root: str) -> None:
     """Find workers with another version of the code, or without access to the files."""
-    for worker, account in client.run(_account, list(recordings), on_error="return").items():
+    for worker, account in client.run(_account, list(recordings), root, on_error="return").items():
         who = f"--dask {address}: its worker {worker}"
         if isinstance(account, Exception):
             raise ConfigError(f"{who} has not this netboard ({account}); install the same there")
         installed, code, unseen = account
-        if code != fingerprint():
+        if code != fingerprint(root):
             raise ConfigError(
                 f"{who} has netboard {installed} with other code or other numpy, scipy or numba than here "
                 f"({version('netboard')}); install the same there"
@@ -113,6 +115,6 @@ def _check(client: Any, address: str, recordings: Sequence[Path]) -> None:
             raise ConfigError(f"{who} does not see {unseen[0]}; recordings must lie where all machines see them")
 
 
-def _account(recordings: Sequence[Path]) -> tuple[str, str, list[Path]]:
+def _account(recordings: Sequence[Path], root: str) -> tuple[str, str, list[Path]]:
     """Return, on a worker, its netboard version and code digest, and the recordings that it cannot access."""
-    return version("netboard"), fingerprint(), [path for path in recordings if not path.is_file()]
+    return version("netboard"), fingerprint(root), [path for path in recordings if not path.is_file()]

@@ -128,6 +128,45 @@ def permutation_test(
     return Test(mean(x), p, _least(2 ** len(x), alternative), len(x), unit, exact, "sign flips")
 
 
+def permutation_p(
+    differences: NDArray[np.float64], *, rng: np.random.Generator | None = None, resamples: int = 9999
+) -> NDArray[np.float64]:
+    """Return the two-sided p values of `permutation_test` for many samples of equal size at once.
+
+    Parameters
+    ----------
+    differences : ndarray of float64, shape (k, n)
+        One difference for each unit of each sample; NaN are ignored [any].
+    rng : numpy.random.Generator or None
+        Random generator for more than 16 units, which have too many arrangements to evaluate all.
+    resamples : int
+        Number of random arrangements then, the same for all samples [1].
+
+    Returns
+    -------
+    ndarray of float64, shape (k,)
+        p values; NaN for samples of fewer than two units [1].
+
+    Raises
+    ------
+    ValueError
+        If there are too many units for all arrangements, and no generator is given.
+    """
+    n = differences.shape[1]
+    exact = 2**n <= MOST_EXACT
+    if exact:  # an arrangement and its mirror image have the same magnitude, so one of both is enough
+        signs = 1.0 - 2.0 * (np.arange(2 ** max(n - 1, 0))[:, None] >> np.arange(n) & 1)
+    elif rng is None:
+        raise ValueError(f"{2**n} arrangements are too many to look at all of them: give a random generator")
+    else:
+        signs = rng.choice([-1.0, 1.0], (resamples, n))
+    p = np.full(len(differences), np.nan)
+    for place, own in enumerate(np.nan_to_num(differences)):  # a difference of 0 is neutral in every arrangement
+        extreme = np.abs(signs @ own) >= abs(own.sum()) * (1.0 - 1e-12)
+        p[place] = extreme.mean() if exact else (extreme.sum() + 1) / (resamples + 1)
+    return np.where(np.isfinite(differences).sum(axis=1) < 2, np.nan, p)
+
+
 def permutation_test_between(
     first: ArrayLike,
     second: ArrayLike,

@@ -125,27 +125,43 @@ def fits(study: Study) -> Fits:
     Fits
         The models. A model that cannot be fitted gives the reason in its notes.
     """
-    trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
-    attempts = attempts.assign(order=_number_of(attempts))
-    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials, study))
-    peaks = count_model(trials["peaks"], *_labels(trials, study))
-    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts, study))
-    return Fits(
-        (
-            Fit("completion time", "trial", "ratio", "at the first trial", times),
-            Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
-            Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
-        ),
-        _left_out(study, len(trials)),
+    trials, attempts = (people_alone(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=number_of(attempts))
+    return Fits(fits_of(trials, attempts, study.factors), _left_out(study, len(trials)))
+
+
+def fits_of(
+    trials: pd.DataFrame, attempts: pd.DataFrame, others: Sequence[StudyFactor], level: float = 0.95
+) -> tuple[Fit, ...]:
+    """Fit all models to the trials that count, and to attempts that are numbered by `number_of`.
+
+    Parameters
+    ----------
+    others : sequence of StudyFactor
+        Further factors of the study.
+    level : float
+        Confidence level [1].
+    """
+    of_trials, of_attempts = _labels(trials, others), _labels(attempts, others)
+    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *of_trials, level=level)
+    peaks = count_model(trials["peaks"], *of_trials, level=level)
+    falls = share_model(attempts["outcome"] == "fell", *of_attempts, level=level)
+    return (
+        Fit("completion time", "trial", "ratio", "at the first trial", times),
+        Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
+        Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
     )
 
 
-def _people(rows: pd.DataFrame) -> pd.DataFrame:
+def people_alone(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the models: test trials without a robot or a still hand."""
     return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
 
 
-def _labels(rows: pd.DataFrame, study: Study) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
-    return rows["dyad"], rows["performer"], factors_of(rows, study.factors), rows["order"]
+def _labels(
+    rows: pd.DataFrame, others: Sequence[StudyFactor]
+) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+    return rows["dyad"], rows["performer"], factors_of(rows, others), rows["order"]
 
 
 def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
@@ -183,7 +199,7 @@ def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
     return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
 
 
-def _number_of(attempts: pd.DataFrame) -> pd.Series:
+def number_of(attempts: pd.DataFrame) -> pd.Series:
     """Number attempts, from 1, by the performer's trial in the condition that they belong to."""
     succeeded = (attempts["outcome"] == "success").astype("int64")
     done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()

@@ -66,7 +66,7 @@ def opened(run: Run, readings: Readings) -> Block:
     """Read a recording with everything that a reading may need."""
     everything = replace(readings, filters=replace(readings.filters, velocity="device"))
     with Recording(run.path) as recording:
-        return Block(recording, run.config, everything).again(readings)
+        return Block.of(recording, run.config, everything).again(readings)
 
 
 def again(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:

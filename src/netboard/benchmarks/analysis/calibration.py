@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from netboard.analysis.statistics.effects import careful_freedom, contrasts_of
+from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.analysis.statistics.factors import Design, design_of, paper_factors
 from netboard.analysis.statistics.random_effects import random_effects
 from netboard.analysis.statistics.restricted import restricted_fit
@@ -117,7 +118,7 @@ def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
     for place, effect in enumerate((0.0, EFFECT)):
         for term in range(len(TERMS)):
             shifted = gaps[term] + effect
-            p[place, term, 3:] = _paired(shifted), flipped(shifted)
+            p[place, term, 3:] = _paired(shifted), permutation_p(shifted)
     return p
 
 
@@ -130,7 +131,7 @@ def differences_alone(dyads: int, errors: str, studies: int, seed: tuple[int, ..
         p of the paired t test and of the permutation test [1].
     """
     gaps = ERRORS[errors](np.random.default_rng(seed), (studies, dyads))
-    return np.array([_paired(gaps), flipped(gaps)])
+    return np.array([_paired(gaps), permutation_p(gaps)])
 
 
 def _paired(gaps: Array) -> Array:
@@ -199,22 +200,6 @@ def _differences(times: Array) -> Array:
     alone, both = levels[:, :2].mean(axis=1), levels[:, 2]
     effects = alone[:, 1] - alone[:, 0], both[:, 1] - both[:, 0]
     return np.array([0.5 * (effects[0] + effects[1]), effects[1] - effects[0]])
-
-
-@lru_cache(maxsize=len(DYADS))
-def _signs(n: int) -> Array:
-    """All changes of sign, but for the mirror images."""
-    return np.array([[1.0 - 2.0 * (k >> j & 1) for j in range(n)] for k in range(2 ** (n - 1))])
-
-
-def flipped(differences: Array) -> Array:
-    """Return p of many permutation tests at once, as `analysis.statistics.exact_tests.permutation_test` does of one."""
-    signs = _signs(differences.shape[1])
-    found = np.empty(len(differences))
-    for place, own in enumerate(differences):
-        sums = np.abs(signs @ own)
-        found[place] = float((sums >= sums[0] * (1.0 - 1e-12)).mean())
-    return found
 
 
 STUDIES, QUICK, PORTION = 2000, 60, 100

@@ -84,10 +84,10 @@ def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str],
     """Yield the runs of a session in order of time."""
     in_time = sorted(found, key=lambda one: one[:2])
     for number, (_, path, metadata, config) in enumerate(in_time, start=1):
-        yield Run(path, metadata, config, _label("".join(who)), number, tuple(_people(config, metadata)))
+        yield Run(path, metadata, config, _label("".join(who)), number, tuple(people_in(config, metadata)))
 
 
-def _people(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
+def people_in(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
     """Yield the persons of a block, A before B."""
     who, block = config.session, config.block
     both: tuple[tuple[Letter, str, str], ...] = (

@@ -1,0 +1,78 @@
+"""``netboard cohort``: virtual studies with simulated participants, as tables."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from netboard.services.options import ANALYSE, STUDY_HELP, ConfigFile, Overrides, examples, load, telling
+
+app = typer.Typer()
+
+Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
+CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
+Workers = Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")]
+Dask = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
+]
+
+
+@app.command(
+    rich_help_panel=ANALYSE,
+    epilog=examples(
+        "netboard cohort paper --studies 100 --dyads 4 -o cohort",
+        "netboard cohort study.toml --studies 1000 --dyads 16 --set participant.haptic_gain=0 -o without",
+        "netboard cohort paper --studies 1000 --dyads 4 -o cohort --resume",
+        "netboard cohort paper --studies 100 --dyads 4 -o all --trials parquet --dask tcp://10.0.0.5:8786",
+    ),
+)
+def cohort(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the cohort.")],
+    study: Annotated[str, typer.Argument(metavar="[STUDY]", help=STUDY_HELP)] = "paper",
+    studies: Studies = 100,
+    dyads: Annotated[int, typer.Option(min=1, help="Dyads in each virtual study.")] = 4,
+    seed: CohortSeed = 1,
+    trials: Annotated[
+        Literal["parquet", "csv"] | None,
+        typer.Option(help="Keep a row for each attempt, too, in this format; models need them."),
+    ] = None,
+    workers: Workers = None,
+    dask: Dask = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a cohort that was interrupted, or add studies to it.")
+    ] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    r"""Simulate many virtual studies of a plan, and write their results as tables, without recordings.
+
+    Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
+    """
+    settings = load(config, overrides)
+    import time
+
+    from rich.console import Console
+
+    from netboard.analysis.cohort.folder import make_cohort
+    from netboard.analysis.cohort.virtual import Design
+    from netboard.analysis.extraction.workers import cores
+    from netboard.services.studies import load_study
+
+    design = Design(load_study(study), settings, dyads, seed, trials is not None)
+    began = time.perf_counter()
+    with telling() as tell:
+        made = make_cohort(
+            design,
+            studies,
+            output,
+            workers=workers or cores(),
+            dask=dask,
+            resume=resume,
+            ending=trials or "parquet",
+            progress=tell,
+        )
+    seconds = time.perf_counter() - began
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(
+        f"{made.folder / 'tables'}: {studies} virtual studies of {dyads} dyads; {seconds:.1f} s", markup=False
+    )

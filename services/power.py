@@ -1,0 +1,101 @@
+"""``netboard power``: power, false-positive rate and precision of a study against its number of dyads."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from netboard.base.errors import ConfigError
+from netboard.services.cohort import CohortSeed, Dask, Studies, Workers
+from netboard.services.options import ANALYSE, ConfigFile, Overrides, Study, examples, load, telling
+
+if TYPE_CHECKING:
+    from netboard.analysis.cohort.planning import Answer
+
+app = typer.Typer()
+
+
+@app.command(
+    rich_help_panel=ANALYSE,
+    epilog=examples(
+        "netboard power paper --dyads 4,8,12,16,24 --studies 200 -o power",
+        "netboard power paper --contrast 'completion time: dyadic' --trials 60,180 -o short",
+        "netboard power paper --cohort cohort --dyads 4 -o four",
+        "netboard power study.toml --dyads 8,16 --models -o models",
+    ),
+)
+def power(
+    study: Study,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="New folder of the results.")],
+    contrasts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--contrast", metavar="TEXT", help="Only contrasts with this text in MEASURE: CONTRAST; repeat for several."
+        ),
+    ] = None,
+    dyads: Annotated[str, typer.Option(metavar="N,N", help="Numbers of dyads.")] = "4,8,12,16,24",
+    trials: Annotated[
+        str, typer.Option(metavar="N,N", help="First trials of each condition, in groups of 30; default: all.")
+    ] = "0",
+    studies: Studies = 200,
+    seed: CohortSeed = 1,
+    alpha: Annotated[float, typer.Option(min=0.0001, max=0.5, help="Significance level, two-sided.")] = 0.05,
+    models: Annotated[
+        bool, typer.Option("--models", help="Also fit the models of all trials, which takes long.")
+    ] = False,
+    cohort: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Use this cohort of the study instead of simulating one."),
+    ] = None,
+    workers: Workers = None,
+    dask: Dask = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    r"""Compute what a study can find: power, false positives and precision of its contrasts by number of dyads.
+
+    Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
+    """
+    settings = load(config, overrides)
+    from netboard.analysis.cohort.planning import Request, answer
+    from netboard.analysis.extraction.workers import cores
+    from netboard.services.studies import load_study
+
+    asked = Request(
+        load_study(study),
+        settings,
+        numbers("--dyads", dyads, 2),
+        numbers("--trials", trials, 0),
+        studies,
+        seed,
+        alpha,
+        tuple(contrasts or ()),
+        models,
+    )
+    with telling() as tell:
+        found = answer(asked, output, cohort, workers=workers or cores(), dask=dask, progress=tell)
+    show(found, output)
+
+
+def numbers(option: str, text: str, least: int) -> tuple[int, ...]:
+    """Read whole numbers with commas, none below the least one."""
+    words = [word.strip() for word in text.split(",")]
+    if not all(word.isdecimal() and int(word) >= least for word in words):
+        raise ConfigError(f"{option}: found {text}, expected whole numbers from {least}, with commas")
+    return tuple(sorted({int(word) for word in words}))
+
+
+def show(found: "Answer", output: Path) -> None:
+    """Print the powers, the assumptions and a sentence."""
+    from rich.console import Console
+
+    from netboard.base.terminal import FittedTable
+
+    console = Console(highlight=False, soft_wrap=True)
+    for part in found.parts[:2]:  # the others are in power.json
+        table = FittedTable(*part["columns"], title=part["title"])
+        for row in part["rows"]:
+            table.add_row(*map(str, row))
+        console.print(table)
+    console.print(found.sentence, markup=False)
+    console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt", markup=False)

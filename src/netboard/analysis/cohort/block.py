@@ -1,0 +1,107 @@
+"""A rehearsed block as input of the measures, in memory and without a recording.
+
+The ticks are read as they come, and of each only the columns that the measures need are kept. Attempts, their quality
+flags and all measures are those that the analysis of a recording of the same block gives, computed by the same
+functions. The settings are the defaults, those of the paper.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.cohort.participants import rehearsal_of
+from netboard.analysis.extraction.details import MOVEMENTS, movements
+from netboard.analysis.extraction.devices import simulated_mechanics
+from netboard.analysis.extraction.paper import PAPER
+from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.tables import columns_of
+from netboard.analysis.extraction.trials import Block
+from netboard.base.config import SIDES
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.rehearsal.jobs import Job
+from netboard.recording.export.runs import Run, people_in
+from netboard.recording.files.offline_writer import REHEARSED, name_of
+from netboard.recording.format.summary import attempts_along
+from netboard.task.trials.quality import Referee
+
+READINGS = Readings()
+"""Settings of the measures: those of the paper."""
+
+COLUMNS = ("theta", "p", "left_used_z", "right_used_z")
+"""Columns of the ticks that the measures need; a rehearsal lacks no tick, so their numbers follow from the first."""
+
+TRIALS = (*ATTEMPT, *(field for group in PAPER for field in group.fields))
+"""Columns of the attempts of a virtual study: the measures of the paper."""
+
+PIECE = 10_000
+"""Ticks that are simulated at a time [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsed:
+    """Measured tables of a block, and how its rehearsal went.
+
+    Attributes
+    ----------
+    ticks : int
+        Simulated ticks [1].
+    given_up : bool
+        Whether the block was stopped because its participants could not do it.
+    """
+
+    measured: Measured
+    ticks: int
+    given_up: bool
+
+
+def rehearse(job: Job, place: int) -> Rehearsed:
+    """Rehearse a block, and measure its attempts.
+
+    Parameters
+    ----------
+    place : int
+        Place of the block among those of its dyad, from 1 [1].
+    """
+    rehearsal, referee = rehearsal_of(job), Referee(job.config, Safeguard.CLAMPED)
+    parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in COLUMNS}
+    flags: dict[int, tuple[str, ...]] = {}
+
+    def portions() -> Iterator[NDArray[Any]]:
+        for rows in rehearsal.pieces(PIECE):
+            for name, own in parts.items():
+                own.append(rows[name].copy())
+            flags.update((ended.release, ended.flags) for ended in referee.watch(rows, 0, len(rows)))
+            yield rows
+
+    attempts = attempts_along(portions())
+    summary = rehearsal.summary()
+    columns: dict[str, NDArray[Any]] = {name: np.concatenate(own) for name, own in parts.items()}
+    columns["tick"] = np.arange(summary.ticks)
+    mechanics = dict.fromkeys(SIDES, simulated_mechanics(job.config))
+    block = Block(job.config, READINGS, columns, attempts, mechanics)
+    return Rehearsed(_measured(run_of(job, place), block, flags), summary.ticks, summary.given_up)
+
+
+def _measured(run: Run, block: Block, flags: dict[int, tuple[str, ...]]) -> Measured:
+    """Return the tables of a block, without paths."""
+    name, takes = run.path.stem, list(block.takes())
+    turns = [place_of(name, take) | dict(row) for take in takes for row in movements(take)]
+    return Measured(
+        columns_of(BLOCKS, [block_row(run, block, repaired=False, unknown=0)]),
+        columns_of(TRIALS, [attempt_row(name, take, flags, PAPER) for take in takes]),
+        columns_of(MOVEMENTS, turns),
+        {},
+    )
+
+
+def run_of(job: Job, place: int) -> Run:
+    """Return a block with the metadata that its recording would have; the start is its place among the blocks."""
+    config, who = job.config, job.config.session
+    said = {**REHEARSED, "part": "1", "opened_utc": f"{place:06d}", "netboard": "", "config_sha256": ""}
+    people = tuple(people_in(config, said))
+    return Run(Path(name_of(config, job.session)), said, config, who.dyad + who.name, place, people)

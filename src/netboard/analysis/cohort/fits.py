@@ -1,0 +1,154 @@
+"""Power of the models of all trials: each is fitted to the first dyads of every virtual study, as to a real study.
+
+A model takes seconds, so only one study of each size is taken from a virtual study. The false-positive rate is the
+share of studies whose confidence interval misses the mean estimate of the whole cohort: there, a test of the true value
+would reject. A model that cannot be fitted rejects nothing.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import exp, log, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.cohort.folder import MANIFEST, Cohort
+from netboard.analysis.cohort.power import Power, Rate, mean_width
+from netboard.analysis.cohort.workers import run_all
+from netboard.analysis.extraction.conditions import StudyFactor
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE
+from netboard.analysis.topics.models import Fit, fits_of, number_of, people_alone
+from netboard.base.errors import ConfigError
+from netboard.recording.export.formats import Progress
+from netboard.task.studies.factors import Declared
+
+Key = tuple[int, str, str, str]
+"""Number of dyads, measure, effect, and method of inference."""
+
+MODEL = "model"
+"""Name of the test with the between-dyad degrees of freedom."""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """An effect in one study: a ratio with its confidence interval, and its p value."""
+
+    value: float
+    low: float
+    high: float
+    p: float
+
+
+def factor_of(values: Mapping[str, Any]) -> StudyFactor:
+    """Return a factor of the study from its JSON form."""
+    of = values["of"]
+    declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
+    return StudyFactor(values["name"], values["scope"], declared, values["told"])
+
+
+def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[Key, Term]:
+    """Fit all models to a virtual study with each number of dyads.
+
+    Parameters
+    ----------
+    trials : int
+        First trials of each condition that count; 0 for all [1].
+    number : int
+        Number of the virtual study [1].
+    """
+    packed = Cohort(folder).get(number)
+    rows = people_alone(pd.DataFrame(packed.tables["trials"], copy=False))
+    attempts = rows[(rows["excluded"] == 0) & rows["outcome"].isin(["success", "fell"])]
+    attempts = attempts.assign(order=number_of(attempts))
+    if trials:
+        attempts = attempts[attempts["order"] <= trials]
+    dyad = attempts["dyad"].str[1:].astype(int)
+    factors = [factor_of(one) for one in packed.factors]
+    found: dict[Key, Term] = {}
+    for size in sizes:
+        own = attempts[dyad <= size]
+        for fit in fits_of(own[own["counts"] == 1], own, factors, 1.0 - alpha):
+            found |= {(size, fit.measure, name, method): term for name, method, term in _terms(fit)}
+    return found
+
+
+def _terms(fit: Fit) -> Iterator[tuple[str, str, Term]]:
+    """Yield the effects of a model, by each of its methods."""
+    for effect in fit.model.effects:
+        if effect.name not in (INTERCEPT, PRACTICE):
+            ratio = effect.ratio
+            yield effect.name, MODEL, Term(ratio.value, ratio.low, ratio.high, effect.p)
+            for other in effect.others:
+                ratio = other.ratio
+                yield effect.name, f"{MODEL}, {other.method}", Term(ratio.value, ratio.low, ratio.high, other.p)
+
+
+def model_powers(
+    cohort: Cohort,
+    studies: int,
+    sizes: Sequence[int],
+    alpha: float,
+    trials: int,
+    *,
+    workers: int,
+    dask: str | None,
+    progress: Progress,
+) -> list[Power]:
+    """Fit all models to all studies, and return the power of each effect."""
+    if not cohort.manifest["keep_trials"]:
+        raise ConfigError(f"--models: {cohort.folder} has no trials, expected a cohort that was made with --trials")
+    task = partial(fitted, cohort.folder.absolute(), tuple(sizes), alpha, trials)
+    found: dict[int, dict[Key, Term]] = {}
+    files = [cohort.folder.absolute() / MANIFEST]
+    for number, terms in run_all(task, range(1, studies + 1), workers, dask, files):
+        found[number] = terms
+        progress(f"models of {len(found)} of {studies} studies", len(found), studies)
+    keys = dict.fromkeys(key for number in sorted(found) for key in found[number])
+    largest = max(sizes)
+    return [
+        _power(key, [found[number].get(key) for number in sorted(found)], _truth(key, found, largest), alpha, trials)
+        for key in sorted(keys, key=lambda key: key[1:])
+    ]
+
+
+def _truth(key: Key, found: Mapping[int, Mapping[Key, Term]], largest: int) -> float:
+    """Return the geometric mean of an effect over all studies with the largest number of dyads."""
+    _, measure, effect, _ = key
+    values = [
+        log(term.value)
+        for terms in found.values()
+        for (size, *names), term in terms.items()
+        if size == largest and names[:2] == [measure, effect] and np.isfinite(term.value) and term.value > 0.0
+    ]
+    return exp(float(np.mean(values))) if values else nan
+
+
+def _power(key: Key, terms: Sequence[Term | None], truth: float, alpha: float, trials: int) -> Power:
+    """Count rejections and misses."""
+    dyads, measure, effect, name = key
+    known = [term for term in terms if term is not None]
+    hits = sum(term.p <= alpha for term in known)
+    misses = sum(truth < term.low or truth > term.high for term in known)
+    ends = np.array([(term.low, term.high) for term in known]).reshape(-1, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        widths = np.log(ends[:, 1]) - np.log(ends[:, 0])
+    width, error = mean_width(widths, "ratio")
+    return Power(
+        measure=measure,
+        contrast=effect,
+        test=name,
+        dyads=dyads,
+        trials=trials,
+        studies=len(terms),
+        unit="1",
+        scale="ratio",
+        effect=truth,
+        deviation=nan,
+        power=Rate.of(hits, len(terms)),
+        false_positives=Rate.of(misses, len(terms)),
+        width=width,
+        width_error=error,
+    )

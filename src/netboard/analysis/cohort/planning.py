@@ -1,0 +1,129 @@
+"""How large must a study be? Simulates a cohort of it, or takes one, and answers with power, figure and sentences."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from netboard.analysis.cohort.fits import model_powers
+from netboard.analysis.cohort.folder import Cohort, make_cohort
+from netboard.analysis.cohort.participants import distributions
+from netboard.analysis.cohort.power import Differences, Power, differences, powers
+from netboard.analysis.cohort.report import Assumptions, by_test, parts, sentence, write
+from netboard.analysis.cohort.rows import SIZE
+from netboard.analysis.cohort.virtual import Design
+from netboard.base.config import Config, digest, parse
+from netboard.base.errors import ConfigError
+from netboard.recording.export.formats import Progress, refuse_existing
+from netboard.task.studies.study import Study, resolve_study
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is to be found out.
+
+    Attributes
+    ----------
+    dyads, trials : tuple of int
+        Numbers of dyads; first trials of each condition, 0 for all [1].
+    contrasts : tuple of str
+        Texts in ``measure: contrast``; empty for all contrasts.
+    models : bool
+        Whether models of all trials are fitted, too.
+    """
+
+    study: Study
+    config: Config
+    dyads: tuple[int, ...]
+    trials: tuple[int, ...]
+    studies: int
+    seed: int
+    alpha: float
+    contrasts: tuple[str, ...] = ()
+    models: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Powers, the tables of a page, and a sentence on the first contrast."""
+
+    powers: tuple[Power, ...]
+    parts: list[dict[str, Any]]
+    sentence: str
+
+
+def answer(
+    request: Request, folder: Path, given: Path | None, *, workers: int, dask: str | None, progress: Progress
+) -> Answer:
+    """Compute the powers, and write them to a new folder.
+
+    Parameters
+    ----------
+    given : Path or None
+        Folder of a cohort of the study; None simulates one, in ``cohort`` of the new folder.
+    """
+    refuse_existing(folder)
+    if given is None:
+        design = Design(request.study, request.config, max(request.dyads), request.seed, request.models)
+        how = {"workers": workers, "dask": dask, "progress": progress}
+        cohort = make_cohort(design, request.studies, folder / "cohort", **how)  # type: ignore[arg-type]
+        studies = request.studies
+    else:
+        cohort, studies = suitable(request, given)
+    found = [one for trials in request.trials for one in _of_contrasts(request, cohort, studies, trials)]
+    if request.models:
+        for trials in request.trials:
+            found += model_powers(
+                *(cohort, studies, request.dyads, request.alpha, trials), workers=workers, dask=dask, progress=progress
+            )
+    config = parse(cohort.manifest["config"], str(cohort.folder))
+    drawn = tuple(distributions(config, cohort.manifest["seed"]))
+    said = cohort.manifest["study"], cohort.manifest["netboard"], digest(config), cohort.manifest["seed"]
+    assumptions = Assumptions(*said, studies, cohort.manifest["dyads"], request.alpha, drawn)
+    write(folder, found, assumptions)
+    return Answer(tuple(found), parts(found, assumptions), sentence(next(iter(by_test(found).values())), assumptions))
+
+
+def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:
+    """Open a cohort, and return how many of its studies are finished.
+
+    Raises
+    ------
+    ConfigError
+        If it is of another study, has too few dyads, or no finished study.
+    """
+    cohort = Cohort(folder)
+    if cohort.manifest["plan"] != resolve_study(request.study):
+        found = cohort.manifest["study"]
+        raise ConfigError(f"--cohort {folder}: is of the study {found}, or of another version of {request.study.name}")
+    most = cohort.manifest["dyads"]
+    if max(request.dyads) > most:
+        raise ConfigError(f"--dyads: found {max(request.dyads)}, expected at most {most}, those of {folder}")
+    if not cohort.finished:
+        raise ConfigError(f"--cohort {folder}: has no finished study; continue it with netboard cohort --resume")
+    return cohort, cohort.finished
+
+
+def _of_contrasts(request: Request, cohort: Cohort, studies: int, trials: int) -> list[Power]:
+    """Return the powers of the chosen contrasts with a number of trials."""
+    first = cohort.get(1)
+    most = SIZE * int(first.tables["groups"]["group"].max())
+    if trials > most:
+        raise ConfigError(f"--trials: found {trials}, expected at most {most}, those of a condition")
+    found = differences(cohort.frames("groups", studies), first.contrasts, trials)
+    return list(powers(_chosen(found, request.contrasts), request.dyads, request.alpha, trials))
+
+
+def _chosen(found: Sequence[Differences], texts: Sequence[str]) -> list[Differences]:
+    """Return the contrasts with one of the texts; all without a text."""
+    names = [f"{one.measure}: {one.contrast}" for one in found]
+    if not names:
+        raise ConfigError("--contrast: no dyad has both conditions of a contrast, so there is nothing to compare")
+    for text in texts:
+        if not any(text.casefold() in name.casefold() for name in names):
+            raise ConfigError(f"--contrast: found {text!r}, expected a part of one of {'; '.join(names)}")
+    return [
+        one
+        for one, name in zip(found, names, strict=True)
+        if not texts or any(text.casefold() in name.casefold() for text in texts)
+    ]

@@ -1,0 +1,250 @@
+"""Power, false-positive rate and precision of paired contrasts, against the number of dyads.
+
+The virtual studies of a cohort are divided into studies of fewer dyads: consecutive dyads, so that each such study is
+counterbalanced as a real one, and none in two of them, so that they are independent. Each is tested as a real study is:
+paired t test and permutation test of the dyads' differences. Dyads are independent draws, so this is legitimate.
+
+The false-positive rate is that of the same differences minus the cohort's mean difference: there is no effect by
+construction, and spread and skewness are those of the simulated dyads. It equals one minus the coverage of the
+confidence interval.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import nan, sqrt
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.special import stdtrit
+
+from netboard.analysis.cohort.rows import KEPT, SIZE, Kept
+from netboard.analysis.statistics.exact_tests import permutation_p
+from netboard.base.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+Scale = Literal["difference", "ratio"]
+
+T_TEST, PERMUTATION = "paired t test", "permutation test"
+
+SEED = 20_220_302
+"""Seed of permutation tests with many dyads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """Within-dyad differences of one contrast in all studies.
+
+    Attributes
+    ----------
+    unit : str
+        Unit of the effect; 1 for a ratio.
+    ratio : bool
+        Whether the differences are of natural logarithms, so that the effect is a ratio.
+    gaps : ndarray of float64, shape (studies, dyads)
+        Difference of each dyad, NaN without one [unit of the measure, or 1].
+    """
+
+    measure: str
+    contrast: str
+    unit: str
+    ratio: bool
+    gaps: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Share of studies, with its Wilson confidence interval of 95 %.
+
+    Attributes
+    ----------
+    value, low, high : float
+        The share, and the limits of its Monte Carlo error [1].
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, hits: int, total: int) -> "Rate":
+        """Return the rate of hits in a number of trials."""
+        found = stats.binomtest(hits, total).proportion_ci(method="wilson")
+        return cls(hits / total, float(found.low), float(found.high))
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} ({self.low:.2f} to {self.high:.2f})"
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """Power of one test with one number of dyads.
+
+    Attributes
+    ----------
+    trials : int
+        Trials of a performer in each condition; 0 for all [1].
+    studies : int
+        Virtual studies of this size [1].
+    scale : {"difference", "ratio"}
+        Kind of the effect.
+    effect : float
+        Mean effect in the whole cohort [unit].
+    deviation : float
+        Standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
+    power, false_positives : Rate
+        Share of studies that reject no effect, with the effect and without it.
+    width, width_error : float
+        Mean width of the confidence interval; for a ratio the geometric mean of its upper limit over its lower one. And
+        the Monte Carlo standard error of that [unit].
+    """
+
+    measure: str
+    contrast: str
+    test: str
+    dyads: int
+    trials: int
+    studies: int
+    unit: str
+    scale: Scale
+    effect: float
+    deviation: float
+    power: Rate
+    false_positives: Rate
+    width: float
+    width_error: float
+
+
+def differences(
+    frames: Iterable[pd.DataFrame], contrasts: Sequence[dict[str, object]], trials: int = 0
+) -> list[Differences]:
+    """Return the differences of all contrasts of all measures.
+
+    Parameters
+    ----------
+    frames : iterable of DataFrame
+        Table of groups of each study, with equal numbers of dyads.
+    contrasts : sequence of dict
+        Declared contrasts: ``name``, and the conditions ``first`` and ``second``.
+    trials : int
+        First trials of each condition that count, a multiple of the size of a group; 0 for all [1].
+    """
+    if trials % SIZE:
+        raise ConfigError(f"--trials: found {trials}, expected a multiple of {SIZE}, the trials in a group")
+    found: dict[tuple[str, str], list[Array]] = {}
+    for frame in frames:
+        kept = frame[frame["group"] <= trials // SIZE] if trials else frame
+        for measure in KEPT:
+            levels = levels_of(kept, measure)
+            for contrast in contrasts:
+                first, second = (_level(levels, contrast[place]) for place in ("first", "second"))
+                found.setdefault((measure.measure.name, str(contrast["name"])), []).append(first - second)
+    return [
+        Differences(name, contrast, "1" if one.measure.ratio else one.measure.unit, one.measure.ratio, gaps)
+        for one in KEPT
+        for (name, contrast), rows in found.items()
+        if name == one.measure.name and np.isfinite(gaps := np.array(rows)).any()
+    ]
+
+
+def levels_of(groups: pd.DataFrame, kept: Kept) -> pd.DataFrame:
+    """Return the level of each dyad (rows, in their order) in each condition, as `topics.measures.levels` does."""
+    value, weight = kept.value(groups), groups[kept.weight]
+    known = np.isfinite(value) & (weight > 0)
+    table = groups.loc[known, ["dyad", "performer", "condition"]].assign(sum=value * weight, weight=weight)
+    sums = table.groupby(["dyad", "performer", "condition"])[["sum", "weight"]].sum()
+    levels = (sums["sum"] / sums["weight"]).groupby(level=["dyad", "condition"]).mean().unstack("condition")
+    dyads = sorted(groups["dyad"].unique(), key=lambda dyad: int(dyad[1:]))
+    return levels.reindex(index=dyads)
+
+
+def _level(levels: pd.DataFrame, conditions: object) -> Array:
+    """Return the level of each dyad in a condition, or the difference of two; NaN where a condition is missing."""
+    assert isinstance(conditions, list | tuple)
+    columns = [levels[one].to_numpy() if one in levels else np.full(len(levels), nan) for one in conditions]
+    return np.asarray(columns[0] if len(columns) == 1 else columns[0] - columns[1])
+
+
+def divided(gaps: Array, dyads: int) -> Array:
+    """Divide studies into studies of fewer dyads; dyads that are left over do not count.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, dyads)
+        Differences of the dyads of each.
+    """
+    whole = gaps.shape[1] // dyads
+    return np.asarray(gaps[:, : whole * dyads].reshape(-1, dyads))
+
+
+def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.05, trials: int = 0) -> Iterator[Power]:
+    """Yield the power of both tests of each contrast with each number of dyads."""
+    rng = np.random.default_rng(SEED)
+    for one in found:
+        mean, deviation = float(np.nanmean(one.gaps)), float(np.nanstd(one.gaps, ddof=1))
+        scale: Scale = "ratio" if one.ratio else "difference"
+        effect = float(np.exp(mean)) if one.ratio else mean
+        for dyads in sizes:
+            own = divided(one.gaps, dyads)
+            p, low, high = paired(own, alpha)
+            null, _, _ = paired(own - mean, alpha)
+            tests = {
+                T_TEST: (p, null),
+                PERMUTATION: (permutation_p(own, rng=rng), permutation_p(own - mean, rng=rng)),
+            }
+            for test, (with_effect, without) in tests.items():
+                width, error = mean_width(high - low, scale)
+                yield Power(
+                    measure=one.measure,
+                    contrast=one.contrast,
+                    test=test,
+                    dyads=dyads,
+                    trials=trials,
+                    studies=len(own),
+                    unit=one.unit,
+                    scale=scale,
+                    effect=effect,
+                    deviation=deviation,
+                    power=Rate.of(int((with_effect <= alpha).sum()), len(own)),
+                    false_positives=Rate.of(int((without <= alpha).sum()), len(own)),
+                    width=width,
+                    width_error=error,
+                )
+
+
+def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
+    """Return p of the paired t test of many studies, and the limits of the confidence interval of 1 - alpha.
+
+    Parameters
+    ----------
+    gaps : ndarray of float64, shape (studies, dyads)
+        Difference of each dyad; NaN are ignored [any].
+    """
+    known = np.isfinite(gaps)
+    n = known.sum(axis=1)
+    values = np.where(known, gaps, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = values.sum(axis=1) / n
+        spread = np.where(known, gaps - mean[:, None], 0.0)
+        error = np.sqrt((spread**2).sum(axis=1) / (n - 1) / n)
+        p = 2.0 * stats.t.sf(np.abs(mean) / error, n - 1)
+        half = stdtrit(np.maximum(n - 1, 1), 1.0 - alpha / 2.0) * error
+    return np.where(n > 1, p, nan), mean - half, mean + half
+
+
+def mean_width(widths: Array, scale: Scale) -> tuple[float, float]:
+    """Return the mean width, and its Monte Carlo standard error; NaN with fewer than two finite widths.
+
+    Parameters
+    ----------
+    widths : ndarray of float64, shape (n,)
+        Widths of the confidence intervals, of logarithms for a ratio [any].
+    """
+    known = widths[np.isfinite(widths)]
+    if len(known) < 2:
+        return nan, nan
+    mean, error = float(known.mean()), float(known.std(ddof=1) / sqrt(len(known)))
+    return (mean, error) if scale == "difference" else (float(np.exp(mean)), float(np.exp(mean) * error))

@@ -1,0 +1,182 @@
+"""Power of a study as tables, figure and sentences, each with the assumptions that it rests on."""
+
+import csv
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from netboard.analysis.cohort.figure import draw
+from netboard.analysis.cohort.participants import SHOWN
+from netboard.analysis.cohort.power import T_TEST, Power
+from netboard.analysis.topics.figure import as_bytes
+from netboard.base.errors import RecordingError
+
+ENOUGH = 0.8
+"""Power that is usually asked for [1]."""
+
+COLUMNS = (
+    ("measure", ""),
+    ("contrast", ""),
+    ("test", ""),
+    ("dyads", "1"),
+    ("trials", "per condition; 0: all"),
+    ("studies", "1"),
+    ("unit", ""),
+    ("scale", "difference or ratio"),
+    ("effect", "unit; mean of the cohort"),
+    ("deviation", "SD of the dyads' differences; of logarithms for a ratio"),
+    ("power", "1"),
+    ("power_low", "1, Wilson 95 %"),
+    ("power_high", "1, Wilson 95 %"),
+    ("false_positives", "1"),
+    ("false_positives_low", "1, Wilson 95 %"),
+    ("false_positives_high", "1, Wilson 95 %"),
+    ("width", "unit; mean width of the confidence interval; for a ratio upper over lower limit"),
+    ("width_error", "unit; Monte Carlo standard error"),
+)
+"""Columns of the table, with what they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """What the numbers rest on.
+
+    Attributes
+    ----------
+    studies, dyads : int
+        Virtual studies of the cohort, and dyads in each [1].
+    parameters : sequence of tuple
+        Parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
+    """
+
+    study: str
+    netboard: str
+    config_sha256: str
+    seed: int
+    studies: int
+    dyads: int
+    alpha: float
+    parameters: Sequence[tuple[str, str, float, float, float]]
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """Yield each assumption with its value."""
+        yield "plan", self.study
+        yield "cohort", f"{self.studies} virtual studies of {self.dyads} dyads, seed {self.seed}"
+        yield "participants", f"simulated, of netboard {self.netboard}, configuration {self.config_sha256[:12]}"
+        yield "distributions", f"median, and central 95 % of {SHOWN} participants; other parameters are constant"
+        for name, unit, middle, low, high in self.parameters:
+            if low != high:
+                shown = f" {unit}" if unit not in ("", "1") else ""
+                yield name, f"{middle:.3g} ({low:.3g} to {high:.3g}){shown}"
+        yield "dyads", "independent; a study of fewer dyads is a part of a virtual study, with its counterbalancing"
+        yield "false positives", "no effect by construction: the cohort's mean effect is subtracted"
+        yield "significance level", f"{self.alpha:g}, two-sided, not corrected for several tests"
+
+    def __str__(self) -> str:
+        return (
+            f"{self.studies} virtual studies of the plan {self.study} with {self.dyads} simulated dyads each "
+            f"(netboard {self.netboard}, configuration {self.config_sha256[:12]}, seed {self.seed})"
+        )
+
+
+def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
+    """Return a sentence for a methods section on one test of one contrast, by increasing number of dyads."""
+    enough = next((one for one in found if one.power.value >= ENOUGH), None)
+    one = enough or found[-1]
+    trials = f" and {one.trials} trials per condition" if one.trials else ""
+    reached = "" if enough else f", below {ENOUGH:g} with each simulated number of dyads"
+    unit = f" {one.unit}" if one.unit != "1" else ""
+    wide = f"spans a factor of {one.width:.3g}" if one.scale == "ratio" else f"is {one.width:.3g}{unit} wide"
+    return (
+        f"With {one.dyads} dyads{trials}, a {one.test} of {one.measure} ({one.contrast}; {one.scale} "
+        f"{one.effect:.3g}{unit}) at the level {assumptions.alpha:g} has a power of {one.power.value:.2f} (95 % Monte "
+        f"Carlo confidence interval {one.power.low:.2f} to {one.power.high:.2f}){reached}; its "
+        f"{100 * (1 - assumptions.alpha):g} % confidence interval {wide} on average. Simulated: {assumptions}."
+    )
+
+
+def by_test(found: Sequence[Power]) -> dict[tuple[str, str, str, int], list[Power]]:
+    """Return the powers of each measure, contrast, test and number of trials, by increasing number of dyads."""
+    lines: dict[tuple[str, str, str, int], list[Power]] = {}
+    for one in sorted(found, key=lambda one: one.dyads):
+        lines.setdefault((one.measure, one.contrast, one.test, one.trials), []).append(one)
+    order = {key: place for place, key in enumerate((one.measure, one.contrast, one.test, one.trials) for one in found)}
+    return dict(sorted(lines.items(), key=lambda item: order[item[0]]))
+
+
+def flat(one: Power) -> dict[str, Any]:
+    """Return the row of a power."""
+    row = {name: getattr(one, name) for name, _ in COLUMNS if hasattr(one, name)}
+    for name in ("power", "false_positives"):
+        rate = row[name]
+        row |= {name: rate.value, f"{name}_low": rate.low, f"{name}_high": rate.high}
+    return {name: row[name] for name, _ in COLUMNS}
+
+
+def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
+    """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads."""
+    sizes = sorted({one.dyads for one in found})
+    tables: list[dict[str, Any]] = [
+        {
+            "name": "about",
+            "title": "Assumptions",
+            "columns": ["", "value"],
+            "rows": [list(r) for r in assumptions.rows()],
+        }
+    ]
+    monte_carlo = "with 95 % Monte Carlo confidence intervals"
+    kinds: tuple[tuple[str, str, Callable[[Power], object]], ...] = (
+        ("power", f"Power, {monte_carlo}", lambda one: one.power),
+        ("false-positives", f"False-positive rate, {monte_carlo}", lambda one: one.false_positives),
+        ("precision", "Mean width of the confidence interval; of a ratio: upper over lower limit", _width),
+    )
+    for name, title, cell in kinds:
+        rows = []
+        for (measure, contrast, test, trials), own in by_test(found).items():
+            cells = {one.dyads: str(cell(one)) for one in own}
+            unit = "" if own[0].unit == "1" else f" {own[0].unit}"
+            head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
+            rows.append([*head, *(cells.get(size, "") for size in sizes)])
+        columns = ["measure", "contrast", "test", "trials", "effect", *(f"{size} dyads" for size in sizes)]
+        tables.append({"name": name, "title": title, "columns": columns, "rows": rows})
+    return [{**table, "verdicts": []} for table in tables]
+
+
+def _width(one: Power) -> str:
+    return f"{one.width:.3g}"
+
+
+def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> None:
+    """Write power.csv, power.json, power.png, power.svg and methods.txt."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "power.csv").open("x", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(name for name, _ in COLUMNS)
+            writer.writerows(flat(one).values() for one in found)
+        whole = {
+            "assumptions": dict(assumptions.rows()),
+            "columns": dict(COLUMNS),
+            "rows": [_plain(flat(one)) for one in found],
+            "parts": parts(found, assumptions),
+        }
+        with (folder / "power.json").open("x", encoding="utf-8") as file:
+            file.write(json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        with (folder / "methods.txt").open("x", encoding="utf-8") as file:
+            file.writelines(f"{sentence(own, assumptions)}\n" for own in by_test(found).values())
+        figure = draw([one for one in found if one.test == T_TEST], assumptions.alpha, str(assumptions))
+        for kind in ("png", "svg"):
+            with (folder / f"power.{kind}").open("xb") as image:
+                image.write(as_bytes(figure, kind))
+    except FileExistsError as error:
+        raise RecordingError(f"{error.filename}: already exists; choose another --output") from None
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row for JSON, which has no NaN."""
+    return {name: None if isinstance(value, float) and not isfinite(value) else value for name, value in row.items()}

@@ -1,0 +1,186 @@
+"""Tables of a virtual study: one row for each performer, condition and group of trials, and if wanted each attempt.
+
+A row of `GROUPS` has means with their numbers of values, so that means over groups, performers and dyads are those that
+an analysis of all trials gives.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.cohort.block import TRIALS
+from netboard.analysis.extraction.details import PERCENT
+from netboard.analysis.extraction.study import PLACE_IN_STUDY, Study
+from netboard.analysis.extraction.tables import DTYPES, Columns, count, number
+from netboard.analysis.measures.ellipses import groups_of
+from netboard.analysis.measures.performance import ENDS
+from netboard.analysis.topics.groups import CLASSES, counted
+from netboard.analysis.topics.measures import MEASURES, Measure, rows_of
+from netboard.analysis.topics.models import number_of
+from netboard.recording.format.channels import Field
+
+SIZE = ENDS
+"""Trials in a group: the paper's 30 [1]."""
+
+STUDY = count("study", "number of the virtual study, from 1")
+
+STUDIES = (
+    STUDY,
+    count("seed", "seed of its plans and participants, as for netboard session rehearse"),
+    count("dyads", "dyads in it"),
+    count("blocks", "blocks of all dyads"),
+    count("given_up", "blocks that were stopped because their participants could not do them"),
+    count("trials", "successful trials that count"),
+    count("attempts", "attempts that ended with a success, a fall or the end of their time"),
+    count("excluded", "attempts that do not count by a rule of exclusion"),
+    number("duration", "simulated time", "s"),
+)
+"""Columns of the table of virtual studies."""
+
+_LABELS = ("configuration", "force", "haptics", "partner", "role", "kind")
+_SPREAD = ("completion", "peaks", "braking_distance", "braking_velocity")
+_LABELLED = {field.name: field for field in (*PLACE_IN_STUDY, *TRIALS)}
+
+GROUPS = (
+    STUDY,
+    *(_LABELLED[name] for name in ("dyad", "performer", "condition", *_LABELS)),
+    count("group", f"number of the group of {SIZE} trials in the condition, from 1"),
+    count("trials", "successful trials that count"),
+    count("attempts", "attempts at them that ended with a success or a fall"),
+    count("falls", "of these: with a fall"),
+    number("completion", "mean completion time", "s"),
+    number("completion_sd", "standard deviation of the completion times", "s"),
+    number("log_completion", "mean natural logarithm of the completion time in s", "1"),
+    number("peaks", "mean number of velocity peaks (NP) of the ball", "1"),
+    number("peaks_sd", "standard deviation of these numbers", "1"),
+    *(
+        number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
+        for name in CLASSES
+    ),
+    count("brakings", "trials with a first braking movement"),
+    number("braking_distance", "mean distance to the target at the first braking movement", "m"),
+    number("braking_distance_sd", "standard deviation of these distances", "m"),
+    number("braking_velocity", "mean velocity towards the target at the first braking movement", "m/s"),
+    number("braking_velocity_sd", "standard deviation of these velocities", "m/s"),
+    count("movements", "cooperative movements with a delay at 20 %"),
+    *(number(f"delay_{q}", f"mean absolute delay at {q} % of the slower side's peak", "s") for q in PERCENT),
+    number("signed_delay_20", "mean delay at 20 %, left less right: + = right first", "s"),
+)
+"""Columns of the table of groups."""
+
+ATTEMPTS = (
+    STUDY,
+    *(field for field in (*PLACE_IN_STUDY, *TRIALS) if field.name != "recording"),
+    count("excluded", "1: it does not count by a rule of exclusion"),
+    number("delay_20", "mean absolute delay at 20 % over its cooperative movements", "s"),
+)
+"""Columns of the table of attempts."""
+
+KEYS = ["dyad", "performer", "condition", "group"]
+"""Columns that identify a row of `GROUPS` in a study."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A measure that can be computed from `GROUPS`.
+
+    Attributes
+    ----------
+    value : callable
+        Function of rows; returns the mean of each.
+    weight : str
+        Column with the number of values behind that mean.
+    """
+
+    measure: Measure
+    value: Callable[[pd.DataFrame], pd.Series]
+    weight: str = "trials"
+
+
+def _column(name: str) -> Callable[[pd.DataFrame], pd.Series]:
+    return lambda rows: rows[name]
+
+
+_KEPT: dict[str, tuple[Callable[[pd.DataFrame], pd.Series], str]] = {
+    "completion time": (_column("log_completion"), "trials"),
+    "velocity peaks": (_column("peaks"), "trials"),
+    "falls per attempt": (lambda rows: rows["falls"] / rows["attempts"].where(rows["attempts"] > 0), "attempts"),
+    **{f"{name} share": (_column(name), "trials") for name in CLASSES},
+    "|delay at 20 %|": (_column("delay_20"), "movements"),
+}
+
+KEPT = tuple(Kept(one, *_KEPT[one.name]) for one in MEASURES if one.name in _KEPT)
+"""The measures of a cohort, in the order of the report."""
+
+
+def fields_of(study: Study) -> dict[str, tuple[Field, ...]]:
+    """Return the columns of each table, with those of the study's factors."""
+    with_factors = {}
+    for name, own in (("groups", GROUPS), ("trials", ATTEMPTS)):
+        there = {field.name for field in own}
+        with_factors[name] = (*own, *(field for field in study.factor_fields if field.name not in there))
+    return {"studies": STUDIES, **with_factors}
+
+
+def as_columns(frame: pd.DataFrame, fields: Sequence[Field]) -> Columns:
+    """Return the columns of a table in their written form."""
+    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in fields}
+
+
+def group_rows(study: Study, number: int) -> pd.DataFrame:
+    """Summarise the trials, attempts and movements of a study in groups.
+
+    Parameters
+    ----------
+    number : int
+        Number of the virtual study [1].
+    """
+    attempts = rows_of(study, "attempt")
+    attempts = _grouped(attempts.assign(order=number_of(attempts), fell=attempts["outcome"] == "fell"))
+    factors = [field.name for field in study.factor_fields if field.name not in _LABELS]
+    first = {name: (name, "first") for name in (*_LABELS, *factors)}
+    of_attempts = attempts.groupby(KEYS, sort=False).agg(**first, attempts=("fell", "size"), falls=("fell", "sum"))
+    found = of_attempts.join(
+        [_of_trials(_grouped(counted(study))), _of_movements(_grouped(rows_of(study, "movement")))]
+    )
+    whole = found.fillna({"trials": 0, "brakings": 0, "movements": 0}).reset_index()
+    return whole.assign(study=number)
+
+
+def _grouped(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.assign(group=groups_of(rows["order"].to_numpy(), SIZE) + 1)
+
+
+def _of_trials(rows: pd.DataFrame) -> pd.DataFrame:
+    """Summarise the trials that count."""
+    values = {
+        one.measure.name: np.asarray(one.measure.values(rows), float) for one in KEPT if one.measure.of == "trial"
+    }
+    times = values["completion time"]
+    table = rows[[*KEYS, *_SPREAD]].assign(
+        log_completion=np.log(np.where(times > 0.0, times, np.nan)),
+        **{name: values[f"{name} share"] for name in CLASSES},
+    )
+    groups = table.groupby(KEYS, sort=False)
+    spreads = groups[list(_SPREAD)].std().add_suffix("_sd")
+    counts = groups.agg(trials=("completion", "size"), brakings=("braking_distance", "count"))
+    return counts.join([groups.mean(), spreads])
+
+
+def _of_movements(rows: pd.DataFrame) -> pd.DataFrame:
+    """Summarise the cooperative movements of these trials."""
+    delays = {f"delay_{q}": rows[f"delay_{q}"].abs() for q in PERCENT}
+    table = rows[KEYS].assign(**delays, signed_delay_20=rows["delay_20"])
+    groups = table.groupby(KEYS, sort=False)
+    return groups.agg(movements=("delay_20", "count")).join(groups.mean())
+
+
+def attempt_rows(study: Study, number: int) -> pd.DataFrame:
+    """Return all attempts of a study, with their mean delay and whether they are excluded."""
+    keys = ["recording", "trial", "attempt"]
+    moved = study.movements[study.movements["cooperative"] == 1]
+    delays = moved["delay_20"].abs().groupby([moved[key] for key in keys]).mean()
+    out = pd.MultiIndex.from_frame(study.trials[keys]).isin(pd.MultiIndex.from_frame(study.exclusions[keys]))
+    return study.trials.join(delays, on=keys).assign(excluded=out.astype(int), study=number)

@@ -1,0 +1,158 @@
+"""One virtual study: its dyads are drawn, do their plan, and are measured; a pure function of design and number.
+
+Virtual study k of a cohort with seed S has the seed ``S * SPACING + k`` for its plans, participants and ticks, so no
+two studies share one, in one cohort or in two. ``netboard session rehearse --seed`` with that number records the same
+dyads.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from io import BytesIO
+from typing import Any
+
+from netboard.analysis.cohort.block import READINGS, rehearse
+from netboard.analysis.cohort.participants import jobs_of_dyad
+from netboard.analysis.cohort.rows import as_columns, attempt_rows, fields_of, group_rows
+from netboard.analysis.extraction.streams import Streams
+from netboard.analysis.extraction.study import Study as Tables
+from netboard.analysis.extraction.study import study_of
+from netboard.analysis.extraction.tables import Columns
+from netboard.analysis.topics.contrasts import questions_of
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tick import TICK_SECONDS
+from netboard.recording.format.channels import Field
+from netboard.task.studies.study import Study
+
+SPACING = 1_000_000
+"""Difference of the seeds of equal studies of two cohorts whose seeds differ by one: the largest cohort [1]."""
+
+LAST_SEED = (2**31 - 1) // SPACING - 1
+"""Largest seed of a cohort [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What is simulated: plan, participants, and number of dyads in each virtual study.
+
+    Attributes
+    ----------
+    config : Config
+        Rig, scene and participants.
+    keep_trials : bool
+        Whether the tables have a row for each attempt, too.
+    """
+
+    study: Study
+    config: Config
+    dyads: int
+    seed: int
+    keep_trials: bool = False
+
+    def __post_init__(self) -> None:
+        if self.dyads < 1:
+            raise ConfigError(f"--dyads: found {self.dyads}, expected 1 or more")
+        if not 0 <= self.seed <= LAST_SEED:
+            raise ConfigError(f"--seed: found {self.seed}, expected 0 to {LAST_SEED}")
+
+    def seed_of(self, number: int) -> int:
+        """Return the seed of a virtual study [1]."""
+        return self.seed * SPACING + number
+
+
+def check(design: Design, studies: int) -> None:
+    """Refuse a cohort that cannot be simulated.
+
+    Raises
+    ------
+    ConfigError
+        If there are no studies or too many, or a block of a plan has no valid configuration or cannot be simulated.
+    """
+    if not 1 <= studies < SPACING:
+        raise ConfigError(f"--studies: found {studies}, expected 1 to {SPACING - 1}")
+    for dyad in range(1, design.dyads + 1):
+        for job in jobs_of_dyad(design.config, design.study, design.seed_of(1), dyad):
+            block = job.config.block
+            where = f"{design.study.name}: dyad {dyad}, block {block.number} ({block.label})"
+            if job.config.physics.balls == 0:
+                raise ConfigError(f"{where}: [physics] balls: found 0, expected 1 or more: without a ball no trials")
+            if block.force == "unrelated":
+                raise ConfigError(f'{where}: [block] force: found "unrelated", which takes recorded forces')
+
+
+def simulate(design: Design, number: int) -> bytes:
+    """Simulate and measure a virtual study; return its packed tables.
+
+    Parameters
+    ----------
+    number : int
+        Number of the study in the cohort, from 1 [1].
+    """
+    seed = design.seed_of(number)
+    done = [
+        rehearse(job, place)
+        for dyad in range(1, design.dyads + 1)
+        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1)
+    ]
+    study = study_of((one.measured for one in done), READINGS, {})
+    whole = {
+        "study": number,
+        "seed": seed,
+        "dyads": design.dyads,
+        "blocks": len(done),
+        "given_up": sum(one.given_up for one in done),
+        "trials": len(study.counted),
+        "attempts": len(study.trials),
+        "excluded": len(study.exclusions.drop_duplicates(["recording", "trial", "attempt"])),
+        "duration": sum(one.ticks for one in done) * TICK_SECONDS,
+    }
+    fields = fields_of(study)
+    tables = {"groups": as_columns(group_rows(study, number), fields["groups"])}
+    if design.keep_trials:
+        tables["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
+    return _packed(whole, tables, fields, study)
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """Unpacked tables of a virtual study.
+
+    Attributes
+    ----------
+    whole : mapping
+        Row of the table of studies.
+    contrasts, factors : list of dict
+        Declared contrasts and further factors of the study, as in `netboard.analysis.topics`.
+    """
+
+    whole: Mapping[str, Any]
+    tables: Mapping[str, Columns]
+    fields: Mapping[str, tuple[Field, ...]]
+    contrasts: list[dict[str, Any]]
+    factors: list[dict[str, Any]]
+
+
+def _packed(whole: Mapping[str, Any], tables: Mapping[str, Columns], fields: Any, study: Tables) -> bytes:
+    """Pack tables: a line of JSON that describes them, then an Arrow stream for each."""
+    head = {
+        "whole": whole,
+        "fields": {name: [(one.name, one.kind, one.text, one.unit) for one in fields[name]] for name in tables},
+        "contrasts": [asdict(one) for one in questions_of(study)],
+        "factors": [asdict(one) for one in study.factors],
+    }
+    sink, streams = BytesIO(), Streams("zstd")
+    sink.write(json.dumps(head).encode() + b"\n")
+    for name, columns in tables.items():
+        streams.write(sink, columns, fields[name])
+    return sink.getvalue()
+
+
+def unpack(content: bytes | memoryview) -> Packed:
+    """Read packed tables."""
+    line, _, rest = bytes(content).partition(b"\n")
+    head, streams = json.loads(line), Streams("zstd")
+    fields = {name: tuple(Field(*one) for one in own) for name, own in head["fields"].items()}
+    source = streams.source(memoryview(rest))
+    tables = {name: streams.read(source, own) for name, own in fields.items()}
+    return Packed(head["whole"], tables, fields, head["contrasts"], head["factors"])

@@ -1,0 +1,99 @@
+"""Run one task for each number: in this process, in processes of this machine, or on a Dask cluster.
+
+A process has one task at a time. If it ends too early, for want of memory or by a signal, only its task is lost:
+another process tries it once more. If that fails too, the running tasks are finished, and then there is an error.
+"""
+
+import multiprocessing
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TypeVar
+
+from netboard.analysis.extraction.workers import dask, leave_stopping
+from netboard.base.errors import NetboardError
+
+T = TypeVar("T")
+
+Task = Callable[[int], T]
+
+TRIES = 2
+"""How often a task is tried whose process ends too early [1]."""
+
+CODE = "netboard.analysis.cohort.virtual"
+"""Module whose code, with all that it imports, determines the tables of a virtual study."""
+
+AHEAD = 64
+"""Tasks that a cluster has at a time [1]."""
+
+
+def run_all(
+    task: Task[T], numbers: Sequence[int], workers: int, address: str | None = None, files: Sequence[Path] = ()
+) -> Iterator[tuple[int, T]]:
+    """Yield each number and its result as it is finished.
+
+    Parameters
+    ----------
+    task : callable
+        Function that can be pickled.
+    workers : int
+        Processes of this machine; 1: this one [1].
+    address : str or None
+        Address of a Dask scheduler, used instead of processes.
+    files : sequence of Path
+        Files that all workers of a cluster must see.
+    """
+    if not numbers:
+        return
+    with ExitStack() as stack:
+
+        def process() -> Executor:
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_stopping)
+            stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            return pool
+
+        if address is not None:
+            cluster = stack.enter_context(dask(address, root=CODE)(files))
+            yield from _run(task, numbers, AHEAD, lambda: cluster)
+        elif workers > 1:
+            yield from _run(task, numbers, workers, process)
+        else:
+            for number in numbers:
+                yield number, task(number)
+
+
+def _run(
+    task: Task[T], numbers: Sequence[int], ahead: int, executor_for: Callable[[], Executor]
+) -> Iterator[tuple[int, T]]:
+    """Keep some tasks running, each in an executor that is replaced if it breaks."""
+    waiting, lost = deque(numbers), Counter[int]()
+    running: dict[Future[T], tuple[int, Executor]] = {}
+
+    def start(executor: Executor) -> None:
+        number = waiting.popleft()
+        running[executor.submit(task, number)] = number, executor
+
+    for _ in range(min(ahead, len(waiting))):
+        start(executor_for())
+    while running:
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            number, executor = running.pop(future)
+            if not isinstance(future.exception(), BrokenExecutor):
+                yield number, future.result()
+            else:
+                lost[number] += 1
+                if lost[number] == TRIES:
+                    waiting.clear()
+                    continue
+                executor = executor_for()
+                waiting.appendleft(number)
+            if waiting:
+                start(executor)
+    for number, times in lost.items():
+        if times == TRIES:
+            raise NetboardError(
+                f"virtual study {number}: its process ended {TRIES} times before it was done, perhaps for want of "
+                "memory; finished studies are kept: try fewer --workers, with --resume"
+            )

@@ -1,0 +1,162 @@
+"""Virtual studies: the measures of an analysis of their recordings, equal tables however computed, and clear errors."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from netboard.analysis.cohort.folder import Cohort, make_cohort
+from netboard.analysis.cohort.participants import jobs_of_dyad
+from netboard.analysis.cohort.power import levels_of
+from netboard.analysis.cohort.rows import KEPT
+from netboard.analysis.cohort.virtual import LAST_SEED, Design
+from netboard.analysis.extraction.recordings import measure
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study as Tables
+from netboard.analysis.extraction.study import study_of
+from netboard.analysis.topics.measures import levels
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.nodes.rehearsal.jobs import rehearse_all
+from netboard.recording.export.runs import runs_of
+from netboard.task.studies.study import parse_study
+
+PLAN = """
+name = "short"
+block.trials = 2
+[orders]
+short = "2 dyadic"
+[factors.haptics]
+order = "alternate"
+levels.on.block.force = "full"
+levels.off.block.force = "none"
+[kinds.dyadic]
+performers = "dyad"
+"""
+
+DESIGN = Design(parse_study(PLAN, "short"), Config(), dyads=2, seed=3, keep_trials=True)
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 <= done <= total
+
+
+@pytest.fixture(scope="module")
+def cohort(tmp_path_factory: pytest.TempPathFactory) -> Cohort:
+    folder = tmp_path_factory.mktemp("cohort") / "whole"
+    return make_cohort(DESIGN, 3, folder, workers=1, progress=quiet)
+
+
+@pytest.fixture(scope="module")
+def analysed(tmp_path_factory: pytest.TempPathFactory) -> Tables:
+    """The first virtual study, recorded and analysed."""
+    folder = tmp_path_factory.mktemp("recorded")
+    for dyad in (1, 2):
+        jobs = jobs_of_dyad(DESIGN.config, DESIGN.study, DESIGN.seed_of(1), dyad)
+        rehearse_all([replace(job, folder=folder) for job in jobs], 1)
+    return study_of([measure(run, Readings()) for run in runs_of(sorted(folder.glob("*.mcap")))], Readings())
+
+
+def files(cohort: Cohort) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((cohort.folder / "tables").iterdir())}
+
+
+@pytest.mark.slow
+def test_measures_are_those_of_an_analysis_of_the_recordings(cohort: Cohort, analysed: Tables) -> None:
+    found = pd.DataFrame(cohort.get(1).tables["trials"])
+    common = [name for name in found if name in analysed.trials]
+    assert {"completion", "peaks", "cooperative", "still", "braking_distance", "order", "flags"} <= set(common)
+    expected = analysed.trials[common].reset_index(drop=True)
+    pd.testing.assert_frame_equal(found[common], expected, check_exact=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.measure.name)
+def test_levels_of_dyads_are_those_of_an_analysis(cohort: Cohort, analysed: Tables, kept) -> None:
+    found = levels_of(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
+    assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
+    assert list(found.index) == ["D01", "D02"]
+
+
+@pytest.mark.slow
+def test_tables_are_equal_with_two_processes_and_after_an_interruption(cohort: Cohort, tmp_path: Path) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(cohort.folder, folder)
+    shutil.rmtree(folder / "tables")
+    (folder / "studies" / "study-000002.tables").unlink()
+    damaged = folder / "studies" / "study-000003.tables"
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    (folder / "studies" / "killed.part").write_bytes(b"")
+    again = make_cohort(DESIGN, 3, folder, workers=2, resume=True, progress=quiet)
+    assert files(again) == files(cohort)
+    assert len(list((folder / "studies").iterdir())) == 3
+
+
+def test_no_two_studies_are_alike(cohort: Cohort) -> None:
+    table = pd.read_csv(cohort.folder / "tables" / "studies.csv")
+    assert table["seed"].tolist() == [3_000_001, 3_000_002, 3_000_003]
+    groups = pd.read_parquet(cohort.folder / "tables" / "groups.parquet")
+    assert groups["completion"].nunique() == len(groups) == 3 * 2 * 2
+    assert groups.groupby("study")["trials"].sum().tolist() == table["trials"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("design", "words"),
+    [
+        (replace(DESIGN, seed=4), r'its --seed is "3", and "4" is asked for'),
+        (replace(DESIGN, dyads=1), r"its --dyads is"),
+        (replace(DESIGN, keep_trials=False), r"its --trials is"),
+        (
+            replace(DESIGN, study=replace(DESIGN.study, order=("short",), text="other")),
+            r'its plan is .*"text = "other""',
+        ),
+    ],
+)
+def test_a_cohort_is_continued_with_its_own_settings_only(cohort: Cohort, design: Design, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make_cohort(design, 3, cohort.folder, workers=1, resume=True, progress=quiet)
+
+
+def test_a_folder_is_not_overwritten_and_not_invented(cohort: Cohort, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="already exists; continue it with --resume"):
+        make_cohort(DESIGN, 3, cohort.folder, workers=1, progress=quiet)
+    with pytest.raises(ConfigError, match=r"has no cohort.json"):
+        make_cohort(DESIGN, 3, tmp_path / "none", workers=1, resume=True, progress=quiet)
+
+
+def refused() -> Iterator[tuple[Design, int, str]]:
+    yield DESIGN, 0, "--studies: found 0, expected 1"
+    ball = replace(DESIGN.config, physics=replace(DESIGN.config.physics, balls=0))
+    yield replace(DESIGN, config=ball), 1, "balls: found 0, expected 1 or more"
+    forces = parse_study(PLAN.replace('"full"', '"unrelated"'), "forces")
+    yield replace(DESIGN, study=forces), 1, "unrelated"
+
+
+@pytest.mark.parametrize(("design", "studies", "words"), list(refused()))
+def test_what_cannot_be_simulated_is_refused_before_it_begins(
+    tmp_path: Path, design: Design, studies: int, words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make_cohort(design, studies, tmp_path / "new", workers=1, progress=quiet)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("line", "words"), [("block.trials = 0", "trials"), ('short = ""', "short")])
+def test_plans_have_blocks_with_trials(line: str, words: str) -> None:
+    key = line.partition(" =")[0]
+    text = "\n".join(line if own.startswith(f"{key} =") else own for own in PLAN.splitlines())
+    with pytest.raises(ConfigError, match=words):
+        parse_study(text, "none")
+
+
+def test_designs_have_dyads_and_seeds_of_their_own() -> None:
+    with pytest.raises(ConfigError, match="--dyads: found 0, expected 1 or more"):
+        replace(DESIGN, dyads=0)
+    with pytest.raises(ConfigError, match="--seed: found 99999"):
+        replace(DESIGN, seed=99_999)
+    assert np.iinfo(np.int32).max >= replace(DESIGN, seed=LAST_SEED).seed_of(999_999)
