@@ -163,16 +163,16 @@ def test_what_others_can_read_is_refused_with_what_to_do(
 
 def test_nothing_is_ever_overwritten(ring: keys.KeyRing, folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    with pytest.raises(ConfigError, match=r"server\.key: is there already and is left as it is"):
+    with pytest.raises(ConfigError, match=r"server\.key: already exists and was not changed"):
         keys.init(folder)
-    with pytest.raises(ConfigError, match=r"agent\.left\.key: is there already and is left as it is"):
+    with pytest.raises(ConfigError, match=r"agent\.left\.key: already exists and was not changed"):
         keys.add(folder, "agent", "left", folder)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_two_do_not_change_the_list_at_once(ring: keys.KeyRing, folder: Path) -> None:
     (folder / "authorized.toml.new").touch(0o600)
-    with pytest.raises(ConfigError, match=r"authorized\.toml\.new: is there already"):
+    with pytest.raises(ConfigError, match=r"authorized\.toml\.new: already exists"):
         keys.revoke(folder, "logger")
     assert (folder / "authorized.toml.new").exists()
 

@@ -332,7 +332,7 @@ def _write_new(path: Path, text: str) -> None:
         path.touch(mode=0o600, exist_ok=False)
         path.write_text(text, encoding="utf-8", newline="\n")
     except FileExistsError:
-        raise ConfigError(f"{path}: is there already and is left as it is") from None
+        raise ConfigError(f"{path}: already exists and was not changed") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 

@@ -151,7 +151,7 @@ class Link:
                 self._enter(session)
                 self.block = block
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._session = ""
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason

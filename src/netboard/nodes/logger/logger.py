@@ -159,8 +159,8 @@ class Logger:
     def _greet(self) -> None:
         """Send `Hello` to a server that has not answered yet or has fallen silent.
 
-        A server that has sent a welcome gets no further `Hello` while it is heard, however late its first records are.
-        Each `Hello` restarts the exchange, which over a slow link would then never finish.
+        A server that has sent a `Welcome` gets no further `Hello` while its frames arrive, however late its first
+        records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
         """
         now = self._clock()
         silent = now - self._heard_ns >= SILENT_NS
@@ -186,7 +186,7 @@ class Logger:
             case LogEnd(last=last):
                 self._end(last)
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._close(f"the server left: {reason}")
             case Refusal(reason=reason):
                 self._welcomed = False

@@ -120,7 +120,7 @@ class Listener:
             case LogBatch():
                 self._take(message)
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._welcomed = False
             case Refusal(reason=reason):
                 self._welcomed = False

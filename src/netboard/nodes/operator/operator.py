@@ -93,7 +93,7 @@ class Operator:
 
     @property
     def silent_seconds(self) -> float:
-        """Time since the server was last heard; infinite before the first time [s]."""
+        """Time since the server's last frame; infinite before the first one [s]."""
         return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
 
     def command(self, name: str, argument: str = "") -> int:
