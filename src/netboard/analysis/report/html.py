@@ -1,7 +1,7 @@
 """The HTML report of a study: one self-contained page, for reading from top to bottom or for printing.
 
 The page has no scripts, and its content security policy forbids loading anything. Names from participants,
-experimenters and file systems are escaped text. The same study gives the same bytes.
+experimenters and file systems are escaped text. The same study and provenance give the same bytes.
 """
 
 import contextlib

@@ -2,7 +2,7 @@
 
 Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
 fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause
-nobody asked for is excused for the same reason only: because an agent or the server stood still shortly before.
+nobody asked for is excused for the same reason only: because an agent or the server stalled shortly before.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ UNDISTURBED_NS = 300_000_000
 """Time without a pause that a trial must have run before a fault is made [ns]."""
 
 EXCUSED_NS = 150_000_000
-"""Longest time after a loop stood still for which a pause is attributed to it [ns]."""
+"""Longest time after a loop stalled for which a pause is attributed to the stall [ns]."""
 
 WAY_DOWN = 3
 """Steps in which the slew limit takes the largest force to zero, for an agent that was held up [1]."""
@@ -386,7 +386,7 @@ def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> 
 
 def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
     """Return whether the machine, not the fault, may have caused a pause."""
-    return "stood still" in pause.why or agents_stood_still(pause, held_up)
+    return "stalled" in pause.why or agents_stood_still(pause, held_up)
 
 
 def agents_stood_still(pause: Pause, held_up: NDArray[np.int64]) -> bool:

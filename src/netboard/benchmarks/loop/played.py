@@ -50,7 +50,7 @@ def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
 
 
 def passed_over(time_ns: Times) -> int:
-    """Return the number of ticks passed over while the loop stood still [1]."""
+    """Return the number of ticks skipped while the loop stalled [1]."""
     return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
 
 

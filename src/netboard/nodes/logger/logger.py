@@ -173,7 +173,7 @@ class Logger:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.say(f"the server sent nonsense: {error}")
+            self._nonsense.say(f"invalid message from the server: {error}")
             self._ask()
             return
         match message:
@@ -192,7 +192,7 @@ class Logger:
                 self._welcomed = False
                 if reason != self._refused:
                     self._refused = reason
-                    log.warning("the server refuses: %s", reason)
+                    log.warning("the server refused the connection: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one."""
@@ -328,7 +328,7 @@ class Logger:
             except NetboardError as error:
                 log.error("%s", error)
         if self._writer is not None and self._writer.part.exists():
-            log.error("what was written is whole up to its last chunk: netboard recover %s", self._writer.part)
+            log.error("the file is complete up to its last chunk: netboard recover %s", self._writer.part)
         self._say(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
