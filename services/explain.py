@@ -61,7 +61,7 @@ def draw(path: Path, trial: int, attempt: int | None, readings: "Readings", outp
         with output.open("xb") as file:
             file.write(as_bytes(picture.figure, kind))
     except FileExistsError:
-        raise RecordingError(f"{output}: is there already; name another --output") from None
+        raise RecordingError(f"{output}: already exists; name another --output") from None
     except OSError as error:
         raise RecordingError(f"{output}: cannot be written: {error.strerror}") from error
     return f"{output}: {picture.title} of {path.name}"

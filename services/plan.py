@@ -111,13 +111,13 @@ def check_study(config: "Config", study: "StudyData", name: str, seed: int, dyad
     else:
         sessions = len(plans[0].sessions)
         size = f"{sessions} session{'s' * (sessions > 1)}, {', '.join(by_role(plans[0].blocks))}"
-        console.print(f"{name}: valid ({size}; balanced for dyads 1 to {dyads})")
+        console.print(f"{name}: valid ({size}; equal trial counts in dyads 1 to {dyads})")
         for label, factor in study.factors.items():
             found = declared(factor)
             levels = ", ".join(level_text(found, level) for level in found.levels)
             console.print(f"  factor {label}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}")
         for uneven in balance.uneven:
-            console.print(f"  unequal over {dyads} dyads: {uneven}")
+            console.print(f"  uneven over {dyads} dyads: {uneven}")
     refuse(problems)
 
 

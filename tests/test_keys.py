@@ -104,7 +104,7 @@ def test_a_revoked_key_is_refused_at_once_and_its_successor_let_in(
     assert path == tmp_path / "carry" / "agent.left.key"
     assert ring.refuses(peer.public, "motion") == ""
     assert ring.refuses(key, "motion") != ""
-    with pytest.raises(ConfigError, match=r"no key agent\.left to revoke; good are: agent\.right, .*agent\.left-2"):
+    with pytest.raises(ConfigError, match=r"no key agent\.left to revoke; valid keys: agent\.right, .*agent\.left-2"):
         keys.revoke(folder, "agent.left")
 
 
@@ -158,29 +158,29 @@ def test_what_others_can_read_is_refused_with_what_to_do(
     path.chmod(loose)
     with pytest.raises(ConfigError) as caught:
         keys.credentials(folder, "agent.left")
-    assert str(caught.value) == f"{path}: is open to others (mode {loose:04o}); do: chmod {proper} {path}"
+    assert str(caught.value) == f"{path}: is accessible to other users (mode {loose:04o}); do: chmod {proper} {path}"
 
 
 def test_nothing_is_ever_overwritten(ring: keys.KeyRing, folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    with pytest.raises(ConfigError, match=r"server\.key: is there already and is left as it is"):
+    with pytest.raises(ConfigError, match=r"server\.key: already exists and was not changed"):
         keys.init(folder)
-    with pytest.raises(ConfigError, match=r"agent\.left\.key: is there already and is left as it is"):
+    with pytest.raises(ConfigError, match=r"agent\.left\.key: already exists and was not changed"):
         keys.add(folder, "agent", "left", folder)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_two_do_not_change_the_list_at_once(ring: keys.KeyRing, folder: Path) -> None:
     (folder / "authorized.toml.new").touch(0o600)
-    with pytest.raises(ConfigError, match=r"authorized\.toml\.new: is there already"):
+    with pytest.raises(ConfigError, match=r"authorized\.toml\.new: already exists"):
         keys.revoke(folder, "logger")
     assert (folder / "authorized.toml.new").exists()
 
 
 def test_a_lost_key_file_is_said_with_what_to_do(folder: Path) -> None:
-    with pytest.raises(ConfigError, match=r"display\.right\.key: is not there; .*netboard keys add display right, and"):
+    with pytest.raises(ConfigError, match=r"display\.right\.key: does not exist; .*netboard keys add display right, and"):
         keys.credentials(folder, "display.right")
-    with pytest.raises(ConfigError, match=r"server\.key: is not there; make it with: netboard keys init"):
+    with pytest.raises(ConfigError, match=r"server\.key: does not exist; make it with: netboard keys init"):
         keys.KeyRing(folder)
 
 

@@ -327,7 +327,7 @@ def test_the_same_study_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_a_report_that_is_there_is_not_touched(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("mine")
-    with pytest.raises(NetboardError, match=r"report\.html: is there already"):
+    with pytest.raises(NetboardError, match=r"report\.html: already exists"):
         written(tmp_path, small_study())
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("report.html", "mine")]
 

@@ -108,7 +108,7 @@ def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "trial.png"
     assert explain.draw(path, 1, None, Readings(), output).startswith(str(output))
     assert output.read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(NetboardError, match="is there already"):
+    with pytest.raises(NetboardError, match="already exists"):
         explain.draw(path, 1, None, Readings(), output)
 
 

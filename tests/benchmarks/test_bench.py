@@ -9,7 +9,7 @@ from netboard.benchmarks.harness.results import Verdict
 
 SOUND = Outcome(CASES[0], (Verdict("it holds", True, "it does"),))
 FAILED = Outcome(CASES[1], (Verdict("it holds", False, "it does not"),))
-SPOILED = replace(FAILED, disturbed="the server stood still for 28 ms")
+SPOILED = replace(FAILED, disturbed="the server stalled for 28 ms")
 
 
 def test_a_case_that_failed_counts_whatever_came_of_it() -> None:

@@ -148,7 +148,7 @@ def test_a_trial_goes_on_unless_it_is_paused() -> None:
 
 
 def test_a_pause_the_machine_made_is_excused() -> None:
-    assert goes_on()(evidence(rig=taken((pause(why="paused: the server stood still for 50 ms"),)))).holds
+    assert goes_on()(evidence(rig=taken((pause(why="paused: the server stalled for 50 ms"),)))).holds
     held_up = np.delete(trace_of(renewed()), slice(40, 95))
     excused = evidence(rig=taken((pause(100),)), traces={"left": [held_up], "right": []})
     assert goes_on()(excused).holds
@@ -229,7 +229,7 @@ def test_frames_must_be_shown_at_the_end() -> None:
 
 
 def test_a_trial_that_the_machine_had_paused_before_the_fault_is_prepared_again() -> None:
-    stood = pause(-4, "paused: the server stood still for 28 ms")
+    stood = pause(-4, "paused: the server stalled for 28 ms")
     assert disturbed(evidence(rig=taken((stood,)))) == stood.why
     for late in (pause(0, stood.why), pause(-301, stood.why)):
         assert disturbed(evidence(rig=taken((late,)))) == ""

@@ -58,13 +58,13 @@ def test_a_loop_with_gaps() -> None:
 
 
 def test_a_device_slower_than_the_loop() -> None:
-    seen = finding("new positions", track(time=np.arange(3000) // 2 * 2e-3))
+    seen = finding("position updates", track(time=np.arange(3000) // 2 * 2e-3))
     assert seen.colour == "yellow"
     assert seen.figures["rate_hz"] == pytest.approx(500, rel=0.01)
 
 
 def test_slow_answers() -> None:
-    assert finding("reading takes", track(took=np.full(3000, 2e-3))).colour == "yellow"
+    assert finding("read duration", track(took=np.full(3000, 2e-3))).colour == "yellow"
 
 
 def test_resolution_is_seen_only_of_a_stylus_that_moves() -> None:

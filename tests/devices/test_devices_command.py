@@ -33,7 +33,7 @@ def devices(*words: str) -> Result:
 def test_list() -> None:
     result = devices("list")
     assert "virtual" in result.output
-    assert "can be used" in result.output
+    assert "available" in result.output
     told = json.loads(devices("list", "--json").output)
     assert {"name": "virtual", "usable": True, "trouble": ""} in told["backends"]
 

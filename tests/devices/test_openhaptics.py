@@ -369,7 +369,7 @@ def test_a_servo_that_stands_still_is_found(open_one: Opener, fake: Fake, monkey
     stamp = device.read(monotonic_ns()).stamp_ns
     assert device.read(stamp + STALL_NS).stamp_ns >= stamp
     fake.said()
-    with pytest.raises(DeviceTimeout, match="stood still for"):
+    with pytest.raises(DeviceTimeout, match="stalled for"):
         device.read(monotonic_ns() + STALL_NS + MS)
     device.close()
     assert fake.said() == SHUTDOWN

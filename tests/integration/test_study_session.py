@@ -307,6 +307,6 @@ def test_who_does_not_agree_resumes_nothing(tmp_path: Path) -> None:
         rig.start("server", "server", *STUDY, "--resume")
         assert rig.wait("server") == 2
         assert "add --yes, or run it in a terminal" in rig.said("server")
-        assert "goes on at block 1 of 18, trial 1 of 60 (0 done)" in rig.said("server")
+        assert "resumes at block 1 of 18, trial 1 of 60 (0 done)" in rig.said("server")
         with pytest.raises(NetboardError):
             rig.until(lambda s: s.opened, seconds=1.0)

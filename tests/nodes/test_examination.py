@@ -129,7 +129,7 @@ def test_a_key_that_others_can_read_is_red() -> None:
     Path("keys/server.key").chmod(0o640)
     finding = network.secrets(OUTSIDE)
     assert finding.colour == "red"
-    assert "is open to others (mode 0640)" in finding.found
+    assert "is accessible to other users (mode 0640)" in finding.found
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, TickRecord
-from netboard.nodes.logger.subscriber import WAITED_NS, Listener
+from netboard.nodes.logger.subscriber import EARLY_WELCOME_NS, Listener
 from netboard.nodes.ports.log_port import GONE_NS, LogPort
 from netboard.recording.recovery.spill import Spill
 
@@ -134,7 +134,7 @@ def test_who_comes_to_a_session_that_goes_on_hears_it_from_then_on(rig: Rig) -> 
 
 
 def test_who_has_waited_for_the_server_hears_everything(rig: Rig) -> None:
-    rig.step(int(WAITED_NS / 20e6) + 1)
+    rig.step(int(EARLY_WELCOME_NS / 20e6) + 1)
     server = rig.serve("one")
     server.event("block_began")
     server.tick(300)
@@ -235,7 +235,7 @@ def test_a_refusal_is_said_once_and_asked_again(rig: Rig, caplog: pytest.LogCapt
     server.router.forbidden = "the key has been revoked"
     rig.step(200)
     assert [record.message for record in caplog.records if "refuses" in record.message] == [
-        "the server refuses: the key has been revoked"
+        "the server refused the connection: the key has been revoked"
     ]
     server.router.forbidden = ""
     rig.step(60)

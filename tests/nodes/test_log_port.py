@@ -210,7 +210,7 @@ def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
     rig.record(200, pump_each=10)
     news = dict(rig.port.news)
     assert news["log_spill_failed"] == {"reason": "No such file or directory"}
-    assert news["log_losing"]["cause"] in ("No such file or directory", f"{rig.spill.path}: the disk does not follow")
+    assert news["log_losing"]["cause"] in ("No such file or directory", f"{rig.spill.path}: the disk is too slow")
     assert rig.port.trouble == "the logger is too far behind"
     (tmp_path / "nowhere").mkdir()
     rig.until(lambda: rig.spill.trouble == "")

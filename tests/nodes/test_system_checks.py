@@ -160,4 +160,4 @@ def test_a_device_that_everybody_may_open_is_yellow(plugged: Path) -> None:
 def test_other_devices_are_nobodys_business(tmp_path: Path) -> None:
     at = "sys__bus__usb__devices__3-1__"
     write(tmp_path, **{f"{at}idVendor": "046d", f"{at}idProduct": "c52b"})
-    assert usb.devices(tmp_path).found == "no haptic device is plugged in"
+    assert usb.devices(tmp_path).found == "no USB haptic device found"

@@ -54,7 +54,7 @@ def test_a_standstill_moves_the_deadlines_by_whole_ticks_and_is_told_of_once(
     moved = clock.catch_up(DUE + most * TICK_NS + 1, idle)
     assert moved == most * TICK_NS
     assert clock.due_ns == DUE + moved
-    assert clock.take_gap() == f"the server stood still for {most} ms"
+    assert clock.take_gap() == f"the server stalled for {most} ms"
     assert clock.take_gap() == clock.gap == ""
 
 

@@ -173,7 +173,7 @@ def test_the_server_does_not_listen_unasked_beyond_this_machine(address: str) ->
     open_to_all = ["server", "--set", f"network.bind={address}"]
     result = runner.invoke(app, open_to_all)
     assert result.exit_code == 2
-    assert result.stderr == "netboard: keys/server.key: is not there; make it with: netboard keys init\n"
+    assert result.stderr == "netboard: keys/server.key: does not exist; make it with: netboard keys init\n"
     result = runner.invoke(app, [*open_to_all, "--set", "network.curve=off"])
     assert result.exit_code == 2
     assert f'[network] bind: found "{address}"' in result.stderr

@@ -175,8 +175,8 @@ def test_it_goes_on_with_the_trial_after_the_last_that_is_done() -> None:
     assert now.outcomes[-1][:4] == (1, 23, 2, "incomplete")
     assert now.best == 1.5
     assert resume_words(now) == (
-        "goes on at block 1 of 1, trial 23 of 60 (22 done, 3 failed attempts), attempt 3; "
-        "the attempt that was under way is kept as incomplete"
+        "resumes at block 1 of 1, trial 23 of 60 (22 done, 3 failed attempts), attempt 3; "
+        "the unfinished attempt is kept as incomplete"
     )
 
 
@@ -197,7 +197,7 @@ def test_skipped_trials_and_repeats() -> None:
     assert (now.trial, now.successes, now.skipped, now.extra) == (4, 2, 1, 2)
     assert now.repeats == Repeats(3, (1, 2))
     assert now.repeats.repeated_by(now.trial) == 1
-    assert resume_words(now) == "goes on at block 1 of 1, trial 4 of 5 (2 done, 1 skipped, 2 trials added)"
+    assert resume_words(now) == "resumes at block 1 of 1, trial 4 of 5 (2 done, 1 skipped, 2 trials added)"
 
 
 def test_a_veto_can_end_a_block() -> None:
@@ -206,7 +206,7 @@ def test_a_veto_can_end_a_block() -> None:
     assert stands(*asked, plan=plan).block == 1
     vetoed = stands(*asked, Veto(1, 1), plan=plan)
     assert vetoed.done == (1,)
-    assert resume_words(vetoed) == "goes on at the start of block 2 of 2"
+    assert resume_words(vetoed) == "resumes at the start of block 2 of 2"
 
 
 def test_a_block_whose_end_was_not_noted_is_over_when_all_is_done() -> None:
@@ -216,7 +216,7 @@ def test_a_block_whose_end_was_not_noted_is_over_when_all_is_done() -> None:
 def test_all_is_done() -> None:
     now = stands(BEGAN, BlockEnded(1, "given_up"), plan=(Planned(1, 5),))
     assert now.complete
-    assert resume_words(now) == "nothing is left to be done: all 1 blocks are over"
+    assert resume_words(now) == "nothing to resume: all 1 blocks are complete"
 
 
 def test_a_stopped_block_goes_on_unless_another_begins() -> None:

@@ -1,7 +1,7 @@
 """Time of a process: the monotonic clock and the 1 kHz pacer.
 
 Time is an integer number of nanoseconds of CLOCK_MONOTONIC (`time.monotonic_ns`), never stepped. The pacer keeps
-absolute deadlines: a late tick is followed by the next one at its own time, so that lateness never adds up. A loop that
+absolute deadlines: a deadline miss does not move the next deadline, so that lateness never adds up. A loop that
 falls far behind does not run a burst of ticks to catch up: it moves its deadlines and says by how much.
 """
 
@@ -38,7 +38,7 @@ class Pacer:
         self.due_ns += span_ns
 
     def wait(self) -> int:
-        """Sleep until the next tick is due and return how late it is [ns]."""
+        """Sleep until the next deadline and return the time since it [ns]."""
         self.due_ns += TICK_NS
         now = now_ns()
         if now < self.due_ns:

@@ -9,7 +9,7 @@
     ├── WireError                the peer broke the protocol; never our own mistake
     └── RecordingError           a recording cannot be written, read or trusted
 
-Our own misuse is a ``ValueError`` or ``TypeError``. What is expected to happen (a lost frame, a late tick, a clamped
+Our own misuse is a ``ValueError`` or ``TypeError``. What is expected to happen (a lost frame, a deadline miss, a clamped
 force, an aborted trial) is a value, an event or a counter, never an exception.
 """
 

@@ -44,7 +44,7 @@ MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 """Flags of mlockall on Linux."""
 
 PR_SET_TIMERSLACK = 29
-"""Linux prctl option: how late the kernel may wake a sleeping thread to coalesce timers."""
+"""Linux prctl option: the delay by which the kernel may wake a sleeping thread later, to coalesce timers."""
 
 AWAKE = Path("/dev/cpu_dma_latency")
 """Linux PM QoS: while this file is open, cores use only sleep states with at most the written wake-up latency."""

@@ -1,10 +1,10 @@
-"""How tables of settings, frozen dataclasses, are read from TOML text and written as TOML text.
+"""Read and write tables of settings (frozen dataclasses) as TOML.
 
-Every field is annotated with `about`: what it is, its unit and its limits. From that alone come the validation, the
-error messages, the commented template and the tables of the documentation. A problem is reported as one line with
+Every field is annotated with `about`: its description, unit and limits. The validation, the error messages, the
+commented template and the tables of the documentation all follow from it. A problem is reported as one line with
 source, table, key, what was found and what was expected, and all problems of a text are reported together.
 
-This module knows no particular setting; `netboard.base.tables` says which there are.
+This module contains no particular setting; they are in `netboard.base.tables`.
 """
 
 import dataclasses
@@ -38,16 +38,16 @@ def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
     Parameters
     ----------
     text : str
-        What it is, in one line for people.
+        One-line description for users.
     unit : str
-        SI unit symbol, "1" for a pure number, "" for what is not a quantity.
+        SI unit symbol, "1" for a pure number, "" if it is not a quantity.
     **limits
         pydantic constraints: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ``pattern``.
 
     Returns
     -------
     FieldInfo
-        The annotation; a quantity must be finite, and nothing but a whole number for a number is converted.
+        The annotation. A quantity must be finite; the only conversion is from a whole number to a float.
     """
     words = _in_words(limits)
     if unit:
@@ -57,7 +57,7 @@ def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
 
 
 def _in_words(limits: dict[str, Any]) -> str:
-    """Limits as people write them: ``> 0 and <= 10``."""
+    """Limits as text: ``> 0 and <= 10``."""
     words = [f"{sign} {limits[name]:.10g}" for name, sign in _SIGNS.items() if name in limits]
     if "min_length" in limits:
         words.append("of at least one character")
@@ -75,13 +75,13 @@ class Key:
     name : str
         Its name.
     kind : str
-        What values it takes, in words, such as "a number" or "left or right".
+        The values it takes, in words, such as "a number" or "left or right".
     unit : str
-        SI unit symbol, "1" for a pure number, "" for what is not a quantity.
+        SI unit symbol, "1" for a pure number, "" if it is not a quantity.
     limits : str
         Limits in words, empty if there are none.
     text : str
-        What it is.
+        Description.
     default : object
         Its default.
     plain_text : bool
@@ -112,7 +112,7 @@ class Table:
     path : tuple of str
         Its name in TOML, one item per dot; empty for the whole.
     text : str
-        What it holds.
+        Description.
     keys : tuple of Key
         Its keys, in order.
     tables : tuple of str
@@ -143,7 +143,7 @@ def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
     Yields
     ------
     Table
-        What there is to set.
+        A table.
     """
     hints = get_type_hints(cls, include_extras=True)
     fields = dataclasses.fields(cls)
@@ -209,7 +209,7 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
     source : str
         Name of the file, for error messages.
     overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the text.
+        Settings as ``table.key=value`` that override those of the text.
 
     Returns
     -------
@@ -307,7 +307,7 @@ def _override(values: dict[str, Any], word: str, known: dict[Path, Table]) -> Pa
 
 
 def _value_of(word: str) -> Any:
-    """Read a TOML value; what is none is taken as text, so that a shell needs no nested quotes."""
+    """Read a TOML value; anything else is taken as text, so that a shell needs no nested quotes."""
     try:
         return tomllib.loads(f"value = {word}")["value"]
     except ValueError:
@@ -335,7 +335,7 @@ def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tupl
 
 
 def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
-    """Say that there is no such key, and which was probably meant."""
+    """Report an unknown key, with the most similar known one."""
     *parent, name = path
     table = known[tuple(parent)]
     names = [*table.tables, *(key.name for key in table.keys)]
@@ -343,13 +343,13 @@ def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
     where = f"[{'.'.join(path)}]" if isinstance(found, dict) else _where(table.path, name)
     folded = {other.casefold(): other for other in names}
     near = difflib.get_close_matches(name, names, 1) or difflib.get_close_matches(name.casefold(), folded, 1)
-    at_home = [other.name for other in known.values() if _find(other, name)]
+    owners = [other.name for other in known.values() if _find(other, name)]
     if near:
         meant = folded.get(near[0], near[0]) if near[0] not in names else near[0]
         key = _find(table, meant)
         hint = f"did you mean {meant} ({key.expected})?" if key else f"did you mean [{'.'.join((*parent, meant))}]?"
-    elif at_home:
-        hint = f"it belongs in [{at_home[0]}]"
+    elif owners:
+        hint = f"it belongs in [{owners[0]}]"
     else:
         hint = f"there are {', '.join(names)}"
     return f"{where}: unknown {kind}; {hint}"

@@ -1,6 +1,6 @@
 """Tables on a terminal; no other module makes any.
 
-A row can be told from every other row at any width. The columns that identify a row come first and are never cut: not
+Every row can be identified at any width. The columns that identify a row come first and are never cut: not
 shortened with an ellipsis, and folded only where they alone are wider than the terminal. Numbers are never broken. Text
 wraps. Columns that still do not fit follow in a second table below, in which the identifying columns are repeated.
 """

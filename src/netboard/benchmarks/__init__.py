@@ -1,5 +1,5 @@
 """Benchmarks and stability studies: ``netboard bench``. Nothing of the product imports this wing.
 
-Open `harness` first: parts that are run in turn, tables with verdicts, the machine they ran on. Each room measures
-one concern: `physics`, `stability`, `loop`, `coupling`, `faults`, `recording`, `analysis`.
+Open `harness` first: it runs the parts in turn, shows their tables and checked claims, and describes the machine. Each
+room measures one concern: `physics`, `stability`, `loop`, `coupling`, `faults`, `recording`, `analysis`.
 """

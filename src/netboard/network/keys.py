@@ -45,7 +45,7 @@ SERVER = "server"
 LIST = "authorized.toml"
 LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
 
-PublicKey: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-zA-Z.:+=^!/*?&<>()\[\]{}@%$#-]{40}$")]
+Z85Key: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-zA-Z.:+=^!/*?&<>()\[\]{}@%$#-]{40}$")]
 """A Z85 encoding of 32 bytes."""
 
 T = TypeVar("T")
@@ -65,7 +65,7 @@ class Peer:
     name: str
     role: Role
     side: Literal["left", "right", ""]
-    public: PublicKey
+    public: Z85Key
     created: AwareDatetime
     revoked: AwareDatetime | None = None
 
@@ -90,8 +90,8 @@ class _KeyFile:
     __pydantic_config__ = NO_EXTRAS
     name: str
     created: AwareDatetime
-    secret: PublicKey
-    server: PublicKey | None = None
+    secret: Z85Key
+    server: Z85Key | None = None
 
 
 # --- use of keys -------------------------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ def credentials(folder: Path, peer: str) -> authenticator.Credentials:
     hint = f"make it at the server with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
     file = _read_key(path, hint)
     if file.server is None:
-        raise ConfigError(f"{path}: is not the key of a peer: it has no key of the server")
+        raise ConfigError(f"{path}: not a peer's key file: it has no key of the server")
     return authenticator.Credentials(authenticator.public_of(file.secret), file.secret, file.server)
 
 
@@ -238,7 +238,7 @@ def revoke(folder: Path, name: str) -> Peer:
         good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
         if not good:
             names = ", ".join(peer.name for peer in peers if peer.revoked is None) or "none"
-            raise ConfigError(f"{folder / LIST}: there is no key {name} to revoke; good are: {names}")
+            raise ConfigError(f"{folder / LIST}: there is no key {name} to revoke; valid keys: {names}")
         peers[good[0]] = replace(peers[good[0]], revoked=_now())
         return peers[good[0]]
 
@@ -320,7 +320,7 @@ def _list_text(peers: Iterable[Peer]) -> str:
 def _write_key(path: Path, file: _KeyFile) -> None:
     _write_new(
         path,
-        f"# A secret key of netboard: never show, copy or send it but to where {file.name} runs.\n"
+        f"# A secret key of netboard: keep it secret, and copy it only to the machine that runs {file.name}.\n"
         f"name = {to_toml(file.name)}\ncreated = {file.created.isoformat()}\nsecret = {to_toml(file.secret)}\n"
         + (f"server = {to_toml(file.server)}\n" if file.server else ""),
     )
@@ -332,7 +332,7 @@ def _write_new(path: Path, text: str) -> None:
         path.touch(mode=0o600, exist_ok=False)
         path.write_text(text, encoding="utf-8", newline="\n")
     except FileExistsError:
-        raise ConfigError(f"{path}: is there already and is left as it is") from None
+        raise ConfigError(f"{path}: already exists and was not changed") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
@@ -354,17 +354,17 @@ def _read(path: Path, hint: str) -> str:
             _refuse_open(path)
             return file.read()
     except FileNotFoundError:
-        raise ConfigError(f"{path}: is not there; {hint}") from None
+        raise ConfigError(f"{path}: does not exist; {hint}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
 
 
 def _refuse_open(path: Path) -> None:
-    """Refuse a file or folder that others than its owner may read or change."""
+    """Refuse a file or folder that other users may read or change."""
     mode = path.stat().st_mode & 0o777
     if os.name == "posix" and mode & 0o077:
         proper = "700" if path.is_dir() else "600"
-        raise ConfigError(f"{path}: is open to others (mode {mode:04o}); do: chmod {proper} {path}")
+        raise ConfigError(f"{path}: is accessible to other users (mode {mode:04o}); do: chmod {proper} {path}")
 
 
 def _parse(path: Path, text: str, adapter: TypeAdapter[T]) -> T:

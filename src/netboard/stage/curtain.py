@@ -1,10 +1,10 @@
 """The curtain: what a participant may see of a tick. The only place that makes a `View`.
 
 The server shows each station the result of `view_of` and nothing else; the replay shows the same. In a dyadic block a
-participant sees the board, the ball, the target and the own stylus; in a bimanual block the one participant sees both
-styluses, and whoever has nothing to do in a block sees neither board nor ball nor how well the others do. The partner's
-hand is never in a view. (The board itself follows both hands within some ten milliseconds, so whoever sees the board
-can infer where the partner's end is: that is the task.)
+participant sees the board, the ball, the target and their own stylus. In a bimanual block the one participant sees both
+styluses; the other, who has nothing to do, sees neither board nor ball nor the result. The partner's hand is never in
+a view. (The board itself follows both hands within some ten milliseconds, so a participant can infer the partner's end
+from the board: that is the task.)
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Curtain:
     Attributes
     ----------
     dyadic : bool
-        Two participants, each seeing only the own stylus.
+        Two participants, each seeing only their own stylus.
     ball : bool
         Whether there is a ball.
     target_distance : float

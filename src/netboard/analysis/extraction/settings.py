@@ -202,7 +202,7 @@ class Exclusions:
     pilots: Annotated[
         Literal["unless_all", "always", "never"], about("exclude pilot recordings: unless all are, always, or never")
     ] = "unless_all"
-    warm_up: Annotated[int, about("exclude so many trials at the beginning of each block", "1", ge=0, le=1000)] = 0
+    warm_up: Annotated[int, about("number of trials to exclude at the start of each block", "1", ge=0, le=1000)] = 0
     trials: Annotated[
         tuple[StrictStr, ...],
         about("trials that an experimenter has excluded: RECORDING/TRIAL: why", strict=False),

@@ -1,7 +1,7 @@
 """The HTML report of a study: one self-contained page, for reading from top to bottom or for printing.
 
 The page has no scripts, and its content security policy forbids loading anything. Names from participants,
-experimenters and file systems are escaped text. The same study gives the same bytes.
+experimenters and file systems are escaped text. The same study and provenance give the same bytes.
 """
 
 import contextlib
@@ -127,7 +127,7 @@ def _write_new(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(text, encoding="utf-8", newline="\n")
         if path.exists():
-            raise NetboardError(f"{path}: is there already; expected a folder without a report")
+            raise NetboardError(f"{path}: already exists; expected a folder without a report")
         part.rename(path)
     except OSError as error:
         raise NetboardError(f"{path}: cannot be written: {error.strerror or error}") from error

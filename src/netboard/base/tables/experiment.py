@@ -46,27 +46,27 @@ class Block:
     __pydantic_config__ = NO_EXTRAS
     number: Annotated[int, about("number of the block in its plan", "1", ge=1, le=1000)] = 1
     blocks: Annotated[int, about("how many blocks the plan has", "1", ge=1, le=1000)] = 1
-    label: Annotated[str, about("what people call the block; empty: its condition")] = ""
+    label: Annotated[str, about("label of the block, as shown; empty: its condition")] = ""
     configuration: Annotated[
-        Literal["dyadic", "bimanual"], about("two people with one hand each, or one person with both hands")
+        Literal["dyadic", "bimanual"], about("two participants with one hand each, or one participant with both hands")
     ] = "dyadic"
     performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
     station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
     force: Annotated[
         Force,
-        about("force condition: what haptic feedback the hands get"),
+        about("force condition: which forces the haptic feedback contains"),
     ] = "full"
-    force_scale: Annotated[float, about("what is felt is multiplied by this", "1", ge=0, le=2)] = 1.0
-    force_delay_ms: Annotated[int, about("what is felt comes so much later", "ms", ge=0, le=500)] = 0
+    force_scale: Annotated[float, about("factor of the commanded force", "1", ge=0, le=2)] = 1.0
+    force_delay_ms: Annotated[int, about("added delay of the commanded force", "ms", ge=0, le=500)] = 0
     catch: Annotated[
         tuple[StrictInt, ...],
-        about("catch trials: the numbers of those in which nothing is felt", max_length=1000, strict=False),
+        about("numbers of the catch trials, which have no haptic feedback", max_length=1000, strict=False),
     ] = ()
     trial_scales: Annotated[
         tuple[float, ...],
-        about("factor of the felt force in each trial, in place of force_scale; repeated from the first", strict=False),
+        about("force_scale of each trial, in place of force_scale; the list repeats", strict=False),
     ] = ()
-    unrelated: Annotated[str, about('recording whose forces are felt with force = "unrelated"')] = ""
+    unrelated: Annotated[str, about('recording whose forces are rendered with force = "unrelated"')] = ""
     left: Annotated[
         Literal["person", "still", "robot"],
         about("who moves the left hand: a person, nobody (it is held still at height 0), or a simulated partner"),
@@ -74,17 +74,17 @@ class Block:
     right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
     duration: Annotated[
-        float, about("no trial begins after so long; 0: only the number of trials counts", "s", ge=0, le=36_000)
+        float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)
     ] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
     rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
     instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
-    questionnaires: Annotated[str, about("what the operator is to ask after the block, in words; empty: nothing")] = ""
+    questionnaires: Annotated[str, about("what the operator asks after the block; empty: nothing")] = ""
     seed: Annotated[int, about("seed of everything random in the session", "1", ge=0, lt=2**31)] = 1
 
     @property
     def haptics(self) -> bool:
-        """Whether the hands feel anything."""
+        """Whether there is haptic feedback."""
         return self.force != "none"
 
 
@@ -127,10 +127,10 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """What makes a trial doubtful: rules that are declared before, and applied by code."""
+    """Rules by which an attempt is flagged. Declare them before the data are collected."""
 
     __pydantic_config__ = NO_EXTRAS
-    late_ticks: Annotated[int, about("most ticks of a trial that may be late", "1", ge=0, le=1_000_000)] = 20
+    late_ticks: Annotated[int, about("largest number of deadline misses in a trial", "1", ge=0, le=1_000_000)] = 20
     lost_share: Annotated[float, about("largest share of a trial without a fresh sample", "1", ge=0, le=1)] = 0.02
     clipped_share: Annotated[float, about("largest share with a force at its limit", "1", ge=0, le=1)] = 0.05
     saturated_share: Annotated[
@@ -146,7 +146,7 @@ class Quality:
         float, about("longest time between two frames of a display while the board moves", "ms", gt=0, le=60_000)
     ] = 250.0
     repeat: Annotated[
-        Literal["none", "flagged"], about("flagged: a doubtful trial is repeated at the end of its block")
+        Literal["none", "flagged"], about("flagged: a trial with a flagged attempt is repeated at the end of its block")
     ] = "none"
 
 

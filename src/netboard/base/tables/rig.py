@@ -37,7 +37,7 @@ class Network:
     ] = 0.5
     delay_action: Annotated[
         Literal["warn", "soften", "disarm"],
-        about("a hand's loop takes more than half of what is stable: say so, soften what is felt, or pause the trial"),
+        about("action if the latency exceeds half of the largest stable delay: warn, reduce the force, pause the trial"),
     ] = "warn"
     view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
     log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
@@ -51,7 +51,7 @@ class Network:
 
 @dataclass(frozen=True, slots=True)
 class Realtime:
-    """What each process asks its machine for; what is refused is said, and the process goes on without it."""
+    """Real-time resources that each process requests. If one is refused, the process logs it and continues without."""
 
     __pydantic_config__ = NO_EXTRAS
     scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
@@ -66,7 +66,7 @@ class Realtime:
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """Limits the agent enforces next to the motor, whatever it is told."""
+    """Limits that the agent enforces at the motor, whatever force is commanded."""
 
     __pydantic_config__ = NO_EXTRAS
     max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
@@ -85,9 +85,9 @@ class Safety:
     ] = 100.0
     hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
     arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
-    arm_gate: Annotated[float, about("arming waits until the wanted force is below this", "N", gt=0, le=5)] = 0.2
+    arm_gate: Annotated[float, about("arming waits until the commanded force is below this", "N", gt=0, le=5)] = 0.2
     passivity: Annotated[
-        StrictBool, about("true: the agent keeps forces that come late from making energy (passivity control)")
+        StrictBool, about("true: passivity control: delayed forces generate no energy")
     ] = False
 
 
@@ -117,9 +117,9 @@ class Agent:
     ] = 0
     velocity: Annotated[
         Literal["device", "adaptive", "chai3d", "difference", "alpha_beta", "kalman"],
-        about("who estimates the stylus' velocity: the device or its driver, or netboard from the positions, and how"),
+        about("source of the stylus velocity: the device or its driver, or an estimator of netboard from the positions"),
     ] = "device"
-    options: Annotated[dict[str, str | int | float | bool], about("options handed to the device backend")] = field(
+    options: Annotated[dict[str, str | int | float | bool], about("options of the device backend")] = field(
         default_factory=dict
     )
 
@@ -148,14 +148,14 @@ class Display:
     mm_per_pixel: Annotated[
         float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)
     ] = 0.0
-    language: Annotated[str, about("en, de, fr, es, it, or a file of words", min_length=1)] = "en"
-    smooth: Annotated[StrictBool, about("true: what moves is drawn at every refresh, between the views")] = True
-    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white in a trial")] = False
+    language: Annotated[str, about("en, de, fr, es, it, or a TOML file with the texts", min_length=1)] = "en"
+    smooth: Annotated[StrictBool, about("true: motion is interpolated, so that every refresh of the screen shows a new position")] = True
+    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white during a trial")] = False
     markers: Annotated[
         str, about("where trial events are marked as they are painted: none, lsl, or a serial port such as /dev/ttyS0")
     ] = "none"
     link_timeout_ms: Annotated[
-        float, about("without a view for this long the window blanks", "ms", gt=0, le=60_000)
+        float, about("the window blanks after this time without a view", "ms", gt=0, le=60_000)
     ] = 500.0
 
 

@@ -19,8 +19,8 @@ class Physics:
     M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
     m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
     g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
-    k_h: Annotated[float, about("stiffness of the coupling between stylus and board", "N/m", ge=0, le=10_000)] = 200.0
-    c_h: Annotated[float, about("damping of the coupling between stylus and board", "N s/m", ge=0, le=100)] = 2.0
+    k_h: Annotated[float, about("stiffness of the virtual coupling between stylus and board", "N/m", ge=0, le=10_000)] = 200.0
+    c_h: Annotated[float, about("damping of the virtual coupling between stylus and board", "N s/m", ge=0, le=100)] = 2.0
     k_s: Annotated[float, about("stiffness of the spring from board centre to origin", "N/m", ge=0, le=10_000)] = 140.0
     l: Annotated[float, about("control point to board centre", "m", gt=0, le=2)] = 0.25  # noqa: E741
     I: Annotated[float, about("moment of inertia of the board", "kg m2", gt=0, le=10)] = 0.0004  # noqa: E741
@@ -34,7 +34,7 @@ class Physics:
     ] = "loads_board"
     model: Annotated[
         Literal["paper", "lagrangian"],
-        about("the paper's equations, or those of Lagrange for the same scene: with the ball's inertia on the board"),
+        about("equations of motion: the paper's, or the full Lagrangian, in which the ball's inertia acts on the board"),
     ] = "paper"
     board: Annotated[
         Literal["free", "hinged", "level"],
@@ -56,9 +56,9 @@ class Physics:
         float, about("height of a ball's centre above the board, in the lagrangian model", "m", ge=0, le=0.2)
     ] = 0.0
     ball_stop: Annotated[
-        float, about("where stops turn a ball back, from the board's centre; 0: there are none", "m", ge=0, le=2)
+        float, about("distance of the ball stops from the board's centre; 0: no stops", "m", ge=0, le=2)
     ] = 0.0
-    restitution: Annotated[float, about("share of its speed that a stop gives back to a ball", ge=0, le=1)] = 0.0
+    restitution: Annotated[float, about("coefficient of restitution of the ball stops", ge=0, le=1)] = 0.0
     b_p: Annotated[float, VISCOUS, about("viscous friction between ball and board", "N s/m", ge=0, le=100)] = 0.0
     rolling_resistance: Annotated[
         float, ROLLING, about("coefficient of rolling resistance of a ball: force over normal load", "1", ge=0, le=1)
@@ -67,7 +67,7 @@ class Physics:
     b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
     hold: Annotated[
         Extrapolation,
-        about("how a stylus moves after its last sample: not at all, with its velocity, or with its acceleration too"),
+        about("extrapolation of a stylus after its newest sample: zero-order hold, constant velocity or acceleration"),
     ] = "ca"
     method: Annotated[
         Literal[
@@ -83,7 +83,7 @@ class Physics:
             "dop853",
             "exact",
         ],
-        about("how the board is stepped; auto: whatever holds the scene, rk4 if it does; exact: for a level board"),
+        about("numerical integrator; auto: rk4, or another method where rk4 is unstable; exact: for a level board only"),
     ] = "auto"
     substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
 

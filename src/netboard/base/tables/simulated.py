@@ -15,12 +15,12 @@ OfPlan = Literal["plan"]
 
 @dataclass(frozen=True, slots=True)
 class VirtualDevice:
-    """The simulated device of the ``virtual`` backend; "model" stands for its model's number."""
+    """The simulated device of the ``virtual`` backend; "model" stands for the value of its model."""
 
     __pydantic_config__ = NO_EXTRAS
     model: Annotated[
         Literal["touch", "omni", "touch_x", "premium_1_5", "premium_3_0", "falcon", "omega_3"],
-        about("device that it stands for, whose numbers count where none is written"),
+        about("simulated device; its values are the defaults of the keys below"),
     ] = "touch"
     mass: Annotated[float, about("apparent mass at the stylus", "kg", gt=0, le=5)] | OfModel = "model"
     friction: Annotated[float, about("Coulomb friction of the mechanism", "N", ge=0, le=5)] | OfModel = "model"
@@ -28,8 +28,8 @@ class VirtualDevice:
     resolution: (
         Annotated[float, about("size of one encoder step at the stylus; 0: none", "m", ge=0, le=0.01)] | OfModel
     ) = "model"
-    max_force: Annotated[float, about("largest force the motors give", "N", gt=0, le=40)] | OfModel = "model"
-    continuous_force: Annotated[float, about("largest force they give for ever", "N", gt=0, le=40)] | OfModel = "model"
+    max_force: Annotated[float, about("peak force of the motors", "N", gt=0, le=40)] | OfModel = "model"
+    continuous_force: Annotated[float, about("largest continuous force of the motors", "N", gt=0, le=40)] | OfModel = "model"
     workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] | OfModel = "model"
     cable_stiffness: (
         Annotated[float, about("stiffness between motors and stylus; 0: rigid", "N/m", ge=0, le=100_000)] | OfModel
@@ -45,14 +45,14 @@ class VirtualDevice:
         | OfModel
     ) = 0.0
     read_latency_ms: Annotated[
-        float, about("time from a position to its reading, of which the device does not know", "ms", ge=0, le=1000)
+        float, about("time from a position to its reading; the device's time stamps do not include it", "ms", ge=0, le=1000)
     ] = 0.0
-    write_latency_ms: Annotated[float, about("time from a force's writing to its acting", "ms", ge=0, le=1000)] = 0.0
+    write_latency_ms: Annotated[float, about("time from writing a force to its rendering", "ms", ge=0, le=1000)] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Participant:
-    """The simulated person: arm, senses and controller."""
+    """The simulated participant: arm, senses and controller."""
 
     __pydantic_config__ = NO_EXTRAS
     arm_mass: Annotated[float, about("effective mass of hand and arm", "kg", gt=0, le=10)] = 0.5
@@ -72,9 +72,9 @@ class Participant:
     ] = 0.0
     reflex_delay: Annotated[float, about("delay of the reflexes", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
-    kp: Annotated[float, about("wanted ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
-    kd: Annotated[float, about("wanted ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
-    max_tilt_deg: Annotated[float, about("largest tilt asked for", "deg", gt=0, le=45)] = 2.97
+    kp: Annotated[float, about("desired ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
+    kd: Annotated[float, about("desired ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
+    max_tilt_deg: Annotated[float, about("largest desired tilt", "deg", gt=0, le=45)] = 2.97
     lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
     threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 1.13
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
@@ -82,8 +82,8 @@ class Participant:
     movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.30
     movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
     amplitude_cv: Annotated[float, about("variability of a submovement's amplitude", "1", ge=0, le=2)] = 0.08
-    visual_delay: Annotated[float, about("delay of what is seen", "s", ge=0, le=2)] = 0.175
-    haptic_delay: Annotated[float, about("delay of what is felt", "s", ge=0, le=2)] = 0.070
+    visual_delay: Annotated[float, about("visual delay", "s", ge=0, le=2)] = 0.175
+    haptic_delay: Annotated[float, about("haptic delay", "s", ge=0, le=2)] = 0.070
     reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
     position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.0026
     velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087

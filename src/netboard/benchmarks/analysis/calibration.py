@@ -45,7 +45,7 @@ SLOPES = (0.08, 0.3)
 """Standard deviations of the haptic effect, of dyads and of performers: below and above the trials' noise [log]."""
 
 EFFECT = -0.2
-"""The effect whose power is told: haptics make times 18 % shorter [log of the time]."""
+"""The effect whose power is reported: haptic feedback shortens times by 18 % [log of the time]."""
 
 LEVEL = 0.05
 """Significance level: a test rejects if p is at most this [1]."""
@@ -76,11 +76,11 @@ def _heavy(rng: np.random.Generator, size: tuple[int, ...]) -> Array:
 
 
 ERRORS: dict[str, Draw] = {"normal": _normal, "skewed": _skewed, "t4": _heavy, "AR(.5)": _normal}
-"""What dyads, performers and trials deviate by, of variance 1; the last one has successive trials correlated."""
+"""Distributions of the deviations, of variance 1; in the last one successive trials are correlated."""
 
 
 ALONE = 5
-"""Differences of dyads alone are drawn so many times as often as studies: they cost little [1]."""
+"""Number of draws of dyad differences for each simulated study; these draws are cheap [1]."""
 
 
 @dataclass(frozen=True, slots=True)

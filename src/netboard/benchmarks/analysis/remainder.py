@@ -1,4 +1,4 @@
-"""All of an analysis but its tables: numbers, pictures, the report, files."""
+"""Cost of an analysis after its tables are complete: results, figures, report and files."""
 
 from collections.abc import Sequence
 from pathlib import Path

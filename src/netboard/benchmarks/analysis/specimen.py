@@ -1,4 +1,4 @@
-"""A study to be analysed: the paper's plan with simulated people, of as many dyads, blocks and trials as are wanted."""
+"""A study to analyse: the paper's plan with simulated participants and any number of dyads, blocks and trials."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 SEED = 1
-"""Of plans and people [1]."""
+"""Seed of the plans and of the simulated participants [1]."""
 
 OPENED_NS = 1_790_000_000_000_000_000
 """When the first block was begun, as the recordings say [ns]."""

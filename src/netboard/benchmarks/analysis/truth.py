@@ -1,8 +1,8 @@
-"""Trials whose numbers are known beforehand: closed-form hands and ball, written as a recording without any measure.
+"""Trials with known measures: closed-form movements of hands and ball, written as a recording.
 
 Nothing of `netboard.analysis` is used here. The ball rolls to the target in minimum-jerk submovements, some back and
-forth, and then rests; both hands turn the board in minimum-jerk movements, one so much later than the other; forces are
-sines. What each measure should say follows from these formulas, sampled at 1 kHz.
+forth, and then rests. Both hands turn the board in minimum-jerk movements, one with a fixed delay after the other.
+Forces are sines. The true value of each measure follows from these formulas, sampled at 1 kHz.
 """
 
 from collections.abc import Mapping
@@ -27,17 +27,17 @@ IDLE = 2500
 """Ticks between two trials, in which the hands go back [1]."""
 
 SHORT = 1
-"""Each fourth trial is recorded so many samples short of a whole hold: its completion time is only told [1]."""
+"""Samples missing from the hold in every fourth trial, whose completion time is then given instead of measured [1]."""
 
 FORCES = (1.0, 0.7), (1.5, 0.9)
 """Size and frequency of the left hand's force and the right one's [N, Hz]."""
 
 TREMOR = 1e-5
-"""Of both hands, once a second [m]."""
+"""Amplitude of the tremor of both hands, at 1 Hz [m]."""
 
 FASTER = np.radians(1.0)
 STILL = 0.003
-"""The paper's limits: of a board that turns [rad/s], of a hand that moves [m/s]."""
+"""The paper's thresholds: of a turning board [rad/s], of a moving hand [m/s]."""
 
 Wave = NDArray[np.float64]
 

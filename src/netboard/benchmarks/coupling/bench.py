@@ -1,7 +1,7 @@
 """``netboard bench coupling``: maximum stable delay of the virtual coupling, in theory and simulation.
 
-Every part is a table with verdicts, which are computed. Nothing here depends on the time of day or on the machine, but
-for how long it takes.
+Every part is a table with claims that are checked against its numbers. Apart from its duration, nothing here depends on
+the machine.
 """
 
 import math

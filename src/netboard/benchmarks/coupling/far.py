@@ -1,9 +1,9 @@
-"""A dyad far from its server, in simulated time: what netboard is made of, with delays in between.
+"""A dyad far from its server, in simulated time: netboard's own parts with network delays between them.
 
-The stage, the server's seats, the messages in their fixed form, the virtual devices, the agent's copy of the coupling,
-its passivity control and its safety chain are those of a session, called in the order of a session; only sockets and
-clocks are left out. Every millisecond each agent reads its stylus, and at the same moment the server does its tick with
-what has arrived. A frame is so many whole milliseconds on its way; all clocks agree, and are known to.
+The stage, the server's peers, the fixed-form messages, the virtual devices, the agent's copy of the virtual coupling,
+its passivity control and its safety chain are those of a session and run in the same order. Only sockets and clocks are
+left out. Every millisecond each agent reads its stylus, and at the same moment the server computes its tick from the
+samples that have arrived. Network delays are whole milliseconds; clock offsets are zero and known.
 """
 
 from collections import deque
@@ -35,7 +35,7 @@ READY = 10
 """Ticks until both devices are armed and the trial runs, with a margin [1]."""
 
 ARMED = 1e-3
-"""Duration of the force ramp, within the first tick with forces [s]."""
+"""Duration of the force ramp; it ends within the first armed tick [s]."""
 
 _COMMAND = (TICK.names or ()).index("command")
 _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Force, Point))
@@ -211,7 +211,7 @@ class Far:
             station.tell(self._answer(place, now_ns))
 
     def _answer(self, place: int, now_ns: int) -> NDArray[np.uint8]:
-        """Write what one side is told of a tick."""
+        """Write the frame that one side receives after a tick."""
         words: Any = self._words
         if self._both:
             samples.tell_point(words, self._row, self._seats, self._gains, place, self._ends, now_ns)

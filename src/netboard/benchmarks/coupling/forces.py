@@ -1,7 +1,7 @@
-"""``netboard bench forces``: what both hands feel of one movement under each of the five force conditions.
+"""``netboard bench forces``: commanded forces of both hands in one movement under each of the six force conditions.
 
 Two styluses carry the ball from one target to the other along a smooth path, the right hand doing more than the left
-and both swaying up and down together. The same samples go through five stages that differ in the force condition alone,
+and both swaying up and down together. The same samples go through six stages that differ in the force condition alone,
 without sockets and clocks, so the figure is the same on every machine. The unrelated force is that of another movement
 by other hands.
 """
@@ -29,16 +29,16 @@ TICKS, QUICK_TICKS = 4300, 2000
 """Length of the movement [1]."""
 
 SETTLED = 100
-"""From then on the board has come to rest under its hands, and what is compared is no transient of the start [1]."""
+"""Ticks after which the transient of the start has decayed; only later ticks are compared [1]."""
 
 
 @dataclass(frozen=True)
 class Movement:
-    """How two hands carry the ball over.
+    """A movement of two hands that carries the ball from one target to the other.
 
-    - `sway`: both hands go up and down together by so much [m].
-    - `rate`: so often [Hz].
-    - `duration`: the ball takes so long [s].
+    - `sway`: amplitude of the common up-and-down movement [m].
+    - `rate`: its frequency [Hz].
+    - `duration`: duration of the ball's movement [s].
     """
 
     share: float

@@ -1,6 +1,6 @@
-"""A stylus that is let go: 10 mm from rest, with friction, encoder steps, and every limit of the safety chain.
+"""A stylus released 10 mm from rest, with friction, encoder steps, and every limit of the safety chain.
 
-Whoever tries the loop gently may find it quiet where it is not: friction holds a small motion and not a large one.
+Friction damps a small motion but not a large one, so a loop that is stable for small motions may still oscillate.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,16 +21,16 @@ from netboard.participants.device_models import resolved
 from netboard.physics.stability.delayed_coupling import At, is_stable
 
 RELEASED = 0.010
-"""A stylus is let go so far from rest [m]."""
+"""Distance from rest at the release [m]."""
 
 LED, WAITED = 300, 200
-"""It is led there in so long a time, and held for so long [ms]."""
+"""Durations of the movement to that place, and of the hold there [ms]."""
 
 SECONDS = 4
-"""It is watched for so long [s]."""
+"""Observation time after the release [s]."""
 
 QUIET = 0.5e-3
-"""A stylus that moves by less, from end to end, is at rest: some encoder steps [m]."""
+"""Peak-to-peak movement below which a stylus counts as at rest: some encoder steps [m]."""
 
 FRICTION = resolved(VirtualDevice()).friction
 
@@ -40,11 +40,11 @@ QUICK_WAYS = (2, 10)
 
 @dataclass(frozen=True)
 class Release:
-    """What became of it.
+    """Outcome of a release.
 
-    - `swing`: how far it moved in the last second, from end to end [m].
+    - `swing`: peak-to-peak movement in the last second [m].
     - `rest`: time until it stayed within `QUIET` of where it came to rest; infinite if it did not [s].
-    - `cut`: the safety chain took the force away on the way: the stylus was too fast.
+    - `cut`: the safety chain cut the force because the stylus was too fast.
     """
 
     swing: float

@@ -1,7 +1,7 @@
-"""What makes a long delay bearable, and what it costs: passivity control, wave variables, and the coupling in both.
+"""Methods that tolerate a long delay, and their cost: passivity control, wave variables, and coupling in both.
 
-Passivity control and the coupling in both are the service's own. Wave variables are here for comparison only: a loop of
-the virtual device and a fixed end with the couplings of the paper, and waves in place of positions and forces.
+Passivity control and coupling in both are netboard's own. Wave variables are here for comparison only: a loop of the
+virtual device and a fixed end with the paper's virtual coupling, and wave variables in place of positions and forces.
 
 G. Niemeyer, J.-J. E. Slotine, Stable adaptive teleoperation, IEEE J. Oceanic Engineering 16 (1991).
 """
@@ -149,7 +149,7 @@ def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
 
 
 def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Measure what a hand feels of the paper's coupling."""
+    """Measure the stiffness and damping that the virtual coupling renders to a hand."""
     rows: list[tuple[Value, ...]] = []
     for i, way in enumerate(ways):
         for frequency in FREQUENCIES:
@@ -177,10 +177,10 @@ def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
 # --- in everyday use ---------------------------------------------------------------------------------------------
 
 SUBMOVEMENT = 313
-"""A movement takes so long, as the simulated people's do [ms]."""
+"""Duration of a movement, that of the simulated participants [ms]."""
 
 PAUSE = 200
-"""And so long after it the hand rests [ms]."""
+"""Rest of the hand after a movement [ms]."""
 
 
 def everyday_part(ways: Sequence[int], tell: Tell) -> Part:

@@ -275,7 +275,7 @@ def _word(outcome: Outcome) -> str:
 
 
 def _verdict(outcome: Outcome) -> Verdict:
-    """Return a case as one verdict: what fails, or what was found."""
+    """Return a case as one checked claim, with what failed or what was found."""
     claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
     if outcome.refusal:
         return Verdict(claim, True, f"not played: {outcome.refusal}")

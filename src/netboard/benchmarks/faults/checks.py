@@ -2,7 +2,7 @@
 
 Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
 fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause
-nobody asked for is excused for the same reason only: because an agent or the server stood still shortly before.
+nobody asked for is excused for the same reason only: because an agent or the server stalled shortly before.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ UNDISTURBED_NS = 300_000_000
 """Time without a pause that a trial must have run before a fault is made [ns]."""
 
 EXCUSED_NS = 150_000_000
-"""Longest time after a loop stood still for which a pause is attributed to it [ns]."""
+"""Longest time after a loop stalled for which a pause is attributed to the stall [ns]."""
 
 WAY_DOWN = 3
 """Steps in which the slew limit takes the largest force to zero, for an agent that was held up [1]."""
@@ -168,7 +168,7 @@ def rests() -> Check:
             later = ticks[ticks["time_ns"] > pause.at_ns]
             on = later["time_ns"][later["phase"] != Phase.PAUSED]
             from_ns = pause.at_ns + round(late * 1e9)
-            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # done early, told a tick later
+            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # a pause that ends early is recorded a tick later
             for trace in (trace for side in SIDES for trace in evidence.traces[side]):
                 rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
                 looked += rows.size
@@ -386,7 +386,7 @@ def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> 
 
 def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
     """Return whether the machine, not the fault, may have caused a pause."""
-    return "stood still" in pause.why or agents_stood_still(pause, held_up)
+    return "stalled" in pause.why or agents_stood_still(pause, held_up)
 
 
 def agents_stood_still(pause: Pause, held_up: NDArray[np.int64]) -> bool:

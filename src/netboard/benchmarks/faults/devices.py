@@ -156,7 +156,7 @@ def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
 def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
     """Read what a device was handed, up to now if its agent still runs.
 
-    - `newest`: only so many of the last forces; None for all [1].
+    - `newest`: number of newest forces; None for all [1].
     """
     there = path.stat().st_size // TRACE.itemsize if path.exists() else 0
     count = there if newest is None else min(there, newest)

@@ -1,7 +1,7 @@
 """Malformed messages for real agents, a display and a logger, from a server that talks nonsense between its messages.
 
-One agent sees and acts as in a dyad, the other one is told over the nerve what to do, so that every socket of every
-process is tried. What was handed to the devices must be the one force that the server means, to the bit.
+One agent runs the simulated participant of a dyad, the other one is controlled over the nerve, so that every socket of
+every process is tested. The devices must render exactly the forces that the server commanded, to the bit.
 """
 
 import time

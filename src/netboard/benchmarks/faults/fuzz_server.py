@@ -42,7 +42,7 @@ COUNTED_SECONDS = 2.0
 """Wait for the refusal counts, which the server reports once a second [s]."""
 
 LAST_WORDS = 100
-"""Of most kinds there is one among so many messages [1]."""
+"""Number of messages that contain at least one of most kinds [1]."""
 
 COUNTED = 0.7
 """Smallest share of sent messages that must be reported as refused; cut connections lose some [1]."""
@@ -127,7 +127,7 @@ def _sockets_part(events: Sequence[EventRecord], assaults: list[barrage.Assault]
     rows: list[tuple[Value, ...]] = []
     shares = []
     for channel, (sent, malformed, made) in totals.items():
-        answers = not channel.startswith("view")  # whoever subscribes is not answered
+        answers = not channel.startswith("view")  # a subscriber gets no answer
         rows.append(
             (channel, sent, malformed if answers else "", told.get(channel, 0) if answers else "", made, streams)
         )

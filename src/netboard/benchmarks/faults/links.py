@@ -1,7 +1,7 @@
 """Real links between stations and server: network namespaces on this machine, joined by pairs of virtual cables.
 
-Each station is alone in a namespace, with an address of its own; the server and whoever has entered `Spaces` are in a
-third one, away from the machine's own network. A cable that is pulled is one whose end is set down: the kernels on both
+Each station is alone in a namespace, with its own address. The server and the process that entered `Spaces` are in a
+third one, away from the machine's own network. To pull a cable, its interface is set down: the kernels on both
 sides behave as they would with a real one. Needs the right to make namespaces; `refusal` tells.
 """
 

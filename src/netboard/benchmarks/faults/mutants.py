@@ -256,7 +256,7 @@ class Liar:
                 parts.append(msgpack.packb(value))
 
     def _head(self, length: int, short: int, most: int, wide: tuple[int | None, int, int]) -> bytes:
-        """Head of so many items: in short form, or with a length of 1, 2 or 4 bytes; true, or not."""
+        """Return the head of `length` items, in short form or with a length of 1, 2 or 4 bytes, which may be wrong."""
         chance = self._chance
         width = 0 if length < most else 1 if length < 256 and wide[0] else 2 if length < 2**16 else 4
         if chance.random() < self._lies:

@@ -34,7 +34,7 @@ from netboard.benchmarks.faults.sites import Setup
 _ARTICLES = {LEFT: "an", DISPLAY: "a", SERVER: "the", LOGGER: "the"}
 _SHOWN = GOES_ON + "; frames are shown again"
 _SPILLS = "the trial goes on; the ring spills, and nothing is lost"
-_STOOD_STILL = (paused("stood still"), noted("stood_still"))
+_STOOD_STILL = (paused("stalled"), noted("stood_still"))
 _UNSEEN = (*UNNOTICED, shown("left"))
 
 

@@ -1,7 +1,7 @@
-"""A dyad on this machine, every process for real, that can be harmed: killed, stopped, reached by another way.
+"""A dyad of real processes on this machine that can be killed, stopped, or connected through a relay.
 
-A rig belongs to whoever entered it: on leaving, all its processes are ended, the stopped ones too. What a process says
-goes to a file of its name in the rig's folder. Two rigs may share a server, which then is the first one's.
+A rig is a context manager: on leaving, it ends all its processes, the stopped ones too. The output of each process goes
+to a file of its name in the rig's folder. Two rigs may share a server, which then belongs to the first.
 """
 
 import os

@@ -1,1 +1,1 @@
-"""How a benchmark is run: parts, results with verdicts, the machine."""
+"""How a benchmark is run: its parts, their results with checked claims, and the machine."""

@@ -1,6 +1,6 @@
-"""Results of a study: tables with verdicts, on the screen and in a folder of its own.
+"""Results of a study: tables with checked claims, on the screen and in a folder.
 
-A verdict is a claim and whether the numbers beside it bear it out; it is computed where the numbers are, never here.
+A `Verdict` is a claim and whether the measured numbers support it. The module that measures the numbers checks it.
 """
 
 import csv
@@ -47,27 +47,27 @@ class Part:
 
     @property
     def holds(self) -> bool:
-        """Return whether every verdict holds."""
+        """Return whether every claim holds."""
         return all(verdict.holds for verdict in self.verdicts)
 
 
 class Folder:
     """A folder of results.
 
-    - `force`: it may be there already, and files in it be replaced.
+    - `force`: it may exist, and its files may be overwritten.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
         try:
             path.mkdir(parents=True, exist_ok=force)
         except FileExistsError as error:
-            raise ConfigError(f"{path}: is there already; --force writes into it") from error
+            raise ConfigError(f"{path}: already exists; --force writes into it") from error
         self.path = path
 
     def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
         """Write a table for each part, and everything in one JSON file.
 
-        - `about`: what was asked for, for the head of the JSON file.
+        - `about`: the options of the run, for the head of the JSON file.
         """
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
@@ -106,7 +106,7 @@ def new_folder(name: str) -> Path:
 
 
 def show(console: Console, part: Part) -> None:
-    """Print a part: its table and its verdicts."""
+    """Print a part: its table and its claims."""
     head, *others = part.columns
     table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
     for row in part.rows:
@@ -121,7 +121,7 @@ def _counted(part: Part, column: str) -> bool:
 
 
 def _line(verdict: Verdict) -> Text:
-    """Format a verdict."""
+    """Format a claim and its result."""
     word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
     return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
 

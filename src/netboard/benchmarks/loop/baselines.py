@@ -1,4 +1,4 @@
-"""What there would be without netboard: an echo over the same sockets, and a timer; each in processes of its own.
+"""Baselines without netboard: an echo over the same sockets, and a timer, each in its own process.
 
 ``echo`` answers frames of a stylus' size with frames of a force's size and does nothing else. ``peer`` wakes every
 millisecond, like an agent, sends one and waits for the answer. ``timer`` wakes every millisecond. They have the
@@ -33,9 +33,9 @@ ANSWER = bytes(FORCE.size)
 
 
 def echo(router: endpoints.Router, authenticator: Authenticator | None, order: Order) -> Order:
-    """Answer so many frames.
+    """Answer frames.
 
-    - `order`: ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
+    - `order`: ``count``: number of frames [1]; ``greeting``: they are the first ones, whose senders must authenticate.
     """
     if order["greeting"]:
         _greet(router, authenticator, order["count"])
@@ -80,7 +80,7 @@ def timer(order: Order) -> Order:
     Returns
     -------
     dict
-        ``late_ns``: how late each time [ns]; ``moved_ns``: by how much it fell behind in all beyond that [ns].
+        ``late_ns``: delay of each wake-up after its deadline [ns]; ``moved_ns``: shift of all deadlines in total [ns].
     """
     pacer, late = Pacer(order["start_ns"]), []
     for _ in range(order["count"]):
@@ -89,9 +89,9 @@ def timer(order: Order) -> Order:
 
 
 def main(role: str, name: str, file: Path) -> None:
-    """Be one of them.
+    """Run one of them.
 
-    - `file`: configuration: where the sockets are, and what is asked of the machine.
+    - `file`: configuration with the addresses of the sockets and the real-time settings.
     """
     config = parse(file.read_text(encoding="utf-8"), str(file))
     speak(f"{role} {name}")

@@ -92,13 +92,13 @@ def loop(
 ) -> int:
     """Run ``netboard bench loop``.
 
-    - `seconds`: for how long each thing is measured; None for the usual time [s].
-    - `dyads`: of how many dyads a server is measured; none to leave that out [1].
+    - `seconds`: duration of each measurement; None for the default [s].
+    - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
 
     Returns
     -------
     int
-        Exit code: 0, also if verdicts fail, for that is a result.
+        Exit code: 0, also if claims fail, since that is a result.
     """
     seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))

@@ -1,9 +1,9 @@
-"""Peers that cost little, for many dyads at once: all agents in one process, all loggers and displays in another.
+"""Lightweight peers for many dyads at once: all agents in one process, all loggers and displays in another.
 
-They speak the real protocol over real sockets, so the server does all its work; they only do none of their own. An
-agent sends a sample every millisecond, answers as a clock probe, and lets the server set its phase; its hand moves up
-and down with the partner's, or rests. A logger acknowledges what it gets and keeps nothing but how late ticks were.
-What comes is counted from a given moment on.
+They use the real protocol over real sockets, so that the server does all its work; the peers themselves compute almost
+nothing. An agent sends a sample every millisecond, answers clock probes, and lets the server set its phase; its hand
+moves up and down with the partner's, or rests. A logger acknowledges its records and keeps only the tick jitter.
+Frames are counted from a given time on.
 """
 
 import struct
@@ -229,16 +229,16 @@ class LightLogger:
 
 
 def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
-    """Be all loggers and displays for a while.
+    """Run all loggers and displays.
 
-    - `order`: ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``loggers``, ``displays``: whether
-      there are any.
+    - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``loggers``, ``displays``: whether there are
+      any.
 
     Returns
     -------
     dict
-        ``counts``: what came; of all ticks from then on, if there are loggers: ``late_ns``: how late each was [ns],
-        ``passed_over``: how many never were [1]; ``active``: share in a trial [1].
+        ``counts``: received frames. With loggers, of all ticks from then on: ``late_ns``: start after the deadline [ns];
+        ``passed_over``: skipped ticks [1]; ``active``: share in a trial [1].
     """
     configs = list(configs)
     loggers = [LightLogger(config, context) for config in configs if order["loggers"]]

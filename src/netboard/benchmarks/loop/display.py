@@ -1,9 +1,9 @@
-"""``netboard bench display``: from the sending of a view to the end of its painting, and what a participant sees late.
+"""``netboard bench display``: latency from sending a view to the end of its painting, and the error of what is shown.
 
-A process sends views of a board that both hands move, as the server does; the display's client runs here, in a window
-or offscreen, and every paint is noted. Both have one clock, so each part of the way is a difference of two times. What
-a picture shows is compared with where the board was at that moment: how far off it was, and by what delay that is
-explained. Compositor and panel come after, and are not measured.
+A process sends views of a board that both hands move, as the server does. The display's client runs here, in a window
+or offscreen, and every paint is recorded. Both use one clock, so each part of the latency is a difference of two times.
+The board as painted is compared with its position at that moment: the error, and the delay that explains it. Compositor
+and panel come later and are not measured.
 """
 
 import json

@@ -1,8 +1,8 @@
-"""What a recording says of the loop from stylus to force, and how well ticks kept their time.
+"""Sample-to-force latency and tick jitter, from a recording.
 
-Every agent measures its loop itself and tells it with the next sample. Its parts follow from what the server notes of
-that sample: when it was read, when it came, when the tick began. All times are those of one clock: the processes of a
-benchmark share a machine.
+Every agent measures its latency itself and sends it with the next sample. The parts of the latency follow from the
+times that the server records for that sample: read, arrived, start of the tick. All times are those of one clock, since
+the processes of a benchmark share a machine.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the t
 class Punctuality:
     """Timing of ticks.
 
-    - `late_ns`: begin of each after its deadline; negative: before it [ns].
-    - `missed`: ticks that began more than a whole tick late, and those that were passed over [1].
+    - `late_ns`: start of each after its deadline; negative: before it [ns].
+    - `missed`: ticks that began more than a whole tick late, and skipped ticks [1].
     """
 
     late_ns: Times
@@ -39,7 +39,7 @@ class Punctuality:
         return self.late_ns.size
 
     def missed_of(self, many: int) -> float:
-        """Return the number of missed ticks in `many` [1]."""
+        """Return the expected number of ticks missed by a whole period or more among `many` [1]."""
         return self.missed * many / max(self.ticks, 1)
 
 
@@ -50,13 +50,13 @@ def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
 
 
 def passed_over(time_ns: Times) -> int:
-    """Return the number of ticks passed over while the loop stood still [1]."""
+    """Return the number of ticks skipped while the loop stalled [1]."""
     return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
 
 
 @dataclass(frozen=True)
 class Played:
-    """What a dyad's recording says of the times in which it was measured.
+    """Timing of a dyad's recording during its measurements.
 
     - `took_ns`: of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
     - `parts_ns`: of both sides: ways and waits that a loop is made of [ns].

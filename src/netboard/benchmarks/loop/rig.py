@@ -1,8 +1,8 @@
-"""Netboard as labs use it, for a benchmark: all processes of some dyads on this machine, with simulated people.
+"""The processes of a lab, for a benchmark: all those of some dyads on this machine, with simulated participants.
 
-A block with forces runs in every dyad. Between measurements the processes can be stopped where they are, so that they
-cost nothing while something else is measured; when they go on, the server finds that it stood still, pauses the trials
-and resumes them as soon as everybody is there.
+A block with haptic feedback runs in every dyad. Between measurements the processes can be stopped (SIGSTOP), so that
+they use no CPU while something else is measured. When they continue, the server detects the stall, pauses the trials
+and resumes them as soon as all peers are there.
 """
 
 import os
@@ -154,7 +154,7 @@ class Rig:
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._pids.values():
-            with suppress(ProcessLookupError):  # one that has ended is told of elsewhere
+            with suppress(ProcessLookupError):  # `look` reports a process that has ended
                 os.kill(pid, number)
 
 

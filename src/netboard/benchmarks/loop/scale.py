@@ -1,7 +1,7 @@
-"""Many dyads in one server process on one core: CPU cost and tick lateness by number of dyads, up to the limit.
+"""Many dyads in one server process on one core: CPU cost and tick jitter by number of dyads, up to the limit.
 
-Every dyad is in a trial with forces on and a logger; all peers are on another core. Then dyads that wait: with agents
-but no trial, and with nobody at all.
+Every dyad is in a trial with haptic feedback and has a logger; all peers are on another core. Then idle dyads: with
+agents but no trial, and without peers.
 """
 
 import os
@@ -19,7 +19,7 @@ from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, total
 from netboard.recording.format.summary import spread
 
 MOST_LATE, LEAST_ACTIVE = 0.02, 0.99
-"""A server holds its dyads while no more of its ticks begin half a tick late, and so many of them are in trials [1]."""
+"""Criteria for the capacity: largest share of deadline misses, smallest share of ticks in a trial [1]."""
 
 MANY_DYADS = 8
 """Dyads that one core should hold [1]."""
@@ -38,7 +38,7 @@ def on_cores(config: Config) -> Config:
 
 
 def holds(served: Served) -> bool:
-    """Return whether a server held its dyads."""
+    """Return whether a server met the criteria for its dyads."""
     return served.ticks.late <= MOST_LATE * served.ticks.ticks and served.active >= LEAST_ACTIVE
 
 

@@ -1,9 +1,9 @@
-"""``netboard bench servo``: what the servo callback costs in Python and in C, in the vendor's servo thread.
+"""``netboard bench servo``: duration of the servo callback in Python and in C, in the vendor's servo thread.
 
-A watch in C notes when each callback is called and when it has returned: so the wait for Python's interpreter counts,
-and the watch needs none itself. The baseline is the same tick in which nothing is done. Each is measured in a process
-of its own that behaves like an agent: once in a millisecond its loop takes the newest sample and puts a force. Then
-again with another thread beside it that computes in Python and never rests.
+A timer in C records the start and the end of each callback, so that waiting for the interpreter lock is included and
+the timer itself needs no lock. The baseline is an empty callback. Each variant runs in its own process, which behaves
+like an agent: every millisecond its loop takes the newest sample and writes a force. Each is measured again with
+a second thread that computes in Python without a pause.
 """
 
 import json
@@ -48,12 +48,12 @@ def main(
 ) -> int:
     """Run the study.
 
-    - `seconds`: for how long each is measured; None for the usual time [s].
+    - `seconds`: duration of each measurement; None for the default [s].
 
     Returns
     -------
     int
-        Exit code: 0, also if verdicts fail, for that is a result.
+        Exit code: 0, also if claims fail, since that is a result.
     """
     load(library)
     shim()
@@ -155,7 +155,7 @@ def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
 
 
 def compute(stopping: threading.Event) -> None:
-    """Compute in Python, without any rest, until told to stop."""
+    """Compute in Python without a pause until `stopping` is set."""
     number = 1
     while not stopping.is_set():
         for _ in range(1000):
@@ -163,7 +163,7 @@ def compute(stopping: threading.Event) -> None:
 
 
 def _loop(servo: Servo, count: int) -> None:
-    """Do what an agent does, so many times: take the newest sample, put a force."""
+    """Do the work of an agent `count` times: take the newest sample, write a force."""
     pacer = Pacer(now_ns())
     for _ in range(count):
         pacer.wait()

@@ -1,4 +1,4 @@
-"""What a scene does not need is not done: the work of a server with and without each thing, counted and measured."""
+"""Work that a scene does not need is skipped: the server's work with and without each part, counted and timed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -110,11 +110,11 @@ def _verdicts(found: dict[str, Served]) -> list[Verdict]:
 # --- inside a tick -------------------------------------------------------------------------------------------------
 
 RUNS, TICKS = 30, 2000
-"""So many runs of so many ticks, of which the quickest counts [1]."""
+"""Number of runs, of which the fastest counts, and ticks in each [1]."""
 
 
 def tick_part(config: Config) -> Part:
-    """Return what the stage's part of a tick costs, with and without."""
+    """Return the cost of the stage's part of a tick, with and without each part."""
     bare = replace(config, physics=replace(config.physics, balls=0))
     lone = replace(bare, physics=replace(bare.physics, coupling="left"))
     part, unfelt = _with_force(config, "environment_only"), _with_force(config, "none")

@@ -1,6 +1,6 @@
-"""Netboard for a long time: nothing is lost, memory stays flat, ticks and loops stay as quick as they were.
+"""Soak test: no record is lost, memory does not grow, tick jitter and latency do not increase.
 
-All processes are those that a lab runs. What they recorded is verified tick by tick at the end.
+All processes are those that a lab runs. At the end the recordings are verified tick by tick.
 """
 
 import time
@@ -28,13 +28,13 @@ from netboard.task.trials.state_machine import Cause
 SAMPLE_SECONDS = 1.0
 
 WARM_SHARE, WARM_SECONDS = 0.25, 60.0
-"""Memory is watched after so large a share of the time, or so long, whichever is less: rings fill first [1, s]."""
+"""Memory counts from this share of the run on, or from this time on if it is earlier: rings fill first [1, s]."""
 
 RING_SECONDS = 5.0
-"""The server keeps records for so long; in a soak less than usual, so that its ring is full soon [s]."""
+"""Length of the server's ring buffer; shorter than usual, so that it is full soon [s]."""
 
 STRETCHES = 10
-"""A short soak is shown in so many stretches, a longer one minute by minute [1]."""
+"""Number of rows in which a short soak is shown; a longer one is shown minute by minute [1]."""
 
 MOST_LEAK, LEAST_SEEN = 4e6 / 3600, 1e6
 """Memory is flat if it grows by less than this in a second, or by less than this in all, in bytes [1/s, 1]."""
@@ -43,17 +43,16 @@ INDEX = 100e6 / 3600
 """A logger keeps an entry of the recording's index for every chunk: it may grow by this in a second, in bytes [1/s]."""
 
 MOST_SLOWER = 1.5
-"""In the last third of the time, 99 % may take so many times as long as in the first [1]."""
+"""Largest ratio of the 99th percentile in the last third of the run to that in the first third [1]."""
 
 
 @dataclass(frozen=True)
 class Kept:
     """What one dyad's recording amounts to.
 
-    - `verified`: whether the stage makes the same of its inputs, to the bit.
-    - `time_ns`, `late_ns`: when each tick was due, and how late it began [ns].
-    - `loop_at_ns`, `loop_ns`: of each loop from stylus to force, of both sides: the tick at which it was told, and how
-      long it took [ns].
+    - `verified`: whether the stage computes the same outputs from the recorded inputs, to the bit.
+    - `time_ns`, `late_ns`: deadline of each tick, and its start after the deadline [ns].
+    - `loop_at_ns`, `loop_ns`: sample-to-force latencies of both sides: the tick that records each, and its value [ns].
     """
 
     ticks: int
@@ -184,7 +183,7 @@ def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
 
 
 def minutes_part(kept: Sequence[Kept]) -> Part:
-    """Return how late ticks were and how long loops took, as time went by."""
+    """Return the tick jitter and the sample-to-force latency over the run."""
     start, end = min(one.time_ns[0] for one in kept), max(one.time_ns[-1] for one in kept) + 1
     count = max(STRETCHES, int((end - start) * 1e-9 / 60))
     edges = np.linspace(start, end, count + 1).astype(np.int64)

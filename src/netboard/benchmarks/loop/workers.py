@@ -1,7 +1,7 @@
 """Processes of a benchmark beside those of netboard: each waits for an order, carries it out, answers, and waits again.
 
-Orders and answers are lines of JSON over pipes, so a worker that has nothing to do disturbs nothing. It ends when its
-orders do: with whoever started it.
+Orders and answers are lines of JSON over pipes, so an idle worker disturbs nothing. It ends when its pipe is closed,
+that is, with the process that started it.
 """
 
 import json
@@ -48,7 +48,7 @@ class Worker:
             raise self._gone() from error
 
     def answer(self) -> dict[str, Any]:
-        """Wait until it has done what it was told, and return what it found."""
+        """Wait until the worker has carried out its order, and return the result."""
         line = _pipe(self._process.stdout).readline()
         if not line:
             raise self._gone()

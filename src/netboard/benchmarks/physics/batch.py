@@ -75,7 +75,7 @@ def _compiled_numbers(scenes: Any, b: Any, j: Any) -> Any:
 
 @specialised(operator.getitem)
 def _number(scene: Any, name: Any) -> Any:
-    """Let compiled text say ``scene["M"]`` of them too."""
+    """Let compiled code read ``scene["M"]`` from a named tuple, too."""
     known = isinstance(scene, types.BaseNamedTuple) and getattr(scene, "instance_class", None) is _Numbers
     if not (known and isinstance(name, types.StringLiteral)):
         return None
@@ -84,9 +84,9 @@ def _number(scene: Any, name: Any) -> Any:
 
 
 def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
-    """Return what an array holds for a simulation, as a tuple.
+    """Return the state of one simulation in an array, as a tuple.
 
-    - `length`: the first so many of the k; a constant at the call [1].
+    - `length`: number of components; a compile-time constant [1].
     """
     return tuple(a[b, :length, j].tolist())
 

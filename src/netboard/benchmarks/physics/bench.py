@@ -1,7 +1,7 @@
-"""``netboard bench physics``: what the physics costs, how good it is, and beside whom; all in one run on one machine.
+"""``netboard bench physics``: cost and accuracy of the physics beside other libraries, in one run on one machine.
 
-Its parts: runs of all methods and peers on the test problems, the frontier, ratios at equal error; what sampling costs;
-what a live tick costs beside the least it could; what is saved where a scene needs less.
+Its parts: runs of all methods and libraries on the test problems, the work-precision frontier, cost ratios at equal
+error; the error of sampling; the cost of a live tick beside its lower bound; the cost that simpler scenes save.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -34,7 +34,7 @@ from netboard.benchmarks.physics.work_precision import Row, compare, measure
 class Peer:
     """A library that takes part if it is installed.
 
-    - `contenders`: makes its contenders, of a problem and of whether a few are enough.
+    - `contenders`: returns its solvers under comparison for a problem; all, or a few.
     """
 
     package: str
@@ -51,7 +51,7 @@ PEERS = {
     "diffrax": Peer("diffrax", peer_solvers.diffrax_available, peer_solvers.diffrax_contenders),
     "drake": Peer("drake", peer_drake.available, peer_drake.contenders),
 }
-"""By the name that the command knows them by."""
+"""Libraries under comparison, by the name on the command line."""
 
 REPEATS, QUICK_REPEATS = 15, 5
 QUICK_PROBLEMS = 3
@@ -87,12 +87,12 @@ def main(
 ) -> int:
     """Run the study, print it and write it into a folder.
 
-    - `peers`: who else takes part; None for all that are installed and quick enough.
+    - `peers`: libraries under comparison; None for all that are installed and fast enough.
 
     Raises
     ------
     ConfigError
-        If there is no such peer, one asked for is not installed, or the folder is there already.
+        If a library is unknown or not installed, or the folder already exists.
     """
     problems = [Problem(one, start) for one in MODELS if model in (None, one) for start in STARTS]
     wanted = Wanted(

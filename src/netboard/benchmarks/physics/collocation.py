@@ -31,10 +31,10 @@ from netboard.physics.scene.parameters import Parts
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-15
-"""Of the sweeps, unless told otherwise [m, rad]."""
+"""Default tolerance of the sweeps [m, rad]."""
 
 ROUNDING = 5e-17
-"""What never settles of an acceleration, by the largest element of A: the last digits of the state [m, rad]."""
+"""Rounding error of an acceleration over the largest element of A: the last digits of the state [m, rad]."""
 
 _SWEEPS = 40
 """Most sweeps in a step [1]."""
@@ -163,8 +163,8 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
     -------
     callable
         ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length),
-        with the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the
-        largest change of an acceleration that ends the sweeps [SI].
+        with the first state and that after each `every` steps, and returns the number of sweeps; `bound` is the largest
+        change of an acceleration that ends the sweeps [SI].
     """
     KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
 

@@ -153,9 +153,9 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
 
 
 def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
-    """Return the tables of what to expect.
+    """Return the tables of expected errors.
 
-    - `problem`: the problem; what is left out is told of the paper's alone.
+    - `problem`: the problem; the effects that the equations neglect are listed for the paper's model only.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Our own methods as contenders: one-step and multistep methods with all lengths of step, and collocation.
+"""Our own methods in the comparison: one-step and multistep methods with all step lengths, and collocation.
 
-What a run reads is made beforehand: the hands at the method's nodes, and its tables. States are known where steps end,
-so that with steps longer than the grid of the reference fewer points of it are met.
+The inputs of a run are prepared beforehand: the hands at the method's nodes, and its tables. States are known at the
+ends of steps, so that steps longer than the grid of the reference meet fewer of its points.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ COLLOCATION = {
 QUICK_COLLOCATION = {8: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.005), (1e-5, 1e-8, 1e-11, 1e-14))}
 
 OPENING, OPENING_STEPS = 0.1, (0.005, 0.0025, 0.002)
-"""A cold run may begin with shorter steps, for so long, which the throw dies away in [s]."""
+"""Opening of a cold run, in which the initial transient decays: its duration and its shorter steps [s]."""
 
 
 def meeting(h: float) -> tuple[int, int]:
@@ -150,7 +150,7 @@ def multistep_contenders(problem: Problem, quick: bool) -> list[Contender]:
 
 
 def _chained(problem: Problem, method: Offline, h: float, every: int) -> Callable[[], Array]:
-    """Return a run that keeps a state after every so many steps."""
+    """Return a run that keeps the state after each `every` steps."""
     count = round(problem.duration / h)
     hands = drives_at(problem.waves, multiples(count + 1, h))
     return method.prepare(problem.first, hands, h, problem.parts, problem.scene, every)

@@ -1,4 +1,4 @@
-"""The tables of ``netboard bench physics``, and the verdicts that follow from each."""
+"""The tables of ``netboard bench physics``, and the claims that are checked against each."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
 """What a tick may cost: compiled, in floors; called from Python; of a thousand simulations [1, ns, ns]."""
 
 STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
-"""How many times MuJoCo's cost is to be ours, at any error, and at one error with held controls [1]."""
+"""Claimed ratio of MuJoCo's cost to ours, at any error, and at one error with held controls [1]."""
 
 LEVEL, SAME = 4.0, 1e-8
-"""How many times cheaper a board that cannot tilt is to be; how far a lesser scene may be from the full one [1, SI]."""
+"""Claimed speed-up of a board that cannot tilt; largest difference of a simpler scene from the full one [1, SI]."""
 
 _ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
 
@@ -152,12 +152,12 @@ WHAT = {
 
 
 def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
-    """Tell how many times cheaper the best of ours is than the best of each peer.
+    """Return the ratio of each library's lowest cost to ours at equal error.
 
     Returns
     -------
     list of Part
-        One for each cost; verdicts for the physics alone, and for dense states.
+        One for each cost; claims for the physics alone, and for dense states.
     """
     parts = []
     for what, meaning in WHAT.items():
@@ -177,7 +177,7 @@ def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
 
 
 def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
-    """Say whom we are ahead of."""
+    """Return the claims about the libraries that cost more than ours."""
     verdicts = []
     for family in dict.fromkeys(one.family for one in comparisons):
         mine = [one for one in comparisons if one.family == family]

@@ -1,7 +1,7 @@
 """Drake (https://drake.mit.edu): its simulator with error control, on the equations as a symbolic system.
 
-A symbolic system is evaluated in C++; one written in Python takes three times as long. Drake's simulator gives states
-where it is told to stop, so that errors are taken at fewer points, 10 ms apart, and with steps that end there.
+A symbolic system is evaluated in C++; one written in Python takes three times as long. Drake's simulator returns states
+only where it stops, so that errors are measured at fewer points, 10 ms apart, and steps end there.
 """
 
 from functools import partial
@@ -22,7 +22,7 @@ SCHEMES = {
 COARSE = {"runge_kutta5": (1e-3, 1e-7)}
 
 STRIDE = 5
-"""Every so many of the problem's points [1]."""
+"""Errors are measured at every fifth point of the problem [1]."""
 
 _LONGEST = 0.1
 """Longest step [s]."""
@@ -91,7 +91,7 @@ class Run:
         return Solution(np.array(states), STRIDE, steps, calls)
 
     def evenly(self, steps: int) -> None:
-        """Run in so many equal steps."""
+        """Run in a number of equal steps."""
         self._integrator.set_fixed_step_mode(True)
         self._integrator.set_maximum_step_size(self._problem.duration / steps)
         self._rewind((0.0, 0.0, 0.0, 0.0, 1e-3, 0.0))

@@ -1,7 +1,8 @@
-"""heyoka (https://bluescarni.github.io/heyoka.py): Taylor's method, of adaptive steps, compiled for the problem.
+"""heyoka (https://bluescarni.github.io/heyoka.py): an adaptive Taylor method, compiled for the problem.
 
-It is the strongest peer, and with 80 bits it gives the reference. The hands are part of its expressions, so that their
-cost cannot be taken off by counting calls: it is told by a twin whose drives are constants, run for as many steps.
+It is the fastest library in the comparison, and with 80 bits it gives the reference. The hands are part of its
+expressions, so their cost cannot be subtracted by counting calls. It follows from a second system with constant drives,
+run for the same number of steps.
 """
 
 from collections.abc import Callable

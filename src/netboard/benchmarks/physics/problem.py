@@ -33,13 +33,13 @@ Array = NDArray[np.float64]
 MODELS: tuple[Model, ...] = ("paper", "lagrangian")
 STARTS: tuple[Start, ...] = ("settled", "cold")
 SIGNALS = ("z", "theta", "p", "force")
-"""What errors are told of: height [m], tilt [rad], ball [m], the worse of both hands' forces [N]."""
+"""Signals with errors: height [m], tilt [rad], ball [m], force of the hand with the larger error [N]."""
 
 DURATION = 10.0
 """Length of the run [s]."""
 
 SPACING = 0.002
-"""Between the points where errors are taken [s]."""
+"""Distance of the points at which errors are measured [s]."""
 
 TOGETHER = ((0.016, 0.5, 0.0), (0.006, 1.3, 0.5), (0.002, 2.9, 2.0))
 """Waves of u = (z_left + z_right) / 2: amplitude, frequency, phase [m, Hz, rad]."""

@@ -1,7 +1,7 @@
-"""Every method that can run a scene offline, by name and in one shape: for studies, which compare them.
+"""Every method that can run a scene offline, by name and with one interface, for comparisons.
 
-A study asks a method at which times it needs the hands, evaluates their drives there, and has the run prepared; what it
-then calls, and times, is the march alone.
+A study asks a method at which times it needs the hands, evaluates their drives there, and prepares the run. It then
+calls and times the integration alone.
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 
 
 class Prepare(Protocol):
-    """Makes everything that a run needs, and returns what does it."""
+    """Prepares a run and returns a function that does it."""
 
     def __call__(
         self, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
     ) -> Callable[[], Array]:
-        """Prepare the run from a first state, with hands, of steps of h, and keep a state after every so many."""
+        """Prepare the run from a first state, with hands and steps of h, which keeps the state after each `every` steps."""
         ...
 
 
@@ -39,7 +39,7 @@ class Offline:
 
     - `nodes`: where in a step it asks for the hands, in lengths of the step [1].
     - `prepare`: ``prepare(x, hands, h, parts, scene, every)`` returns a function without arguments that does the run
-      and returns an array of shape (n // every + 1, length): the first state and that after every so many steps.
+      and returns an array of shape (n // every + 1, length): the first state and that after each `every` steps.
     - `chained`: its only node is the end of a step, which is the start of the next: the hands have shape (n + 1, 2).
     """
 

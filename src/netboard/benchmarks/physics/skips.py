@@ -1,11 +1,11 @@
-"""What a scene does not need is not computed: the cost of a tick without it, and the proof that nothing else changed.
+"""Work that a scene does not need is skipped: the cost of a tick without it, and a check that nothing else changes.
 
-Each lesser scene is compared with the full one in which that part is there and does nothing: a ball without mass, a
-board that nothing turns, a hand that follows the board and does not pull. Both are run here, through the hands of the
-test problem, and the largest difference of any signal is told.
+Each simpler scene is compared with the full one in which that part exists and has no effect: a ball without mass, a
+board without torque, a hand that follows the board without force. Both run with the hands of the test problem, and the
+largest difference of any signal is reported.
 
-The tick is a loop of what is needed in each millisecond: drives of both hands by constant acceleration, one step, the
-forces of both couplings.
+The tick does the work of each millisecond: extrapolation of both hands with constant acceleration, one step, the forces
+of both virtual couplings.
 """
 
 from collections.abc import Callable, Mapping

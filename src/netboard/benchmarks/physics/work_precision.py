@@ -1,9 +1,9 @@
-"""Work and precision: what an error costs, method by method, ours beside other libraries' on the same problem.
+"""Work-precision comparison: cost over error of netboard's methods and of other libraries on the same problem.
 
-The rules: the same equations, start, hands and reference for all; the error is the largest at the points of a grid over
-the whole run, of each signal, and as a share of the signal's largest value (E: the worst of the four). Warm-up and
-compilation are told apart. Repeats are interleaved: every contender has a turn before any has its next, so that a busy
-machine is busy for all. Costs are of minima; medians are kept too. "Physics" leaves out what it takes to evaluate the
+All solvers have the same equations, start, hands and reference. The error of a signal is the largest one at the points
+of a grid over the whole run, divided by the signal's largest value (E: the worst of the four). Warm-up and compilation
+are timed separately. Repeats are interleaved: every solver has a turn before any has its next, so that a busy machine
+affects all. Costs are of minima; medians are kept too. "Physics" leaves out what it takes to evaluate the
 hands, "whole" has it for all, "dense" is physics with the states kept at all points of the grid: without, a method with
 long steps is asked only for the points that its steps meet.
 """
@@ -24,25 +24,25 @@ TARGETS = tuple(10.0**-i for i in range(2, 13))
 """Errors E at which costs are compared [1]."""
 
 SLICE = 0.004
-"""A turn of a quick contender goes on for so long, so that a minimum is of many [s]."""
+"""Shortest duration of a turn; a fast solver runs several times in it [s]."""
 
 _EVALUATIONS = 10_000
 
 
 @dataclass(frozen=True)
 class Row:
-    """What a contender made of a problem, and at what cost.
+    """Error and cost of a solver on a problem.
 
-    - `calls`: how often the hands were evaluated or read; 0 where it cannot be counted [1].
+    - `calls`: number of evaluations of the hands; 0 if unknown [1].
     - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
     - `scaled`: E: the worst of them over the signal's largest value [1].
-    - `warm_up`: the first run, with whatever it compiled [s].
-    - `physics`, `physics_median`: cost without evaluating the hands, of the quickest and of the median run, for a
-      second of simulated time [us].
+    - `warm_up`: duration of the first run, with compilation [s].
+    - `physics`, `physics_median`: cost without evaluating the hands, of the fastest and of the median run, for a second
+      of simulated time [us].
     - `whole`, `whole_median`: the same with evaluating the hands [us].
-    - `dense`: as `physics`, of a run that also keeps the states 2 ms apart; infinite where the method has none [us].
-    - `spacing`: the errors are of points so far apart [s].
-    - `step_ns`: `physics` for each step; 0 where the steps are not known [ns].
+    - `dense`: as `physics`, of a run that also keeps the states 2 ms apart; infinite if the method has none [us].
+    - `spacing`: distance of the points at which errors are measured [s].
+    - `step_ns`: `physics` for each step; 0 if the number of steps is unknown [ns].
     """
 
     problem: str
@@ -72,7 +72,7 @@ Cost = Callable[[Row], float]
 
 
 def input_cost(problem: Problem) -> float:
-    """Return what it costs compiled code to evaluate the hands once."""
+    """Return the cost of one evaluation of the hands in compiled code."""
     times = np.linspace(0.0, problem.duration, _EVALUATIONS)
     drives_at(problem.waves, times)
     return min(timed(lambda: drives_at(problem.waves, times)) for _ in range(20)) / _EVALUATIONS * 1e9
@@ -86,7 +86,7 @@ def measure(
     budget: float,
     progress: Callable[[str], object] = lambda name: None,
 ) -> list[Row]:
-    """Let contenders solve a problem, and time them in turns."""
+    """Solve a problem with each solver, and time them in turns."""
     solutions, warm_ups = [], []
     for contender in contenders:
         progress(f"{problem.name}: {contender.family} {contender.method}")
@@ -109,7 +109,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Times:
-    """Wall times of a contender: nothing kept, without hands, with the states of all points; empty if not run [s]."""
+    """Wall times of a solver: nothing kept, without hands, with the states of all points; empty if not run [s]."""
 
     bare: list[float]
     alone: list[float]
@@ -117,7 +117,7 @@ class Times:
 
 
 def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: float) -> list[list[float]]:
-    """Time those runs that there are, in turns."""
+    """Time the runs that exist, in turns."""
     some = [run for run in runs if run is not None]
     for run in some:
         run()
@@ -148,7 +148,7 @@ def _row(
     times: Times,
     ns: float,
 ) -> Row:
-    """Put together what is known of a contender."""
+    """Collect the results of a solver."""
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
     hands = solution.calls * (ns if isnan(contender.input_ns) else contender.input_ns) * 1e-9

@@ -21,17 +21,17 @@ from netboard.recording.files.reader import Recording
 
 STALL_SECONDS = 0.5
 TREATMENTS = {"runs": 0.0, "has a disk that stalls for 0.5 s in every second": 0.5, "is stopped": 1.0}
-"""For what share of the time the logger stands still [1]."""
+"""Share of the time in which the logger is stopped [1]."""
 
 SETTLE_SECONDS = 3.0
 REST_SECONDS = 1.0
 ALLOWED_MS = 0.5
-"""The 99th percentile of the lateness may be so much more than with a logger that runs: half a tick [ms]."""
+"""Largest increase of the 99th percentile of the lateness over that with a running logger: half a tick [ms]."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What a session recorded, and when its logger was treated how.
+    """A session's recording, and the times of each treatment of its logger.
 
     - `stretches`: when each treatment began and ended, server time [ns].
     """
@@ -41,7 +41,7 @@ class Watched:
 
 
 def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
-    """Run a session with displays, and let its logger stand still."""
+    """Run a session with displays, and stop its logger at times."""
     stretches = {}
     with Rig(folder, ("block.trials=1000",)) as rig:
         tell("starting a session", 0.0)
@@ -61,7 +61,7 @@ def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
 
 
 def _treat(rig: Rig, seconds: float, share: float) -> None:
-    """Let the logger stand still for a share of some time."""
+    """Stop the logger for a share of the time."""
     turns, length = (round(seconds * share / STALL_SECONDS), STALL_SECONDS) if 0 < share < 1 else (1, seconds)
     for _ in range(turns):
         if share:
@@ -73,7 +73,7 @@ def _treat(rig: Rig, seconds: float, share: float) -> None:
 
 
 def stalls_part(watched: Watched) -> Part:
-    """Compare how late the server's ticks were."""
+    """Compare the server's tick jitter."""
     with Recording(watched.path) as recording:
         ticks = recording.columns("tick", "time_ns", "late_ns")
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
@@ -99,7 +99,7 @@ def stalls_part(watched: Watched) -> Part:
 
 
 def _between(ticks: dict[str, NDArray[Any]], start_ns: int, stop_ns: int) -> NDArray[np.float64]:
-    """How late the ticks of some time were; negative: before their deadline, all samples being there [ms]."""
+    """Start of the ticks of a period after their deadlines; negative: before, if all samples had arrived [ms]."""
     inside = (ticks["time_ns"] >= start_ns) & (ticks["time_ns"] < stop_ns)
     late: NDArray[np.float64] = ticks["late_ns"][inside] * 1e-6
     return late

@@ -1,7 +1,7 @@
-"""``netboard bench stability``: where each method holds, in theory and in runs, and where it fails.
+"""``netboard bench stability``: where each method is stable, in theory and in runs, and where it fails.
 
-Every part is a table with verdicts, which are computed: a study may well end with some that fail. The short form does
-less of everything; a test runs parts of it.
+Every part is a table with claims that are checked against its numbers; a claim may fail. The quick form does less of
+everything; a test runs parts of it.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> in
     Returns
     -------
     int
-        Exit code: 0, also if verdicts fail, for that is a result.
+        Exit code: 0, also if claims fail, since that is a result.
     """
     folder = Folder(output or new_folder("stability"), force=force)
     settings = {"study": "stability", "quick": quick, "soak": soak_too}

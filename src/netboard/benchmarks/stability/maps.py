@@ -135,7 +135,7 @@ def make_map(
 
 
 def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
-    """Return the parts of a map: all cells, and a summary with verdicts."""
+    """Return the parts of a map: all cells, and a summary with checked claims."""
     over = f"{plane.across}, {plane.down}"
     heads = (
         "method",

@@ -36,13 +36,13 @@ DURATION = 3.0
 """Length of a run, at the least [s]."""
 
 SHOWS = 1e6
-"""A run is so long that what grows shows: by this factor, in theory, with a step that is `OFF` too long [1]."""
+"""Growth over a run, in theory, with a step that is `OFF` too long; it determines the duration of a run [1]."""
 
 OFF = 1.03
-"""Of what a largest step may be off, most runs should tell that it is [1]."""
+"""Relative error of a largest step that most runs should detect [1]."""
 
 MOST_STEPS = 1_000_000
-"""But no longer than this many steps [1]."""
+"""Largest number of steps of a run [1]."""
 
 FIXED_PLACE = 0.15
 """Where the ball is fixed: where trials start [m]."""

@@ -1,8 +1,8 @@
-"""``netboard bench velocity``: lag, noise, errors and time of the velocity estimators, and how late a force may be.
+"""``netboard bench velocity``: lag, noise, error and cost of the velocity estimators, and the largest stable delay.
 
-Movements are known in closed form and are read each millisecond in the encoder steps of a Touch; the estimators are
-those that agents run. How late a force may be is asked of the paper's coupling on a bare stylus, the board's end fixed:
-by the eigenvalues of the whole sampled loop for the estimators that are linear, and by runs with all of them.
+Movements have a closed form and are read each millisecond in the encoder steps of a Touch; the estimators are those
+that agents run. The largest stable delay is that of the paper's virtual coupling on a bare stylus, with the board's end
+fixed: from the eigenvalues of the whole sampled loop for linear estimators, and from runs for all of them.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,15 +24,15 @@ from netboard.devices.contract.velocity import KINDS, Estimator
 Array = NDArray[np.float64]
 
 OFFSETS, QUICK_OFFSETS = 20, 5
-"""Each movement is judged from so many places within an encoder step [1]."""
+"""Number of start positions within an encoder step, for each movement [1]."""
 
 UPDATES, QUICK_UPDATES = 100_000, 10_000
-"""So many updates are timed in one go, and the best of `GOES` counts [1]."""
+"""Number of updates in one timing, of which the fastest of `GOES` counts [1]."""
 
 GOES = 5
 
 SECONDS, QUICK_SECONDS = 8.0, 3.0
-"""Length of a run with late forces [s]."""
+"""Length of a run with delayed forces [s]."""
 
 RUN_UP = 100
 """Samples that an estimator gets before it is judged [1]."""
@@ -78,7 +78,7 @@ def _reach(distance: float, start: float, duration: float) -> Movement:
 
 
 ACCELERATION = 1.0
-"""Of the movement that lags are told from [m/s2]."""
+"""Acceleration of the movement from which the lag is measured [m/s2]."""
 
 RAMP = Movement("ramp", 500, lambda t: 0.5 * ACCELERATION * t**2, lambda t: ACCELERATION * t)
 REST = _wave("rest", 0.02e-3, 9.0)
@@ -147,7 +147,7 @@ def figures(*, quick: bool, tell: Tell) -> Part:
 
 
 def delays(*, quick: bool, tell: Tell) -> Part:
-    """Find how late the paper's coupling may be for a bare stylus, with each estimator."""
+    """Find the largest stable delay of the paper's virtual coupling for a bare stylus, with each estimator."""
     physics = Config().physics
     loops = [Loop(TOUCH.mass, b, physics.k_h, physics.c_h) for b in (0.0, TOUCH.damping)]
     rows: list[tuple[Value, ...]] = []

@@ -1,8 +1,8 @@
-"""The sampled loop that a velocity is estimated for: a free mass, a spring-damper to a fixed point, a late force.
+"""The sampled loop with a velocity estimator: a free mass, a spring-damper to a fixed point, a delayed force.
 
-Each millisecond the position is read, the velocity estimated, the force ``-k x - c v`` computed; it acts so many whole
-milliseconds later, for one. The mass is stepped exactly. Estimators that are linear are written as a system of their
-own, so that the whole loop is one matrix; runs use the estimators themselves.
+Each millisecond the position is read, the velocity estimated, and the force ``-k x - c v`` computed. The force acts for
+one millisecond, after a delay of whole milliseconds. The mass is stepped exactly. Linear estimators are written as
+linear systems, so that the whole loop is one matrix; runs use the estimators themselves.
 """
 
 from collections.abc import Callable
@@ -19,16 +19,16 @@ from netboard.participants.device_models import MODELS
 Array = NDArray[np.float64]
 
 IDEAL = "ideal"
-"""Stands for an estimator that knows the velocity."""
+"""Name of an estimator that knows the true velocity."""
 
 TOUCH = MODELS["touch"]
 """The device."""
 
 START = 0.01
-"""The mass is let go so far from where it belongs [m]."""
+"""Distance of the mass from its equilibrium at the release [m]."""
 
 LARGEST = 60
-"""No longer delay is looked for [ms]."""
+"""Longest delay that is tried [ms]."""
 
 
 @dataclass(frozen=True)

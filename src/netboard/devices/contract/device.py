@@ -30,7 +30,7 @@ class Box(NamedTuple):
     Attributes
     ----------
     x_min, y_min, z_min : float
-        Near, left, lower corner: out of the screen, right, up [m].
+        Far, left, lower corner; x is out of the screen, y right, z up [m].
     x_max, y_max, z_max : float
         Opposite corner [m].
     """

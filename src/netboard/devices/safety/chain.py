@@ -1,7 +1,8 @@
-"""The safety chain between every wanted force and the motor. Pure; time is an argument.
+"""The safety chain between each requested force and the motor. Pure; time is an argument.
 
-The chain does not trust the server, the network, the device's readings or the caller. Its state is a `Guard`, its
-transitions are the edges of `TABLE`, and only three states let a force through.
+The chain does not rely on the server, the network, the device's readings or the caller. Its state is a `Guard`, its
+transitions are the edges of `TABLE`, and only three states let a force through. After arming, the arming gate holds the
+force at zero until the requested vertical force is below `arm_gate`.
 
 Rule 1: the force never exceeds the clamp, and never changes faster than the slew limit. A late step allows no larger
 change than a step of `LONGEST_STEP_NS`.

@@ -13,7 +13,7 @@ damper of stiffness times round trip.
 Rule 1: while the energy is below zero, damping dissipates the deficit, up to `MOST_DAMPING`.
 Rule 2: while the deficit exceeds `STORED`, forces in the direction of motion are withheld. So even with a wrong damping
 or velocity, a tick increases the deficit only by motion that the velocity estimate missed.
-Rule 3: the stored energy is at most `STORED`: energy saved in calm periods must not feed an oscillation later.
+Rule 3: the stored energy is at most `STORED`: energy dissipated earlier must not feed an oscillation later.
 Rule 4: no force is withheld from a stylus slower than `SLOW`. The power is negligible there, and a deficit must not
 keep the stylus from its equilibrium for ever.
 

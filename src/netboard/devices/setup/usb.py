@@ -112,7 +112,7 @@ def devices(root: Path = ROOT) -> Finding:
         return Finding(name, "red", f"{found}; no permission for {', '.join(shut)}", ADVICE)
     if open_to_all := [str(node) for each in there for node in each.nodes if node.stat().st_mode & 0o002]:
         return Finding(name, "yellow", f"{found}; everybody may open {', '.join(open_to_all)}", ADVICE)
-    return Finding(name, "green", found or "no haptic device is plugged in")
+    return Finding(name, "green", found or "no USB haptic device found")
 
 
 def device_nodes(device: Path, root: Path) -> list[Path]:

@@ -28,9 +28,9 @@ def listing_tables(found: Listing) -> RenderableType:
         devices.add_row(model, each.serial or "?", each.usb, each.place, ", ".join(each.seen_by))
     backends = FittedTable("backend", "", title="Backends")
     for name, trouble in found.backends:
-        backends.add_row(name, Text(trouble, "yellow") if trouble else "can be used")
+        backends.add_row(name, Text(trouble, "yellow") if trouble else "available")
     advice = [Text(advice, "bold") for advice in dict.fromkeys(each.advice for each in found.devices) if advice]
-    parts = [devices if found.devices else Text("no haptic device is plugged in"), *advice, backends]
+    parts = [devices if found.devices else Text("no USB haptic device found"), *advice, backends]
     return Group(*parts, *(Text(remark, "yellow") for remark in found.remarks))
 
 
@@ -60,7 +60,7 @@ def identified_table(title: str, found: Identified) -> FittedTable:
     for name, value, half_width, unit in _estimates(found):
         digits = max(0, 1 - floor(log10(half_width))) if half_width > 0.0 else 4
         table.add_row(name, f"{value:.{digits}f}", f"{half_width:.{digits}f}", unit)
-    table.add_row("left unexplained", f"{found.misfit * 1e3:.3g}", "", f"mm of {found.travel * 1e3:.1f} mm")
+    table.add_row("rms residual", f"{found.misfit * 1e3:.3g}", "", f"mm of {found.travel * 1e3:.1f} mm")
     return table
 
 

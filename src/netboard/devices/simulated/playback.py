@@ -45,13 +45,13 @@ class Options:
     """Options of the recorded stylus."""
 
     __pydantic_config__ = NO_EXTRAS
-    file: Annotated[str, about("what is played: a recording (.mcap) or a .csv file")] = ""
+    file: Annotated[str, about("file to play: a recording (.mcap) or a .csv file")] = ""
     side: Annotated[Literal["same", "left", "right"], about("whose stylus in a recording; same: of this side")] = "same"
     trial: Annotated[int, about("number of the trial that is played; 0: the whole recording", "1", ge=0)] = 0
     delay: Annotated[float, about("time from the first reading to the start", "s", ge=0, le=86_400)] = 0.0
-    scale: Annotated[float, about("the way is so many times as large", "1", ge=-10, le=10)] = 1.0
+    scale: Annotated[float, about("factor of the movement", "1", ge=-10, le=10)] = 1.0
     noise: Annotated[float, about("standard deviation of white noise on each reading", "m", ge=0, le=0.1)] = 0.0
-    loop: Annotated[StrictBool, about("true: from the end it goes on at the beginning")] = False
+    loop: Annotated[StrictBool, about("true: playback starts again at the end of the file")] = False
     seed: Annotated[int, about("seed of the noise", "1", ge=0, lt=2**31)] = 1
 
 

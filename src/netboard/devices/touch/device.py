@@ -140,7 +140,7 @@ class OpenHaptics(Device):
         if since_ns is not None and now_ns - max(shot.stamp_ns, since_ns) > STALL_NS:
             self._lost = True
             late_ms = (now_ns - shot.stamp_ns) * 1e-6
-            raise DeviceTimeout(f"the servo loop of the haptic device has stood still for {late_ms:.0f} ms")
+            raise DeviceTimeout(f"the servo loop of the haptic device has stalled for {late_ms:.0f} ms")
         tired = self._tired_ns is not None and now_ns - self._tired_ns < REST_NS
         ready = since_ns is not None and not (shot.docked or shot.cut or tired)
         right, up, near = shot.position

@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 NEVER_NS = 2**63 - 1
-"""Age of a peer that was never heard, and error bound of a clock that was never probed [ns]."""
+"""Age of a peer that never sent a frame, and error bound of a clock that was never probed [ns]."""
 
 FAR_NS = 2**61
 """Clock offsets beyond this (73 years) are invalid; below it, every number of an estimate fits 64 bits [ns]."""

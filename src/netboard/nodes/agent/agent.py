@@ -129,7 +129,7 @@ class Agent:
         try:
             self._device.close()
         except DeviceError as last:
-            log.warning("the device could not be told to render no force: %s", last)
+            log.warning("zero force could not be written to the device: %s", last)
         log.error("the device is lost, no force is rendered: %s", error)
         self._link.part(f"the device is lost: {error}")
 

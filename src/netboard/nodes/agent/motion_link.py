@@ -140,7 +140,7 @@ class Link:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.say(f"the server sent nonsense: {error}")
+            self._nonsense.say(f"invalid message from the server: {error}")
             return False
         match message:
             case Force() | Point() | Beat():
@@ -151,11 +151,11 @@ class Link:
                 self._enter(session)
                 self.block = block
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._session = ""
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason
-                log.warning("the server refuses: %s", reason)
+                log.warning("the server refused the connection: %s", reason)
         return False
 
     def answer(self, backfill: Backfill) -> None:
@@ -199,7 +199,7 @@ class Link:
     def _is_fresh(self, seq: int) -> bool:
         """Return whether the message just received answers a recent sample, or says that there is none.
 
-        An agent that stood still thus does not treat as fresh what arrived meanwhile.
+        Messages that arrived while the agent stalled thus do not count as fresh.
         """
         if seq < 0:
             return True

@@ -159,8 +159,8 @@ class Logger:
     def _greet(self) -> None:
         """Send `Hello` to a server that has not answered yet or has fallen silent.
 
-        A server that has sent a welcome gets no further `Hello` while it is heard, however late its first records are.
-        Each `Hello` restarts the exchange, which over a slow link would then never finish.
+        A server that has sent a `Welcome` gets no further `Hello` while its frames arrive, however late its first
+        records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
         """
         now = self._clock()
         silent = now - self._heard_ns >= SILENT_NS
@@ -173,7 +173,7 @@ class Logger:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.say(f"the server sent nonsense: {error}")
+            self._nonsense.say(f"invalid message from the server: {error}")
             self._ask()
             return
         match message:
@@ -186,13 +186,13 @@ class Logger:
             case LogEnd(last=last):
                 self._end(last)
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._close(f"the server left: {reason}")
             case Refusal(reason=reason):
                 self._welcomed = False
                 if reason != self._refused:
                     self._refused = reason
-                    log.warning("the server refuses: %s", reason)
+                    log.warning("the server refused the connection: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one."""
@@ -328,7 +328,7 @@ class Logger:
             except NetboardError as error:
                 log.error("%s", error)
         if self._writer is not None and self._writer.part.exists():
-            log.error("what was written is whole up to its last chunk: netboard recover %s", self._writer.part)
+            log.error("the file is complete up to its last chunk: netboard recover %s", self._writer.part)
         self._say(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:

@@ -1,8 +1,8 @@
 """A subscriber to the log: receives every record as it is made, stores nothing and acknowledges nothing.
 
-Records are numbered, so missed records are known and reported. A subscriber that waited for the server gets a session
-from its first record; one that joins a running session gets it from then on. It waits for a server that ends or
-restarts, without a timeout. The records include the server's probes of this machine's clock, which give the offset.
+Records are numbered, so missed records are known and reported. A subscriber that was started before the server receives
+the session from its first record; otherwise it receives the records from then on. It reconnects without a timeout. The
+records include the server's probes of this machine's clock, which give the offset.
 """
 
 import logging
@@ -34,15 +34,15 @@ from netboard.recording.format.channels import record_of
 
 log = logging.getLogger(__name__)
 
-WAITED_NS = 3_000_000_000
-"""Time from the start within which a welcome means that the server was already running [ns]."""
+EARLY_WELCOME_NS = 3_000_000_000
+"""A welcome within this time of the start means that the server was already running [ns]."""
 
 ANSWERS = 64
 """Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
 class Ear(Protocol):
-    """Receiver of what a subscriber hears."""
+    """Receiver of a subscriber's records."""
 
     def begin(self, welcome: Welcome) -> None:
         """Begin another session of the server."""
@@ -97,7 +97,7 @@ class Listener:
             try:
                 self._hear(decode(frame))
             except WireError as error:
-                self._nonsense.say(f"the server sent nonsense: {error}")
+                self._nonsense.say(f"invalid message from the server: {error}")
         self._greet()
 
     def _greet(self) -> None:
@@ -120,19 +120,19 @@ class Listener:
             case LogBatch():
                 self._take(message)
             case Goodbye(reason=reason):
-                log.info("the server says goodbye: %s", reason)
+                log.info("the server ended the connection: %s", reason)
                 self._welcomed = False
             case Refusal(reason=reason):
                 self._welcomed = False
                 if reason != self._refused:
                     self._refused = reason
-                    log.warning("the server refuses: %s", reason)
+                    log.warning("the server refused the connection: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one, and request its records."""
         self._welcomed, self._refused = True, ""
         if welcome.session != self._session:
-            waited = bool(self._session) or self._clock() - self._began_ns > WAITED_NS
+            waited = bool(self._session) or self._clock() - self._began_ns > EARLY_WELCOME_NS
             self._session, self._next = welcome.session, 0 if waited else None
             self._answers.clear()
             self._ear.begin(welcome)

@@ -93,7 +93,7 @@ class Operator:
 
     @property
     def silent_seconds(self) -> float:
-        """Time since the server was last heard; infinite before the first time [s]."""
+        """Time since the server's last frame; infinite before the first one [s]."""
         return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
 
     def command(self, name: str, argument: str = "") -> int:
@@ -139,7 +139,7 @@ class Operator:
             try:
                 message = decode(frame)
             except WireError as error:
-                raise NetboardError(f"the server sent nonsense: {error}") from error
+                raise NetboardError(f"invalid message from the server: {error}") from error
             match message:
                 case Welcome():
                     self._welcomed = True
@@ -158,7 +158,7 @@ class Operator:
                 case Refusal(reason=reason) if reason == HELLO_FIRST:  # removed as a silent peer
                     self._welcomed = False
                 case Refusal(reason=reason):
-                    raise NetboardError(f"the server refuses: {reason}")
+                    raise NetboardError(f"the server refused the connection: {reason}")
         return newest
 
     def _hear(self, status: Status) -> Status:

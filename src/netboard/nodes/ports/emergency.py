@@ -23,7 +23,7 @@ WORDS = {
     Safeguard.TOO_FAST: "the stylus was too fast",
     Safeguard.NOT_FINITE: "a force or a reading was not a number",
     Safeguard.DEVICE_LOST: "the device does not answer",
-    Safeguard.WORN: "the motors have given their mean force",
+    Safeguard.WORN: "the mean-force limit of the motors is reached",
     Safeguard.STOPPED: "emergency stop at the device",
     Safeguard.NOT_READY: "the device is not calibrated, not in a hand, or outside of its workspace",
 }

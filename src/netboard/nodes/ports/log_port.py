@@ -166,7 +166,7 @@ class LogPort:
     def end(self) -> None:
         """End the log: later records are dropped, and loggers are sent the end once they have all records."""
         self._ended = True
-        # The loggers have been told the last number, or will be: a later record would never be sent.
+        # The loggers have received the last number, or will: a later record would never be sent.
         self.append = lambda record: self.ring.next
 
     @property

@@ -145,7 +145,7 @@ class RecordStore:
 
     def _watch_losses(self) -> None:
         """Report why the ring drops records that are nowhere else."""
-        losing = (self._refusal or "the disk does not follow") if self.ring.first > self._kept else ""
+        losing = (self._refusal or "the disk is too slow") if self.ring.first > self._kept else ""
         if losing and losing != self._losing:
             self._cause = losing
             if self.recorded:

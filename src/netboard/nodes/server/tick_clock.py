@@ -65,7 +65,7 @@ class TickClock:
             return 0
         moved_ns = behind_ns - behind_ns % TICK_NS
         self.due_ns += moved_ns
-        self.gap = f"the server stood still for {moved_ns / TICK_NS:.0f} ms"
+        self.gap = f"the server stalled for {moved_ns / TICK_NS:.0f} ms"
         return moved_ns
 
     def take_gap(self) -> str:

@@ -33,7 +33,7 @@ TRIAL_ENTRIES = MOST_TRIALS + 1
 GAINS = np.dtype(
     [
         ("weight", "<f8"),  # force with both styluses and the ball at 0 [N]
-        ("own", "<f8"),  # change with the height of the own stylus [N/m]
+        ("own", "<f8"),  # change with the height of this hand's stylus [N/m]
         ("partner", "<f8"),  # change with the height of the partner's stylus [N/m]
         ("ball", "<f8"),  # change with the position of the ball [N/m]
     ]
@@ -120,7 +120,7 @@ def force_on_hand(
     p : float
         Ball position along the board [m].
     other : float
-        The force that a hand felt in another session, + = up [N].
+        Commanded force of a hand in another session, + = up [N].
     gains : GAINS record
         Gains of the hand, for a free or a fixed ball.
     scale : float

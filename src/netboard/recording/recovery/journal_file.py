@@ -1,8 +1,8 @@
 """Journal of a session: an append-only file from which a session resumes after any crash.
 
 A journal is never overwritten. Appending does not wait for the disk: a separate thread writes and syncs the entries one
-by one, in order, so a power cut can tear only the last line. An entry that counts as durable is on disk, and so is the
-file's name. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until the entry is
+by one, in order, so a power cut can truncate only the last line. An entry that counts as durable is on disk, and so is
+the file's entry in its folder. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until the entry is
 written.
 """
 
@@ -62,7 +62,7 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, header: Header) -> Self:
-        """Create a journal; on return its header and its name are on disk.
+        """Create a journal; on return its header and its directory entry are on disk.
 
         Parameters
         ----------

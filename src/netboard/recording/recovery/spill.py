@@ -119,7 +119,7 @@ class Spill:
         if self._end >= self._most_bytes:
             return f"{self.path} has grown to network.log_spill_mb"
         if len(self._unwritten) >= MOST_WAITING:
-            return self.trouble or f"{self.path}: the disk does not follow"
+            return self.trouble or f"{self.path}: the disk is too slow"
         return ""
 
     def put(self, batch: LogBatch) -> None:

@@ -290,7 +290,7 @@ def progress_of(
 
 
 def resume_words(progress: Progress) -> str:
-    """Describe to the operator where a session resumes.
+    """Describe where a session resumes, for the operator.
 
     Parameters
     ----------
@@ -303,10 +303,10 @@ def resume_words(progress: Progress) -> str:
         One line of text.
     """
     if progress.complete:
-        return f"nothing is left to be done: all {progress.blocks} blocks are over"
+        return f"nothing to resume: all {progress.blocks} blocks are complete"
     where = f"block {progress.block} of {progress.blocks}"
     if not progress.begun:
-        return f"{'begins' if progress.block == 1 else 'goes on'} at the start of {where}"
+        return f"{'begins' if progress.block == 1 else 'resumes'} at the start of {where}"
     counts = [f"{progress.successes} done"]
     if progress.skipped:
         counts.append(f"{progress.skipped} skipped")
@@ -315,11 +315,11 @@ def resume_words(progress: Progress) -> str:
     if progress.extra:
         counts.append(f"{_counted(progress.extra, 'trial')} added")
     trials = progress.repeats.trials + progress.extra
-    words = f"goes on at {where}, trial {progress.trial} of {trials} ({', '.join(counts)})"
+    words = f"resumes at {where}, trial {progress.trial} of {trials} ({', '.join(counts)})"
     if progress.attempt > 1:
         words += f", attempt {progress.attempt}"
     if progress.under_way is not None:
-        words += "; the attempt that was under way is kept as incomplete"
+        words += "; the unfinished attempt is kept as incomplete"
     return words
 
 

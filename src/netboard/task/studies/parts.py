@@ -59,7 +59,7 @@ class Changes:
     geometry: Annotated[dict[str, Any], about("keys of [geometry] that differ")] = field(default_factory=dict)
     quality: Annotated[dict[str, Any], about("keys of [quality] that differ")] = field(default_factory=dict)
     display: Annotated[dict[str, Any], about("keys of [display] that differ")] = field(default_factory=dict)
-    participant: Annotated[dict[str, Any], about("keys of [participant] that differ, of simulated people")] = field(
+    participant: Annotated[dict[str, Any], about("keys of [participant] that differ, for simulated participants")] = field(
         default_factory=dict
     )
     instructions: Annotated[

@@ -157,7 +157,7 @@ _TRIPS = (
     (Safeguard.NOT_FINITE, "not a number"),
     (Safeguard.TOO_FAST, "too fast"),
     (Safeguard.STALE, "stale force"),
-    (Safeguard.WORN, "motors worn"),
+    (Safeguard.WORN, "motor limit"),
 )
 
 

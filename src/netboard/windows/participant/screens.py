@@ -136,7 +136,7 @@ def _told(picture: Picture, view: View, config: Config, words: Words, result: st
 
 
 def _times(view: View, words: Words) -> str:
-    """Completion time of the last trial, with a remark if it is the best one."""
+    """Completion time of the last trial, marked if it is the best one."""
     if view.completion is None:
         return ""
     if view.best is not None and view.completion <= view.best:
