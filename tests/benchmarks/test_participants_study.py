@@ -7,18 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.running import run_named
 from netboard.benchmarks.participants import fit
 from netboard.benchmarks.participants.bench import study
 from netboard.benchmarks.participants.paper import STATEMENTS, Sample, Statement
-from netboard.benchmarks.participants.trials import ATTEMPT, Cast, play
+from netboard.benchmarks.participants.trials import ATTEMPT, Cast, Played, play
 from netboard.benchmarks.participants.validation import ABLATIONS, Prediction, studies
 
 
-def made(dyad: int = 1, trials: int = 12) -> np.ndarray:
+def made(dyad: int = 1, trials: int = 18) -> np.ndarray:
     """Attempts of a dyad: each participant alone, then both; first without and then with haptic feedback."""
-    parts = []
+    parts, rng = [], np.random.default_rng(dyad)
     for performer, level in (("A", 5.0), ("B", 3.0), ("dyad", 3.5)):
         for haptics in (False, True):
             rows = np.zeros(trials, ATTEMPT)
@@ -27,7 +26,8 @@ def made(dyad: int = 1, trials: int = 12) -> np.ndarray:
             rows["completion"] = level - (performer == "dyad") * haptics + 0.1 * np.arange(trials)[::-1]
             rows["cooperative"] = 0.5 + 0.1 * haptics
             rows["delay"], rows["delays"] = 0.2 * (2 - haptics), 2
-            rows["distance"] = (1 + np.arange(trials)[::-1] // 2) * np.where(np.arange(trials) % 2, 1.0, -1.0)
+            rows["distance"] = (1 + np.arange(trials)[::-1] // 3) * np.tile([-1.0, 0.0, 1.0], trials // 3)
+            rows["velocity"], rows["peaks"] = rng.normal(0.1, 0.02, trials), 3
             parts.append(rows)
     return np.concatenate(parts)
 
@@ -39,10 +39,10 @@ def named(text: str) -> Statement:
 
 def test_the_statements_say_what_was_put_in() -> None:
     sample = Sample(np.concatenate([made(1), made(2)]))
-    # The first two of twelve trials have 1.1 and 1.0 s more than the last, averaged over A and B.
-    assert named("completion time [s], bimanual, first 30").of(sample) == pytest.approx(4.0 + 1.05)
-    assert named("completion time [s], bimanual, last 30").of(sample) == pytest.approx(4.0 + 0.05)
-    assert named("completion time [s], dyadic, last - first").of(sample) == pytest.approx(-1.0)
+    # The first three of eighteen trials have 1.7, 1.6 and 1.5 s more than the last, averaged over A and B.
+    assert named("completion time [s], bimanual, first 30").of(sample) == pytest.approx(4.0 + 1.6)
+    assert named("completion time [s], bimanual, last 30").of(sample) == pytest.approx(4.0 + 0.1)
+    assert named("completion time [s], dyadic, last - first").of(sample) == pytest.approx(-1.5)
     assert named("dyads faster than alone, haptics on").of(sample) == 2
     assert named("dyads faster than alone, haptics off").of(sample) == 2
     assert named("cooperative share, dyadic, haptics on - off").of(sample) == pytest.approx(0.1)
@@ -57,7 +57,7 @@ def test_failed_attempts_are_counted_and_not_averaged() -> None:
     rows["success"][::3] = False
     rows["completion"][::3] = 1e6
     sample = Sample(rows)
-    assert sample.failures == 24
+    assert sample.failures == 36
     assert named("completion time [s], bimanual, last 30").of(sample) < 10.0
 
 
@@ -100,9 +100,9 @@ def test_the_fit_uses_only_one_person_without_haptic_feedback() -> None:
     practice = [job.people[job.config.block.performer].practice for job in fit.ends_of(Cast(), 1)]
     assert practice[1] > 600
     assert practice[3] > 600
-    assert fit.scaled((1.0,) * 5, Participant()) == Participant()
-    assert fit.scaled((1e-3, 2.0, 1.0, 1.0, 1.0), Participant()) == replace(
-        Participant(), novice=1.0, position_noise=0.006, velocity_noise=0.02, tilt_noise_deg=0.5
+    assert fit.scaled((1.0,) * 5, fit.START) == fit.START
+    assert fit.scaled((1e-3, 2.0, 1.0, 1.0, 1.0), fit.START) == replace(
+        fit.START, novice=1.0, position_noise=0.006, velocity_noise=0.02, tilt_noise_deg=0.5
     )
 
 
@@ -125,7 +125,7 @@ def test_the_study_writes_predictions_ablations_and_comparisons(
     pools = iter([made(dyad) for dyad in range(1, 5)] * 2)
     monkeypatch.setattr(
         "netboard.benchmarks.participants.bench._played",
-        lambda *_: (type("Made", (), {"attempts": next(pools), "given_up": 0})() for _ in range(4)),
+        lambda *_: (Played(next(pools), given_up=0, ticks=0) for _ in range(4)),
     )
     run_named("participants", study(3, 4, 1), tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
     parts = {part["name"]: part for part in json.loads((tmp_path / "found.json").read_text())["parts"]}

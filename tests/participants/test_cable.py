@@ -13,7 +13,7 @@ from netboard.participants.device_models import MODELS, DeviceModel, resolved
 from netboard.participants.hand import STEP, Hand, hold, pack_arm
 from netboard.participants.submovement import Submovement
 
-PERSON = Participant(force_noise=0.0, reflex_gain=0.0)
+PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
 FREE = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0, cable_stiffness=1000.0, cable_damping=0.0)
 NO_FORCE = (0.0, 0.0, 0.0)
 

@@ -11,7 +11,7 @@ from netboard.participants.device_models import resolved
 from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
 from netboard.participants.submovement import Submovement
 
-PERSON = Participant(force_noise=0.0, reflex_gain=0.0)
+PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
 YIELDING = replace(PERSON, reflex_gain=1.5)
 SMOOTH = VirtualDevice(friction=0.0)
 TOUCH = resolved(VirtualDevice())
@@ -178,3 +178,20 @@ def test_reflexes_free_a_hand_from_the_friction_that_holds_it() -> None:
 
 def test_a_force_that_lasts_is_expected_in_the_end() -> None:
     assert equilibria(make(YIELDING), 12_000, 0.3)[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_load_that_lasts_is_carried_at_the_height_that_was_meant() -> None:
+    hand = make(replace(PERSON, load_skill=1.0))
+    course = heights(hand, 12_000, 0.3)
+    assert course.max() > 0.5 * 0.3 / PERSON.arm_stiffness
+    assert course[-1] == pytest.approx(0.0, abs=1e-5)
+    half = make(replace(PERSON, load_skill=0.5))
+    assert heights(half, 12_000, 0.3)[-1] == pytest.approx(0.15 / PERSON.arm_stiffness, rel=1e-2)
+
+
+def test_compensation_at_rest_leaves_the_rest_of_the_friction() -> None:
+    hand = make(replace(PERSON, friction_skill=0.8, rest_skill=1.0), VirtualDevice(friction=0.26))
+    hand.advance(8000, 0.0, (0.0, 0.0, 0.0519))
+    assert hand.position[2] == 0.0
+    hand.advance(8000, 0.0, (0.0, 0.0, 0.0521))
+    assert hand.position[2] > 0.0

@@ -39,7 +39,8 @@ def test_a_passive_hand_with_the_device_moves_as_in_the_whole_model(
 ) -> None:
     monkeypatch.setattr(closed_loop, "make_brains", lambda config: make_brains(config)[:1])
     config = with_block(Config(), "dyadic", True, 4, 3)
-    config = replace(config, participant=replace(config.participant, arm_stiffness=stiffness, force_noise=0.0))
+    inert = replace(config.participant, arm_stiffness=stiffness, force_noise=0.0, rest_skill=0.0, load_skill=0.0)
+    config = replace(config, participant=inert)
     rows = play(config, 15.0).rows[200:]
     left, right, p = (smooth(rows[name].astype(float)) for name in ("left_sent_z", "right_sent_z", "p"))
     gains = Gains(*gains_of(parts_of(config.physics), pack_scene(config.physics)[0])[1][1:])

@@ -28,10 +28,10 @@ from netboard.benchmarks.participants.validation import (
     studies,
 )
 
-TRIALS, QUICK_TRIALS = 30, 6
+TRIALS, QUICK_TRIALS = 20, 6
 """Trials in a block, of the paper's 60 [1]."""
 
-DYADS, QUICK_DYADS = 24, 4
+DYADS, QUICK_DYADS = 24, 8
 """Dyads of the full model [1]."""
 
 SLOWING_DYADS, SLOWING_TRIALS = 8, 12
