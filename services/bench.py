@@ -190,7 +190,7 @@ def participants(
     studies: Annotated[int, typer.Option(min=1, metavar="N", help="Virtual studies of four dyads.")] = 200,
     dyads: Annotated[
         int | None,
-        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 24."),
+        typer.Option(min=4, metavar="N", help="Dyads from which the studies are drawn, a multiple of 4; default: 16."),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")] = None,
 ) -> None:

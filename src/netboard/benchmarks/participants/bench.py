@@ -13,7 +13,7 @@ import numpy as np
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
-from netboard.benchmarks.harness.results import Folder, Part, Verdict
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Study, Tell
 from netboard.benchmarks.participants.others import others_part
 from netboard.benchmarks.participants.paper import Sample
@@ -31,10 +31,13 @@ from netboard.benchmarks.participants.validation import (
 TRIALS, QUICK_TRIALS = 20, 6
 """Trials in a block, of the paper's 60 [1]."""
 
-DYADS, QUICK_DYADS = 24, 8
+DYADS, QUICK_DYADS = 16, 8
 """Dyads of the full model [1]."""
 
-SLOWING_DYADS, SLOWING_TRIALS = 8, 12
+ABLATED_DYADS, ABLATED_TRIALS = 8, 10
+"""At most so many dyads and trials in a block for each other variant [1]."""
+
+SLOWING_DYADS, SLOWING_TRIALS = 8, 8
 """Dyads and trials in a block in which one person's haptic effect is taken apart [1]."""
 
 QUICK_VARIANTS = ("full model", "no information")
@@ -49,8 +52,9 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
         variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
         found: dict[str, list[Prediction]] = {}
         for number, name in enumerate(variants):
-            size = pool if name == variants[0] else _whole(ceil(pool / 3))
-            trials = QUICK_TRIALS if quick else TRIALS
+            size, trials = pool, QUICK_TRIALS if quick else TRIALS
+            if name != variants[0]:
+                size, trials = min(size, ABLATED_DYADS), min(trials, ABLATED_TRIALS)
             played = list(_played(name, size, trials, cores, number, len(variants), tell))
             found[name] = predictions(studies([one.attempts for one in played], count))
             if name == variants[0]:
@@ -83,7 +87,7 @@ def _played(
 
 def predictions_part(found: Sequence[Prediction], played: Sequence[Played], trials: int, count: int) -> Part:
     """Tabulate the predictions of the full model, with what it does not reproduce."""
-    rows = []
+    rows: list[tuple[Value, ...]] = []
     for one in found:
         middle, low, high = one.interval
         statement = one.statement
@@ -129,7 +133,7 @@ def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
 
 def ablations_part(found: dict[str, list[Prediction]]) -> Part:
     """Tabulate each result without one part of the model: the median, and the probability of the direction."""
-    rows: list[tuple[Any, ...]] = []
+    rows: list[tuple[Value, ...]] = []
     for k, one in enumerate(found[next(iter(found))]):
         paper = one.statement.value if one.statement.value is not None else {1: "above 0", -1: "below 0", 0: "-"}
         told = paper if not isinstance(paper, dict) else paper[one.statement.sense]

@@ -111,7 +111,7 @@ def _early(played: Played) -> NDArray[np.bool_]:
 
 def loss(log_factors: NDArray[np.float64], start: Participant, pool: Executor) -> float:
     """Return the sum of squared logarithmic errors of the figures."""
-    cast = Cast(scaled(np.exp(log_factors), start))
+    cast = Cast(scaled(np.exp(log_factors).tolist(), start))
     dyads = range(1, DYADS + 1)
     found = figures(list(pool.map(play, [ends_of(cast, dyad) for dyad in dyads], dyads)))
     error = float(np.sum(np.log(found / list(TARGETS.values())) ** 2))
@@ -127,7 +127,7 @@ def fit(start: Participant, workers: int, evaluations: int) -> Participant:
     options = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.002}
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         found = minimize(loss, simplex[0], (start, pool), method="Nelder-Mead", options=options)
-    return scaled(np.exp(found.x), start)
+    return scaled(np.exp(found.x).tolist(), start)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tables.simulated import Participant
-from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.harness.results import Part, Value
 from netboard.benchmarks.participants.trials import Cast, Played, play_all
 from netboard.nodes.rehearsal.jobs import Job
 
@@ -31,7 +31,7 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     """Tabulate the mean completion time of each case, and its ratio to that without haptic feedback."""
     means = {name: _means(list(play_all(_tasks(name, dyads, trials), workers))) for name in CASES}
     base = means[next(iter(CASES))]
-    rows = []
+    rows: list[tuple[Value, ...]] = []
     for name, own in means.items():
         ratios = np.log(own / base)
         mean, error = float(ratios.mean()), float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
@@ -45,7 +45,7 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
 def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
     """Return the blocks of a case: those without haptic feedback, with another force."""
     force, keys = CASES[name]
-    cast = Cast(replace(Participant(), **keys), trials=trials)  # type: ignore[arg-type]
+    cast = Cast(replace(Participant(), **keys), trials=trials)
     return [([_with_force(job, force) for job in cast.jobs(dyad) if _alone(job)], dyad) for dyad in range(1, dyads + 1)]
 
 
@@ -56,7 +56,7 @@ def _alone(job: Job) -> bool:
 
 def _with_force(job: Job, force: str) -> Job:
     """Return a block with another force condition."""
-    return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))  # type: ignore[arg-type]
+    return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
 
 
 def _means(played: Sequence[Played]) -> NDArray[np.float64]:
