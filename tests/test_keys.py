@@ -178,7 +178,7 @@ def test_two_do_not_change_the_list_at_once(ring: keys.KeyRing, folder: Path) ->
 
 
 def test_a_lost_key_file_is_said_with_what_to_do(folder: Path) -> None:
-    with pytest.raises(ConfigError, match=r"display\.right\.key: does not exist; .*netboard keys add display right, and"):
+    with pytest.raises(ConfigError, match=r"display\.right\.key: does not exist; .*keys add display right, and"):
         keys.credentials(folder, "display.right")
     with pytest.raises(ConfigError, match=r"server\.key: does not exist; make it with: netboard keys init"):
         keys.KeyRing(folder)

@@ -166,7 +166,7 @@ def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, 
         assert points(own, f"{label}, interval")[:, 0] == pytest.approx([one.hedges.low, one.hedges.high])
         written = [text.get_text() for text in own.texts if text.get_position()[1] == row]
         assert written == [f"{one.contrast.permutation.p:.3g}"]
-    assert "no p below 0.125" in picture.caption
+    assert "smallest possible p is 0.125" in picture.caption
 
 
 def test_differences_are_those_of_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
@@ -220,7 +220,7 @@ def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture
         name = f"_{one.condition.name}, {one.direction}"
         assert one.chance is not None
         names = (
-            ("a dyad", "the same of dyads who never met") if not place else (f"{name}, dyads", f"{name}, surrogates")
+            ("a dyad", "a surrogate dyad") if not place else (f"{name}, dyads", f"{name}, surrogates")
         )
         np.testing.assert_array_equal(lines[names[0]], one.values)
         np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)

@@ -79,8 +79,8 @@ def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], st
 def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], study: Study) -> None:
     caption = draw(study).caption
     assert re.search(r"[Nn] = \d", caption)
-    assert "95 % t interval" in caption
-    assert caption.endswith("Simulated people: no evidence about people.")
+    assert "95 % t confidence interval" in caption
+    assert caption.endswith("Simulated participants: no evidence about people.")
 
 
 @pytest.mark.slow
@@ -232,7 +232,7 @@ def test_delays_are_drawn_as_found(study: Study) -> None:
 
 def test_intervals_of_single_movements_are_called_too_short() -> None:
     picture = delay.picture(made_study(random_blocks(), 'summaries.intervals="movements"'))
-    assert "too short" in picture.caption
+    assert "too narrow" in picture.caption
     assert "n = 54 movements" in picture.caption
 
 
@@ -249,7 +249,7 @@ def test_conditions_differ_in_shape_or_fill_not_only_in_colour(unusual: Study) -
 
 def test_a_hold_in_the_areas_is_said() -> None:
     caption = learning.picture(made_study(random_blocks(), 'movements.window="whole"')).caption
-    assert "they go beyond the completion time" in caption
+    assert "they exceed the completion time" in caption
 
 
 def test_people_who_are_no_simulation_are_not_called_one() -> None:

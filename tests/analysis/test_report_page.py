@@ -297,7 +297,7 @@ def test_simulated_people_are_announced(tmp_path: Path, simulated: int, said: st
 def test_a_study_that_is_partly_simulated_and_piloted_says_how_much(tmp_path: Path) -> None:
     study = study_of([block("a", simulated=1, pilot=1), block("b", block=2)], Readings())
     warnings = [one.text for one in written(tmp_path, study).all("p") if one.attributes.get("class") == "warning"]
-    assert warnings[0].startswith("Simulated people in 1 of 2 recordings")
+    assert warnings[0].startswith("Simulated participants in 1 of 2 recordings")
     assert warnings[1] == "1 of 2 recordings are marked as pilots."
 
 

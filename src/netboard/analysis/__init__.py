@@ -2,5 +2,5 @@
 
 Start with `measures`: pure functions of arrays, one for each measure of the paper and of later work. `extraction`
 applies them to recordings and builds tables. `statistics` has the models and tests, and `topics` the results of
-each topic with their figure; `report` presents them. This package knows no device, no socket and no window.
+each topic with their figure; `report` presents them. This package uses no devices, sockets or windows.
 """

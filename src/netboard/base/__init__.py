@@ -5,5 +5,5 @@ Errors, the configuration's tables, compiled kernels, the clock, and what a proc
 Open `config` first: one TOML text becomes frozen dataclasses (`tables`), read and written by `settings`. `tick`
 declares the columns of a tick, `compiled` how numba kernels are compiled and cached. `clock`, `process` and
 `terminal` are the only modules here that touch the machine; the pure wings (`physics`, `task`, `stage`,
-`participants`) may import all others. This wing knows no board, no trial and no network.
+`participants`) may import all others. This wing contains no physics, trials or network.
 """

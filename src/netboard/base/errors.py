@@ -9,8 +9,8 @@
     ├── WireError                the peer broke the protocol; never our own mistake
     └── RecordingError           a recording cannot be written, read or trusted
 
-Our own misuse is a ``ValueError`` or ``TypeError``. What is expected to happen (a lost frame, a deadline miss, a clamped
-force, an aborted trial) is a value, an event or a counter, never an exception.
+Our own misuse is a ``ValueError`` or ``TypeError``. Expected conditions (a lost frame, a deadline miss, a clamped
+force, an aborted trial) are values, events or counters, never exceptions.
 """
 
 

@@ -101,7 +101,7 @@ OUTPUT = np.dtype(
 
 SERVICE = np.dtype(
     [
-        ("late_ns", "<i8"),  # start of the tick after its deadline; negative: before it, if all samples have arrived [ns]
+        ("late_ns", "<i8"),  # start after the deadline; negative: before it, if all samples have arrived [ns]
         *(
             field
             for side in _BOTH

@@ -2,6 +2,6 @@
 
 Start with `contract/device.py`: open, read, write, close. `safety` stands between every wanted force and the motor.
 Each backend is a package or module: `touch` (OpenHaptics), `falcon`, `spacemouse`, `mouse`, `simulated`;
-`contract/registry.py` finds a backend by name. `setup` calibrates, identifies and checks devices. This wing knows no
+`contract/registry.py` finds a backend by name. `setup` calibrates, identifies and checks devices. This wing uses no
 server and no sockets.
 """

@@ -66,14 +66,14 @@ class Options:
 
     __pydantic_config__ = NO_EXTRAS
     serial: Annotated[str, about("serial number of the device; empty: any")] = ""
-    path: Annotated[str, about("path of the device as hidapi names it, for two of one kind; empty: any")] = ""
-    mode: Annotated[Literal["rate", "position"], about("a push moves the stylus on, or displaces it")] = "rate"
+    path: Annotated[str, about("hidapi path of the device, if two of one kind are connected; empty: any")] = ""
+    mode: Annotated[Literal["rate", "position"], about("rate control (a push sets the velocity) or position")] = "rate"
     speed: Annotated[float, about("speed at full travel, in rate mode", "m/s", gt=0, le=1)] = 0.15
     reach: Annotated[float, about("displacement at full travel, in position mode", "m", gt=0, le=0.5)] = 0.05
-    dead_zone: Annotated[float, about("share of the travel that counts as none", "1", ge=0, lt=1)] = 0.08
-    expo: Annotated[float, about("0: as the push; 1: as its cube, finer in the middle", "1", ge=0, le=1)] = 0.4
+    dead_zone: Annotated[float, about("dead zone, as a share of the travel", "1", ge=0, lt=1)] = 0.08
+    expo: Annotated[float, about("response curve; 0: linear; 1: cubic, finer in the middle", "1", ge=0, le=1)] = 0.4
     workspace: Annotated[float, about("the stylus stays within +- this", "m", gt=0, le=0.5)] = 0.075
-    lamp: Annotated[StrictBool, about("true: its lamp is lit while it is in use")] = True
+    lamp: Annotated[StrictBool, about("true: the device's lamp is on during use")] = True
 
 
 @final

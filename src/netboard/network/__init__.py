@@ -2,5 +2,5 @@
 
 Open `protocol/PROTOCOL.md` first. `protocol` is pure: messages, their bytes, the rules of admission, the record
 buffer. `transport` has every ZeroMQ socket, the compiled path of the 1 kHz frames, and authentication by CURVE keys;
-only it imports zmq. `keys` makes and reads key files. This wing knows no session, no device and no recording.
+only it imports zmq. `keys` makes and reads key files. This wing is independent of sessions, devices and recordings.
 """

@@ -53,27 +53,27 @@ class Filters:
         float, about("cutoff for the board's angular velocity and the ball's speed", "Hz", gt=0, le=400)
     ] = 5.0
     order: Annotated[int, about("order of the filter", "1", ge=1, le=20)] = 10
-    order_of: Annotated[OrderOf, about("what has that order: both passes together, or each")] = "both_passes"
-    cutoff_of: Annotated[CutoffOf, about("what is at the cutoff: each pass as designed, or -3 dB of both")] = "design"
-    padding: Annotated[Padding, about("what is taken to lie beyond the ends")] = "odd"
-    pad: Annotated[float, about("for how long", "s", ge=0, le=60)] = 1.0
-    bridge: Annotated[float, about("longest hole of lost ticks that a straight line fills", "s", ge=0, le=1)] = 0.02
-    unit: Annotated[Literal["recording", "trial"], about("what is filtered at once")] = "recording"
+    order_of: Annotated[OrderOf, about("passes to which this order applies: both together, or each")] = "both_passes"
+    cutoff_of: Annotated[CutoffOf, about("cutoff: of each pass as designed, or -3 dB of both passes")] = "design"
+    padding: Annotated[Padding, about("padding of the signal beyond its ends")] = "odd"
+    pad: Annotated[float, about("duration of the padding", "s", ge=0, le=60)] = 1.0
+    bridge: Annotated[float, about("longest gap of lost ticks that is interpolated linearly", "s", ge=0, le=1)] = 0.02
+    unit: Annotated[Literal["recording", "trial"], about("section that is filtered at once")] = "recording"
     velocity: Annotated[
         Literal["derivative", "device"],
-        about("velocity of a stylus: of its filtered height, or its device's, filtered"),
+        about("stylus velocity: derivative of the filtered height, or the device's velocity, filtered"),
     ] = "derivative"
     speed: Annotated[
-        SpeedOrder, about("whether the ball's absolute velocity is filtered, or taken of the filtered")
+        SpeedOrder, about("ball speed: absolute value before the filter, or after it")
     ] = "absolute_first"
 
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """When a trial is done."""
+    """Criterion of the completion."""
 
     __pydantic_config__ = NO_EXTRAS
-    inside: Annotated[Inside, about("what must be in the target: the ball's centre, or all of it")] = "centre"
+    inside: Annotated[Inside, about("part of the ball that must be in the target: its centre, or all of it")] = "centre"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +81,11 @@ class Movements:
     """Classes of movement."""
 
     __pydantic_config__ = NO_EXTRAS
-    window: Annotated[Window, about("of which time the shares are: to the completion, or with the hold")] = (
+    window: Annotated[Window, about("time of which shares are computed: to the completion, or with the hold")] = (
         "to_completion"
     )
-    still_below: Annotated[float, about("a stylus that is slower does not move", "m/s", gt=0, le=1)] = 0.003
-    at_limit: Annotated[AtLimit, about("what a stylus does that is exactly so fast")] = "moving"
+    still_below: Annotated[float, about("speed below which a stylus counts as still", "m/s", gt=0, le=1)] = 0.003
+    at_limit: Annotated[AtLimit, about("class of a stylus at exactly this speed")] = "moving"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +93,14 @@ class Segments:
     """Movements of the board."""
 
     __pydantic_config__ = NO_EXTRAS
-    turning: Annotated[Turning, about("whether a turn ends a movement, or only slowness")] = "one_way"
-    angle: Annotated[Angle, about("how far a movement goes: net, range, or integral of the slow angular velocity")] = (
+    turning: Annotated[Turning, about("whether a reversal ends a movement, or only a low rate")] = "one_way"
+    angle: Annotated[Angle, about("angle of a movement: net, range, or integral of the slow angular velocity")] = (
         "net"
     )
     ends: Annotated[
-        Literal["recording", "trial"], about("where movements end at the latest: with the recording, or with the trial")
+        Literal["recording", "trial"], about("latest end of a movement: end of the recording, or of the trial")
     ] = "recording"
-    least_rate_deg: Annotated[float, about("the board turns when it is faster", "deg/s", gt=0, le=90)] = 1.0
+    least_rate_deg: Annotated[float, about("angular velocity above which the board moves", "deg/s", gt=0, le=90)] = 1.0
     shortest: Annotated[float, about("least duration of a movement", "s", gt=0, le=10)] = 0.1
     least_angle_deg: Annotated[float, about("least angle of a movement", "deg", ge=0, le=90)] = 1.0
 
@@ -110,12 +110,12 @@ class Delays:
     """Cooperative movements, and the delay between their sides."""
 
     __pydantic_config__ = NO_EXTRAS
-    opposite: Annotated[Opposite, about("what must be opposite: displacements, or most samples")] = "net"
-    amount: Annotated[Amount, about("what is compared with nine times the other's: displacement, or path")] = "net"
-    largest_ratio: Annotated[float, about("the nine", "1", ge=1, le=1000)] = 9.0
-    threshold: Annotated[Threshold, about("of which peak the portions are")] = "slower_side"
-    search: Annotated[Search, about("where a side that is above a threshold at once has reached it")] = "back"
-    velocity: Annotated[Velocity, about("what must reach the threshold")] = "own_direction"
+    opposite: Annotated[Opposite, about("quantity that must be opposite: net displacements, or most samples")] = "net"
+    amount: Annotated[Amount, about("quantity whose ratio between sides is limited: displacement, or path")] = "net"
+    largest_ratio: Annotated[float, about("largest such ratio", "1", ge=1, le=1000)] = 9.0
+    threshold: Annotated[Threshold, about("peak to which the thresholds refer")] = "slower_side"
+    search: Annotated[Search, about("threshold time of a side that starts above the threshold")] = "back"
+    velocity: Annotated[Velocity, about("velocity that must reach the threshold")] = "own_direction"
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +123,10 @@ class Peaks:
     """Peaks of the ball's speed."""
 
     __pydantic_config__ = NO_EXTRAS
-    window: Annotated[Window, about("where peaks are counted: to the completion, or with the hold")] = "to_completion"
+    window: Annotated[Window, about("time in which peaks count: to the completion, or with the hold")] = "to_completion"
     extrema: Annotated[Extrema, about("maxima only, or minima too")] = "maxima"
-    plateau: Annotated[Plateau, about("where a peak of equal samples is")] = "first_sample"
-    least_prominence: Annotated[float, about("how far a peak stands out at least; 0: any", "m/s", ge=0, le=1)] = 0.0001
+    plateau: Annotated[Plateau, about("time of a peak with several equal samples")] = "first_sample"
+    least_prominence: Annotated[float, about("least prominence of a peak; 0: any", "m/s", ge=0, le=1)] = 0.0001
     least_share: Annotated[
         float, about("the same as a share of the attempt's largest speed, for the filter's ringing", "1", ge=0, le=1)
     ] = 0.006
@@ -137,47 +137,47 @@ class Strategy:
     """The first braking movement."""
 
     __pydantic_config__ = NO_EXTRAS
-    braking: Annotated[Braking, about("what brakes: tilting against the ball, or turning the board back at all")] = (
+    braking: Annotated[Braking, about("definition of braking: tilt against the ball, or any reversal of the board")] = (
         "tilt"
     )
     distance: Annotated[
-        Literal["signed", "absolute"], about("distance to the target's midpoint: negative behind it, or not")
+        Literal["signed", "absolute"], about("distance to the target's midpoint: signed (negative behind it), absolute")
     ] = "signed"
 
 
 @dataclass(frozen=True, slots=True)
 class Summaries:
-    """What is made of the trials."""
+    """Summaries of the trials."""
 
     __pydantic_config__ = NO_EXTRAS
-    shares: Annotated[Average, about("what counts the same in a person's shares: every trial, or every second")] = (
+    shares: Annotated[Average, about("weights in the shares of a performer: equal trials, or equal seconds")] = (
         "trials"
     )
-    delay: Annotated[Literal["absolute", "signed"], about("which delay is averaged")] = "absolute"
+    delay: Annotated[Literal["absolute", "signed"], about("delay that is averaged: absolute or signed")] = "absolute"
     intervals: Annotated[
         Literal["dyads", "people", "movements"],
-        about("of what a delay's interval is: dyads (people, alone), or single movements, as in the paper's words"),
+        about("unit of a delay's confidence interval: dyads, performers, or movements (as the paper says)"),
     ] = "dyads"
     variance: Annotated[
         Literal["each", "generalised"], about("spread of the strategy: variance of each quantity, or of both at once")
     ] = "each"
     numbering: Annotated[
         Literal["condition", "configuration"],
-        about("what first and last trials are of: each haptic condition, or both in the order in which they were done"),
+        about("numbering of first and last trials: within each haptic condition, or over both in their order"),
     ] = "condition"
-    spread: Annotated[Literal["trials", "people"], about("what a standard deviation is of")] = "trials"
+    spread: Annotated[Literal["trials", "people"], about("unit of a standard deviation")] = "trials"
     level: Annotated[
-        Level, about("how well somebody does: mean or median of all trials, or the mean of the last 60")
+        Level, about("performance level: mean or median of all trials, or the mean of the last 60")
     ] = "mean"
-    time: Annotated[TrialTime, about("a trial's time: that of the attempt that succeeded, or of all")] = (
+    time: Annotated[TrialTime, about("time of a trial: that of the successful attempt, or of all attempts")] = (
         "successful_attempt"
     )
-    extent: Annotated[Extent, about("how far an ellipse reaches")] = "middle_90"
+    extent: Annotated[Extent, about("extent of an ellipse")] = "middle_90"
     scaling: Annotated[Scaling, about("units of an ellipse's components")] = "si"
     ends: Annotated[
         int,
         about(
-            "how many trials the first and the last ones are; 0: 30, or half of a short condition", "1", ge=0, le=1000
+            "number of first and of last trials; 0: 30, or half of a short condition", "1", ge=0, le=1000
         ),
     ] = 0
     group: Annotated[
@@ -187,17 +187,17 @@ class Summaries:
 
 @dataclass(frozen=True, slots=True)
 class Exclusions:
-    """Which trials do not count. Say so before you look at results."""
+    """Trials that are excluded. Declare them before you look at results."""
 
     __pydantic_config__ = NO_EXTRAS
     flags: Annotated[
         tuple[Flag, ...],
-        about("marks of quality that exclude an attempt; a simulated hand may be still for long", strict=False),
+        about("quality flags that exclude an attempt", strict=False),
     ] = TECHNICAL  # type: ignore[assignment]
-    catch: Annotated[bool, about("exclude catch trials; false: they are conditions of their own")] = True
+    catch: Annotated[bool, about("exclude catch trials; false: they form separate conditions")] = True
     roles: Annotated[
         tuple[Role, ...],
-        about("roles of blocks that are excluded; others but test are conditions of their own", strict=False),
+        about("roles of blocks that are excluded; other roles except test form separate conditions", strict=False),
     ] = ("practice", "familiarisation", "baseline")
     pilots: Annotated[
         Literal["unless_all", "always", "never"], about("exclude pilot recordings: unless all are, always, or never")
@@ -205,7 +205,7 @@ class Exclusions:
     warm_up: Annotated[int, about("number of trials to exclude at the start of each block", "1", ge=0, le=1000)] = 0
     trials: Annotated[
         tuple[StrictStr, ...],
-        about("trials that an experimenter has excluded: RECORDING/TRIAL: why", strict=False),
+        about("trials that an experimenter has excluded, as RECORDING/TRIAL: reason", strict=False),
     ] = ()
 
 

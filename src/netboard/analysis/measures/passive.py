@@ -227,8 +227,8 @@ def passive_partner(
 ) -> NDArray[np.float64]:
     """Return the movement of a passive hand under the recorded movement of partner and ball, with haptic feedback.
 
-    The board is taken to be in static equilibrium between the hands, which it reaches within some 10 ms. A hand without
-    friction gives an upper bound: device friction (0.26 N for a Touch) suppresses most of this movement.
+    The board is taken to be in static equilibrium between the hands, which it reaches within about 10 ms. A hand
+    without friction gives an upper bound: device friction (0.26 N for a Touch) suppresses most of this movement.
 
     Parameters
     ----------

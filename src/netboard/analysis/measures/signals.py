@@ -359,7 +359,7 @@ def resample(values: NDArray[np.float64], rate: float, new_rate: float) -> NDArr
         raise ValueError(f"{new_rate} Hz and {rate} Hz are in no ratio of integers up to {FINEST_RATIO}")
     if not np.all(np.isfinite(values)):
         raise ValueError("a signal with holes cannot be resampled; bridge them or cut it there")
-    # The filter's phases differ in gain by some 1e-4; subtracting the mean keeps a constant exact.
+    # The filter's phases differ in gain by about 1e-4; subtracting the mean keeps a constant exact.
     middle = values.mean() if values.size else 0.0
     return np.asarray(middle + resample_poly(values - middle, ratio.numerator, ratio.denominator, padtype="line"))
 

@@ -47,10 +47,10 @@ def _warnings(blocks: pd.DataFrame) -> list[str]:
     """Return warnings of simulated participants and pilot recordings."""
     said = []
     if blocks["simulated"].all():
-        said.append("Simulated people: nobody held a device. Nothing here is evidence about people.")
+        said.append("Simulated participants: nobody held a device. Nothing here is evidence about people.")
     elif blocks["simulated"].any():
         said.append(
-            f"Simulated people in {int(blocks['simulated'].sum())} of {counted(len(blocks), 'recording')}: "
+            f"Simulated participants in {int(blocks['simulated'].sum())} of {counted(len(blocks), 'recording')}: "
             "what they contribute is no evidence about people."
         )
     if blocks["pilot"].any():

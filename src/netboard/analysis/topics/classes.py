@@ -4,8 +4,6 @@ Shares are computed for each trial, averaged for each performer and then for eac
 trial or every second has equal weight within a performer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -172,7 +170,7 @@ def _crowded(found: list[Shares]) -> bool:
     return len(found) > _FEW or any(one.condition.among for one in found)
 
 
-def _bars(axes: Axes, found: list[Shares]) -> None:
+def _bars(axes: "Axes", found: list[Shares]) -> None:
     """Draw a bar of all shares for each condition."""
     for row, one in enumerate(found):
         begin = 0.0
@@ -194,7 +192,7 @@ def _bars(axes: Axes, found: list[Shares]) -> None:
     axes.tick_params(axis="y", length=0)
 
 
-def _dots(axes: Axes, found: list[Shares], name: str) -> None:
+def _dots(axes: "Axes", found: list[Shares], name: str) -> None:
     """Draw the share of one class in each condition: each dyad, and the mean."""
     at = _places(found)
     for team in dict.fromkeys(one.condition.team for one in found):
@@ -214,7 +212,7 @@ def _dots(axes: Axes, found: list[Shares], name: str) -> None:
     axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])
 
 
-def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
+def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     """Label the axis with haptic conditions, and the teams below them."""
     if _crowded(found):
         axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
@@ -246,7 +244,7 @@ def _caption(study: Study, found: list[Shares]) -> str:
     known = [(one.condition.label, len(one.dyads), "dyad") for one in found]
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
-        f"(competitive), one moves (single) or none (still); {weight} of a performer counts the same. A: means over "
-        "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t intervals (large). "
+        f"(competitive), one moves (single) or none (still); {weight} of a performer has equal weight. A: means over "
+        "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t confidence intervals (large). "
         f"{how_many(known)}"
     )

@@ -6,8 +6,6 @@ each level of a further factor minus its first level, within all other factors. 
 family are one family of tests (Holm). They are declared here, before any results are seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -284,7 +282,7 @@ def _reach(found: Sequence[Comparison]) -> float:
 
 
 def _panel(
-    axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
+    axes: "Axes", found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
 ) -> None:
     """Draw one kind of effect, a row for each measure, with exact p values on the right."""
     questions = list(dict.fromkeys(one.question for one in found))
@@ -313,7 +311,7 @@ def _panel(
         _legend(axes, questions, looks, height)
 
 
-def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
+def _legend(axes: "Axes", questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
     for one in questions:
         look = looks[one.name]
         axes.plot(
@@ -341,9 +339,9 @@ def _caption(found: Sequence[Comparison]) -> str:
     least = min(one.contrast.permutation.least_p for one in found)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
-        "Mean difference over the standard deviation of the dyads' differences, without bias (g_z), with 95 % "
-        f"intervals of the noncentral t distribution; n = {many} dyads, each compared with itself; completion times by "
-        "their logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, which can give no p below "
-        f"{least:.3g} with so many dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
+        "Mean difference over the standard deviation of the dyads' differences, bias-corrected (g_z), with 95 % "
+        f"confidence intervals of the noncentral t distribution; within-dyad differences, n = {many}; completion times "
+        "as logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, whose smallest possible p is "
+        f"{least:.3g} with this number of dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
         f"of {len(found)} are below 0.05."
     )

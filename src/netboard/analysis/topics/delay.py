@@ -9,8 +9,6 @@ The unit of a confidence interval is set: dyads, performers or single movements.
 performer as independent. Contrasts between conditions always use dyads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import nan
@@ -263,7 +261,7 @@ def _threshold(study: Study) -> str:
     return f"threshold at a portion of {of}"
 
 
-def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionDelay], Delays]) -> None:
+def _panel(axes: "Axes", shown: list[ConditionDelay], delays: Callable[[ConditionDelay], Delays]) -> None:
     """Draw one kind of delay in each condition and at each fraction, darker for higher fractions."""
     for place, one in enumerate(shown):
         look, found = look_of(one.condition), delays(one)
@@ -286,7 +284,7 @@ def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionD
         axes.set_ylim(bottom=0.0)
 
 
-def _deviations(axes: Axes, shown: list[ConditionDelay]) -> None:
+def _deviations(axes: "Axes", shown: list[ConditionDelay]) -> None:
     """Draw the standard deviation of the signed delays as pale bars."""
     axes.use_sticky_edges = False
     for place, one in enumerate(shown):
@@ -305,7 +303,7 @@ def _deviations(axes: Axes, shown: list[ConditionDelay]) -> None:
                 )
 
 
-def _portions(axes: Axes, count: int) -> None:
+def _portions(axes: "Axes", count: int) -> None:
     """Label the axis with the fractions."""
     ticks = [place + offset for place in range(count) for offset in beside(len(PERCENT), _WIDTH)]
     names = [f"{q}" if k else f"{q} %" for _ in range(count) for k, q in enumerate(PERCENT)]
@@ -320,14 +318,14 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     known = [(one.condition.label, one.as_set.means[0].n, one.as_set.means[0].unit) for one in shown]
     each = how_many(known, [one.movements for one in shown], "movement")
     warning = (
-        " Movements of one person are not independent, so that these intervals are too short."
+        " Movements of one performer are not independent, so these confidence intervals are too narrow."
         if unit == "movements"
         else ""
     )
     few = of["dyads" if unit == "movements" else unit]
     return (
-        "Time between the sides' reaching a portion of a peak velocity in cooperative movements: "
-        f"{listed([str(q) for q in PERCENT])} %, the darker the higher. Large points: means with 95 % t intervals over "
-        f"{of[unit]}; small points: {few}. B: without the bias that one threshold for both sides has; C: pale bars are "
-        f"mean ± SD within performers.{warning} {each}"
+        "Delay between the times at which the two sides reach a portion of a peak velocity in cooperative movements: "
+        f"{listed([str(q) for q in PERCENT])} % (darker: higher). Large points: means with 95 % t confidence intervals "
+        f"over {of[unit]}; small points: {few}. B: without the bias of a common threshold for both sides; C: pale bars "
+        f"are mean ± SD within performers.{warning} {each}"
     )

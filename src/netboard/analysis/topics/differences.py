@@ -3,8 +3,6 @@
 Differences are within dyads; completion times have ratios. The numbers come from `netboard.analysis.topics.contrasts`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -52,7 +50,7 @@ def picture(study: Study) -> Picture:
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
-def _panel(axes: Axes, found: Sequence[Comparison], questions: Sequence[Question], looks: dict[str, Look]) -> None:
+def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Question], looks: dict[str, Look]) -> None:
     """Draw the differences in a measure: each dyad, and the mean."""
     measure = found[0].measure
     unit = read_in(found[0].unit, found[0].what)
@@ -74,6 +72,6 @@ def _caption(found: Sequence[Comparison]) -> str:
     n = sorted({one.contrast.n for one in found})
     many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
     return (
-        "Differences between conditions, of completion times ratios: each dyad with itself (small points), and the "
-        f"mean over dyads with its 95 % t interval (large); n = {many} dyad{'s' * (n[-1] != 1)}."
+        "Differences between conditions (ratios for completion times): within each dyad (small points), and the mean "
+        f"over dyads with its 95 % t confidence interval (large); n = {many} dyad{'s' * (n[-1] != 1)}."
     )

@@ -5,8 +5,6 @@ the mean of the two participants minus the dyad. If all dyadic blocks follow bim
 the contrast between two haptic conditions does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import nan
@@ -187,7 +185,7 @@ def _look(one: Comparison) -> Look:
     return look_of(one.condition, _FORCES.get(one.condition.force, BLACK))
 
 
-def _plane(axes: Axes, found: list[Comparison]) -> None:
+def _plane(axes: "Axes", found: list[Comparison]) -> None:
     """Draw all participants, joined within a dyad, and the diagonal."""
     unit = found[0].quantity.unit if found else "1"
     every = [
@@ -232,7 +230,7 @@ def _plane(axes: Axes, found: list[Comparison]) -> None:
     axes.set_ylabel(f"dyad - self [{unit}]")
 
 
-def _gains(axes: Axes, found: list[Comparison]) -> None:
+def _gains(axes: "Axes", found: list[Comparison]) -> None:
     """Draw the gain of each dyad and their mean, a row for each haptic condition."""
     axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for row, one in enumerate(found):
@@ -248,10 +246,10 @@ def _gains(axes: Axes, found: list[Comparison]) -> None:
 def _caption(found: list[Comparison]) -> str:
     known = [(f"{one.condition.felt}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
-    power = f" A sign test of so many dyads can give no p below {min(least):.3g}." if least else ""
+    power = f" The smallest possible p of a sign test with this number of dyads is {min(least):.3g}." if least else ""
     return (
-        "A, B: a point for each participant, the two of a dyad joined. To the right: better than the partner, both "
-        "alone with the same force; upwards: the dyad needs more than the participant alone. C, D: gains of the dyads "
-        "(small points), and their means with 95 % t intervals (large). "
+        "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "
+        "both alone with the same force; upwards: the dyad takes longer than the participant alone. C, D: gains of the "
+        "dyads (small points), and their means with 95 % t confidence intervals (large). "
         f"{how_many(known)}{power}"
     )

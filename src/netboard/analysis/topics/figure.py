@@ -3,8 +3,6 @@
 Figures need no screen and no global state: `new_figure` returns an independent figure.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from io import BytesIO
 from textwrap import fill
@@ -73,16 +71,16 @@ class Picture:
     name: str
     title: str
     caption: str
-    figure: Figure | None
+    figure: "Figure | None"
     failed: bool = False
 
     @property
-    def shown(self) -> Figure:
+    def shown(self) -> "Figure":
         """The figure, or title and caption in its place."""
         return self.figure or _in_words(self.title, self.caption)
 
 
-def _in_words(title: str, caption: str) -> Figure:
+def _in_words(title: str, caption: str) -> "Figure":
     """Return a figure that shows text only."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -94,7 +92,7 @@ def _in_words(title: str, caption: str) -> Figure:
     return figure
 
 
-def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
+def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> "tuple[Figure, list[Axes]]":
     """Return a new figure with its axes."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -105,11 +103,11 @@ def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WI
     return figure, list(axes.ravel())
 
 
-_written: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
+_written: "WeakKeyDictionary[Figure, dict[str, bytes]]" = WeakKeyDictionary()
 """Files of each figure still in use: an analysis needs them for its folder and its report."""
 
 
-def as_bytes(figure: Figure, kind: str) -> bytes:
+def as_bytes(figure: "Figure", kind: str) -> bytes:
     """Return a figure as a file; it is written only once."""
     import matplotlib as mpl
 
@@ -123,7 +121,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
     return files[kind]
 
 
-def _file(figure: Figure, kind: str) -> bytes:
+def _file(figure: "Figure", kind: str) -> bytes:
     import matplotlib as mpl
 
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}

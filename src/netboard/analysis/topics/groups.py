@@ -284,4 +284,5 @@ def simulated(study: Study) -> str:
     marks = study.blocks["simulated"]
     if not len(marks) or not marks.any():
         return ""
-    return "Simulated people: no evidence about people." if marks.all() else "Some of the people are simulated."
+    some = "Some of the participants are simulated."
+    return "Simulated participants: no evidence about people." if marks.all() else some

@@ -1,4 +1,4 @@
-"""Directed influence between partners: Granger causality, compared with surrogate dyads who never met.
+"""Directed influence between partners: Granger causality, compared with surrogate dyads.
 
 The signals are the velocities of the two styluses at 50 Hz, from release to completion. Trials with the target on the
 left are mirrored, including the ball position, so that all trials have the same demands and a side remains the same
@@ -9,8 +9,6 @@ little of the future into the past, which is another reason for this comparison.
 Computing time grows with the square of the number of dyads, times the trials of each. At most `MOST` trials of pairs
 are evaluated, but at least `LEAST` of each dyad; trials are then sampled with a fixed seed.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -200,7 +198,7 @@ def picture(study: Study) -> Picture:
     return Picture("influence", TITLE, _caption(found), figure)
 
 
-def _column(axes: Axes, place: int, one: Influence) -> None:
+def _column(axes: "Axes", place: int, one: Influence) -> None:
     """Draw true dyads on the left, surrogates on the right."""
     look = look_of(one.condition)
     name = f"{one.condition.name}, {one.direction}"
@@ -234,7 +232,7 @@ def _column(axes: Axes, place: int, one: Influence) -> None:
             markersize=12,
             color="#777777",
             alpha=0.7,
-            label="the same of dyads who never met" if named else f"_{name}, surrogates",
+            label="a surrogate dyad" if named else f"_{name}, surrogates",
         )
         axes.text(place, 1.0, f"p = {one.chance.p:.2g}", transform=axes.get_xaxis_transform(), ha="center", fontsize=7)
 
@@ -246,11 +244,11 @@ def _caption(found: list[Influence]) -> str:
     if tests:
         most = max(tests, key=lambda one: one.n)
         chance = (
-            f"Grey: means of dyads made of partners who never met, {many(len(most.surrogates), 'pairing')}. p: share "
-            f"of all exchanges of partners whose mean is as large, at least {most.least_p:.2g}."
+            f"Grey: means of surrogate dyads, {many(len(most.surrogates), 'pairing')}. p: share of all exchanges of "
+            f"partners whose mean is as large; the smallest possible p is {most.least_p:.2g}."
         )
     return (
-        "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and "
-        f"the ball's alone. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].of} trials "
-        f"of each; bars: their mean. {chance} What passes through the board is influence too."
+        "Gain in the prediction of one side's velocity from 60 ms of the other side's past, beside its own past and "
+        f"the ball's. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].of} trials "
+        f"of each; bars: their mean. {chance} Mechanical influence through the board is included."
     )

@@ -5,8 +5,6 @@ of one participant, in dyadic ones two participants. Levels are those of dyads, 
 `netboard.analysis.topics.measures`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -111,7 +109,7 @@ def picture(study: Study) -> Picture:
     return Picture("leadership", TITLE, _caption(found), figure)
 
 
-def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
+def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure: each dyad, and the mean."""
     in_ms = found[0].measure.unit == "s"
     scale = _MS if in_ms else 1.0
@@ -135,12 +133,11 @@ def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
 def _caption(found: Leaders) -> str:
     own = [one for one in found.leads if one.measure == QUESTIONS[1]]
     known = how_many([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
-    changed = (
-        f" In {', '.join(found.changed)} partners changed seats: there a side is no person." if found.changed else ""
-    )
+    seats = ", ".join(found.changed)
+    changed = f" In {seats} partners changed seats: there a side is not one participant." if seats else ""
     return (
-        "Time of the left side less that of the right one, in cooperative movements (A, B) and by cross-correlation "
-        "(C); D: movements in which the right side was first less those in which the left one was, over both. Large "
-        "points: means over dyads with 95 % t intervals; small points: dyads, joined. Sides are hands of one person "
-        f"in bimanual conditions, people in dyadic ones.{changed} {known}"
+        "Time of the left side minus that of the right side, in cooperative movements (A, B) and by cross-correlation "
+        "(C); D: number of movements with the right side first minus those with the left side first, over their sum. "
+        "Large points: means over dyads with 95 % t confidence intervals; small points: dyads, joined. Sides are the "
+        f"hands of one participant in bimanual conditions, and participants in dyadic ones.{changed} {known}"
     )

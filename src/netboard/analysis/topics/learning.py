@@ -5,8 +5,6 @@ are reported as in the paper, with mean and standard deviation of single trials 
 as means of dyads with a confidence interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -277,7 +275,7 @@ def picture(study: Study) -> Picture:
     return Picture("learning", TITLE, _caption(study, teams), figure)
 
 
-def _areas(axes: Axes, one: TeamLearning) -> None:
+def _areas(axes: "Axes", one: TeamLearning) -> None:
     """Draw the movement classes as stacked areas."""
     order, known = one.courses[0].curve.order, np.isfinite(one.seconds).all(axis=1)
     below = np.zeros(len(order))
@@ -288,7 +286,7 @@ def _areas(axes: Axes, one: TeamLearning) -> None:
         below = above
 
 
-def _draw_course(axes: Axes, course: Course, team: str) -> None:
+def _draw_course(axes: "Axes", course: Course, team: str) -> None:
     """Draw the mean of each trial, and the dyads in groups of trials."""
     on_areas = course.quantity.column == "completion"
     look = team_look(team)
@@ -313,7 +311,7 @@ def _draw_course(axes: Axes, course: Course, team: str) -> None:
         draw_mean(axes, float(middle), mean, look, "dyads")
 
 
-def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> None:
+def _ends(axes: "Axes", course: Course, count: int, top: float, narrow: bool) -> None:
     """Label the first and last trials with mean and standard deviation, stacked if space is short."""
     last = int(course.curve.order.max())
     ends = ((course.ends.first, 1, "left"), (course.ends.last, last, "right"))
@@ -328,7 +326,7 @@ def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> N
         axes.text(edge, height, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
 
 
-def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
+def _names(axes: "Axes", one: TeamLearning, aside: float) -> None:
     """Write the names of the classes to the right of the areas."""
     height = axes.get_ylim()[1]
     known = one.seconds[np.isfinite(one.seconds).all(axis=1)]
@@ -363,11 +361,12 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     )
     areas = "they add up to the completion time"
     if study.readings.movements.window == "whole":
-        areas = "the hold is in them, so they go beyond the completion time"
+        areas = "with the hold, so they exceed the completion time"
     return (
-        "Completion time and number of velocity peaks of the ball over the trials, all forces together. Lines: means "
-        f"of all trials with the same number; areas: time of each class of movement in them ({areas}). Small points: "
-        f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t intervals. Numbers: "
-        f"mean ± SD (of {of}) of the first and the last {windows.ends} trials. {people[0].upper()}{people[1:]}."
+        "Completion time and number of velocity peaks of the ball over the trials, all force conditions pooled. Lines: "
+        f"means of all trials with the same number; areas: time of each class of movement ({areas}). Small points: "
+        f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t confidence intervals. "
+        f"Numbers: mean ± SD (of {of}) of the first and the last {windows.ends} trials. "
+        f"{people[0].upper()}{people[1:]}."
         f"{f' {sentence(windows.note)}' if windows.note else ''}"
     )

@@ -4,8 +4,6 @@ A configuration has a colour. A haptic condition has a marker: hollow for haptic
 shapes for parts of the force. Dyads are small pale points behind their mean.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -68,7 +66,7 @@ _TITLE = 92
 
 
 @cache
-def _halo() -> list[AbstractPathEffect]:
+def _halo() -> "list[AbstractPathEffect]":
     """Return the outline that keeps means readable on areas and among points."""
     from matplotlib.patheffects import withStroke
 
@@ -150,7 +148,7 @@ def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
     return drawn
 
 
-def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> tuple[Figure, dict[str, Axes]]:
+def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> "tuple[Figure, dict[str, Axes]]":
     """Return a new figure with axes of different sizes."""
     from matplotlib.figure import Figure
 
@@ -158,7 +156,7 @@ def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -
     return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
 
 
-def titled(axes: Axes, letter: str, text: str) -> None:
+def titled(axes: "Axes", letter: str, text: str) -> None:
     """Set the title of a panel: a bold letter and its content."""
     place = axes.get_subplotspec()
     columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
@@ -167,7 +165,7 @@ def titled(axes: Axes, letter: str, text: str) -> None:
 
 
 def draw_mean(
-    axes: Axes, at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
+    axes: "Axes", at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
 ) -> None:
     """Draw a mean and its confidence interval; nothing without a mean.
 
@@ -207,7 +205,7 @@ def draw_mean(
     )
 
 
-def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
+def draw_dyads(axes: "Axes", x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
     """Draw the values of single dyads behind their mean."""
     axes.plot(
         np.asarray(x, float),

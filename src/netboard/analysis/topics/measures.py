@@ -5,8 +5,6 @@ attempts. A dyad has two performers in bimanual conditions and one in dyadic one
 weight, whatever its number of trials, and is the unit of all confidence intervals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -347,7 +345,7 @@ def picture(study: Study) -> Picture:
     return Picture("measures", TITLE, _caption(found, shown), figure)
 
 
-def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> tuple[Figure, dict[str, Axes]]:
+def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> "tuple[Figure, dict[str, Axes]]":
     """Return a new figure with many small panels."""
     rows = [list(names[k : k + columns]) for k in range(0, len(names), columns)]
     rows[-1] += ["."] * (columns - len(rows[-1])) if len(rows) > 1 else []
@@ -360,7 +358,7 @@ def places(shown: Sequence[Condition]) -> dict[str, float]:
     return {one.name: k + TEAM_GAP * teams.index(one.team) for k, one in enumerate(shown)}
 
 
-def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside upper center") -> None:
+def legend(figure: "Figure", shown: Sequence[Condition], where: Where = "outside upper center") -> None:
     """Draw a legend of the conditions beside the panels."""
     from matplotlib.lines import Line2D
 
@@ -379,7 +377,7 @@ def _columns(labels: Sequence[str]) -> int:
     return max(1, min(most, _WIDE // max(map(len, labels), default=1)))
 
 
-def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
+def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure, with dyads joined within a team."""
     measure = found[0].measure
     unit = read_in(measure.unit, measure.name)
@@ -406,10 +404,11 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
         (condition.label, max(one.mean.n for one in found if one.condition == condition), "dyad") for condition in shown
     ]
     fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
-    less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
+    less = f" Fewer dyads have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
-        "All measures in each condition. Large points: means over dyads with 95 % t intervals; small points: dyads, "
-        "joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero; reaction times: of the "
-        "first hand, sooner of two people by chance. On a light board mechanics makes the share of forces a half, and "
-        f"the interaction force half the spring's pull. {how_many(known)}{less}"
+        "All measures in each condition. Large points: means over dyads with 95 % t confidence intervals; small "
+        "points: dyads, joined. Completion times: geometric means; SPARC and LDLJ: closer to zero is smoother; "
+        "reaction times: of the first hand, which is earlier by chance with two participants. On a light board, "
+        "mechanics alone makes the share of forces one half, and the interaction force half the spring force. "
+        f"{how_many(known)}{less}"
     )

@@ -5,8 +5,6 @@ notes and assumptions into results. Fixed factors are haptics (or each force, if
 every other factor that the study declares or that differs between its blocks. A numeric factor has a linear effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import floor, log10
@@ -251,7 +249,7 @@ def effects_shown(fit: Fit) -> list[Effect]:
     return [one for one in fit.model.effects if one.name not in others and np.isfinite(one.ratio.value)]
 
 
-def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
+def _terms(axes: "Axes", shown: Sequence[Fit]) -> None:
     """Draw the ratios of all models, a row for each term."""
     from matplotlib.ticker import LogLocator, NullLocator
 
@@ -275,7 +273,7 @@ def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=1, fontsize=7)
 
 
-def _residuals(axes: Axes, fit: Fit) -> None:
+def _residuals(axes: "Axes", fit: Fit) -> None:
     """Draw a normal Q-Q plot of the residuals."""
     found = fit.model.diagnostics
     if found is None:
@@ -305,7 +303,7 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
     return (
-        "A: ratios by which a factor multiplies the response (of falls: the odds), over the other factor, and haptics "
-        "in each configuration; bars: 95 % intervals with one degree of freedom less than dyads. B: residuals in order "
-        f"of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
+        "A: ratios by which a factor multiplies the response (for falls: the odds), averaged over the other factor, "
+        "and of haptics in each configuration; bars: 95 % confidence intervals with (dyads - 1) degrees of freedom. B: "
+        f"residuals in order of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
     )

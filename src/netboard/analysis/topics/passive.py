@@ -208,13 +208,13 @@ def picture(study: Study) -> Picture:
 
 def _caption(found: tuple[Control, ...]) -> str:
     shares = "; ".join(_share(one) for one in found if one.has_effect)
-    told = f"Part of the effect that is mechanics, with 95 % bootstrap intervals: {shares}." if shares else _NONE
+    mechanical = f"Mechanical part of the effect, with 95 % bootstrap intervals: {shares}." if shares else _NONE
     return (
-        "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
-        "recorded movement gives with a passive hand, which is pushed and never acts, instead of the partner: without "
-        f"friction, an upper bound, and {_device(found)}. Large "
-        "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
-        f"n = {many(len(found[0].dyads), 'dyad')}. {told}"
+        "Share of cooperative movement in dyadic trials. Left: haptics on minus haptics off. Right: the share with "
+        "either side's recorded movement and a passive hand, which is pushed and never acts, instead of the partner: "
+        f"without friction (an upper bound), and {_device(found)}. Large "
+        "points: means over dyads with 95 % t confidence intervals; small points: dyads, joined; "
+        f"n = {many(len(found[0].dyads), 'dyad')}. {mechanical}"
     )
 
 

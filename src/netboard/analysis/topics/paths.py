@@ -5,8 +5,6 @@ far one. A path continues through the hold to the end of its trial. Paths are sh
 last, so that hardly any trial drops out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -203,7 +201,7 @@ def _layout(lines: list[list[Condition]]) -> list[list[str]]:
     return [row + ["."] * (width - len(row)) for row in rows]
 
 
-def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
+def _alike(axes: "dict[str, Axes]", lines: list[list[str]], label: str) -> None:
     """Give panels of one quantity the same scale, and label the first panel of each row."""
     names = [name for line in lines for name in line]
     lows, highs = zip(*(axes[name].get_ylim() for name in names), strict=True)
@@ -214,7 +212,7 @@ def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
         axes[line[0]].set_ylabel(label)
 
 
-def _course(axes: Axes, one: Course) -> None:
+def _course(axes: "Axes", one: Course) -> None:
     """Draw a quantity: each dyad, their mean, and the band of the trials."""
     look, scale = look_of(one.condition), read_in("m").scale
     name = f"{one.condition.name}, {one.quantity}"
@@ -242,6 +240,6 @@ def _caption(found: tuple[Course, ...]) -> str:
         [(one.condition.label, len(one.dyads), "dyad") for one in own], [one.trials for one in own], "trial"
     )
     return (
-        "Ball and hands from the release on, as long as nine of ten trials go on; trials with the target at the left "
-        f"are mirrored. Thick: means over dyads; thin: dyads; bands: from {low} % to {high} % of the trials. {known}"
+        "Ball and hands after the release, while at least nine of ten trials continue; trials with the target at the "
+        f"left are mirrored. Thick: means over dyads; thin: dyads; bands: {low} % to {high} % of the trials. {known}"
     )

@@ -4,8 +4,6 @@ A drift is a change of completion time from block to block after each performer'
 times and block numbers. Practice, fatigue and a changing device all look like drift.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -145,7 +143,7 @@ def of_blocks(study: Study) -> tuple[Condition, ...]:
     return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 
-def _counts(axes: Axes, found: Quality, column: str) -> None:
+def _counts(axes: "Axes", found: Quality, column: str) -> None:
     """Draw a square for each block, darker for higher counts; blocks without a recording are empty."""
     table = found.blocks.pivot(index="dyad", columns="block", values=column)
     values = table.to_numpy(float)
@@ -168,7 +166,7 @@ def _step(blocks: int) -> int:
     return max(1, blocks // 9)
 
 
-def _times(axes: Axes, found: Quality, study: Study) -> None:
+def _times(axes: "Axes", found: Quality, study: Study) -> None:
     """Draw the geometric mean of each block, joined within a dyad."""
     for dyad, own in found.blocks.groupby("dyad"):
         axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
@@ -201,7 +199,7 @@ def _caption(found: Quality, dyads: int) -> str:
         f"Blocks of {dyads} {'dyad' if dyads == 1 else 'dyads'}: {total['attempts']} attempts, of which "
         f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
         f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
-        "are missing. A, B: how many in each block. C: geometric mean of each block's trials that count, a line for "
+        "are missing. A, B: counts in each block. C: geometric mean of the included trials of each block, a line for "
         f"each dyad. {_drift(found)}"
     )
 

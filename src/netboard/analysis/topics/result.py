@@ -3,8 +3,6 @@
 Values are in SI units; `netboard.analysis.topics.units` converts them for display.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass

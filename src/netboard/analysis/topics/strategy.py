@@ -5,8 +5,6 @@ trials of a group. A variance is that of one performer's trials of a group in on
 each dyad, and their confidence interval is over dyads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import nan
@@ -242,7 +240,7 @@ def _colours(count: int) -> list[tuple[float, float, float, float]]:
     return [mpl.colormaps["viridis"](x) for x in np.linspace(0.75, 0.0, count)]
 
 
-def _ellipses(axes: Axes, team: TeamStrategy) -> None:
+def _ellipses(axes: "Axes", team: TeamStrategy) -> None:
     """Draw the ellipse and the mean of each group."""
     known = [one for one in team.ellipses if np.isfinite(one.width)]
     for k, (one, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
@@ -252,7 +250,7 @@ def _ellipses(axes: Axes, team: TeamStrategy) -> None:
         axes.plot(*(_SCALES * one.centre), "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
 
 
-def _numbers(axes: Axes, team: TeamStrategy) -> None:
+def _numbers(axes: "Axes", team: TeamStrategy) -> None:
     """Label each ellipse with its trials."""
     known = [k for k, one in enumerate(team.ellipses) if np.isfinite(one.width)]
     for line, (k, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
@@ -261,7 +259,7 @@ def _numbers(axes: Axes, team: TeamStrategy) -> None:
     axes.text(1.03, 0.99, "trials", transform=axes.transAxes)
 
 
-def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> None:
+def _spreads(axes: "Axes", teams: list[TeamStrategy], kind: int, size: int) -> None:
     """Draw one measure of spread over the groups of trials: each team's dyads, their mean and its band."""
     for team in teams:
         _draw_spread(axes, team, team.spreads[kind])
@@ -275,7 +273,7 @@ def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> Non
     axes.set_ylabel(f"variance {read_in(teams[0].spreads[kind].unit).in_brackets}")
 
 
-def _draw_spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
+def _draw_spread(axes: "Axes", team: TeamStrategy, spread: Spread) -> None:
     """Draw the spread of a team."""
     look, scale = team_look(team.team), read_in(spread.unit).scale
     middles = (team.first + team.last) / 2
@@ -299,7 +297,7 @@ def _draw_spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
     )
 
 
-def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
+def _names(axes: "Axes", teams: list[TeamStrategy], kind: int) -> None:
     """Write the teams' names at the ends of their lines, without overlap."""
     scale = read_in(teams[0].spreads[kind].unit).scale
     ends = {
@@ -327,8 +325,8 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     )
     return (
         f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
-        f"mean and ellipse of everybody's trials of a group; axes: principal components, {extent}. Below: variances "
-        "within performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t intervals "
+        f"mean and ellipse of all trials of a group; axes: principal components, {extent}. Below: variances within "
+        "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t confidence intervals "
         f"(thick). {each[0].upper()}{each[1:]}.{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
     )
 

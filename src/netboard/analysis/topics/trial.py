@@ -207,7 +207,7 @@ def sheet(take: Take) -> Picture:
         _draw(axes, take, name)
     where = f"trial {take.attempt.trial}, attempt {take.attempt.attempt}"
     figure.suptitle(f"{where}: {take.attempt.outcome}", fontsize=9)
-    caption = "How each number of one attempt is computed; time is from the release of the ball on."
+    caption = "How each measure of one attempt is computed; time starts at the release of the ball."
     return Picture("trial", where, caption, figure)
 
 

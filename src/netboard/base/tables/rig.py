@@ -37,7 +37,7 @@ class Network:
     ] = 0.5
     delay_action: Annotated[
         Literal["warn", "soften", "disarm"],
-        about("action if the latency exceeds half of the largest stable delay: warn, reduce the force, pause the trial"),
+        about("action if the delay exceeds half of the largest stable one: warn, reduce the force, pause the trial"),
     ] = "warn"
     view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
     log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
@@ -72,7 +72,7 @@ class Safety:
     max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
     mean_force: Annotated[
         float,
-        about("largest mean force over some 10 s; a device's own rating counts where it is less", "N", gt=0, le=40),
+        about("largest mean force over about 10 s; a device's own rating counts where it is less", "N", gt=0, le=40),
     ] = 0.88
     max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
     max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
@@ -117,7 +117,7 @@ class Agent:
     ] = 0
     velocity: Annotated[
         Literal["device", "adaptive", "chai3d", "difference", "alpha_beta", "kalman"],
-        about("source of the stylus velocity: the device or its driver, or an estimator of netboard from the positions"),
+        about("source of the stylus velocity: the device or its driver, or an estimator that uses the positions"),
     ] = "device"
     options: Annotated[dict[str, str | int | float | bool], about("options of the device backend")] = field(
         default_factory=dict
@@ -149,8 +149,8 @@ class Display:
         float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)
     ] = 0.0
     language: Annotated[str, about("en, de, fr, es, it, or a TOML file with the texts", min_length=1)] = "en"
-    smooth: Annotated[StrictBool, about("true: motion is interpolated, so that every refresh of the screen shows a new position")] = True
-    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white during a trial")] = False
+    smooth: Annotated[StrictBool, about("true: motion is extrapolated to every screen refresh")] = True
+    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white in a trial")] = False
     markers: Annotated[
         str, about("where trial events are marked as they are painted: none, lsl, or a serial port such as /dev/ttyS0")
     ] = "none"

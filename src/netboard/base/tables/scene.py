@@ -19,8 +19,8 @@ class Physics:
     M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
     m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
     g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
-    k_h: Annotated[float, about("stiffness of the virtual coupling between stylus and board", "N/m", ge=0, le=10_000)] = 200.0
-    c_h: Annotated[float, about("damping of the virtual coupling between stylus and board", "N s/m", ge=0, le=100)] = 2.0
+    k_h: Annotated[float, about("stiffness of the virtual coupling", "N/m", ge=0, le=10_000)] = 200.0
+    c_h: Annotated[float, about("damping of the virtual coupling", "N s/m", ge=0, le=100)] = 2.0
     k_s: Annotated[float, about("stiffness of the spring from board centre to origin", "N/m", ge=0, le=10_000)] = 140.0
     l: Annotated[float, about("control point to board centre", "m", gt=0, le=2)] = 0.25  # noqa: E741
     I: Annotated[float, about("moment of inertia of the board", "kg m2", gt=0, le=10)] = 0.0004  # noqa: E741
@@ -34,7 +34,7 @@ class Physics:
     ] = "loads_board"
     model: Annotated[
         Literal["paper", "lagrangian"],
-        about("equations of motion: the paper's, or the full Lagrangian, in which the ball's inertia acts on the board"),
+        about("equations of motion: the paper's, or the full Lagrangian with the ball's inertia on the board"),
     ] = "paper"
     board: Annotated[
         Literal["free", "hinged", "level"],
@@ -83,7 +83,7 @@ class Physics:
             "dop853",
             "exact",
         ],
-        about("numerical integrator; auto: rk4, or another method where rk4 is unstable; exact: for a level board only"),
+        about("numerical integrator; auto: rk4, or another where rk4 is unstable; exact: for a level board only"),
     ] = "auto"
     substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
 

@@ -29,7 +29,7 @@ class VirtualDevice:
         Annotated[float, about("size of one encoder step at the stylus; 0: none", "m", ge=0, le=0.01)] | OfModel
     ) = "model"
     max_force: Annotated[float, about("peak force of the motors", "N", gt=0, le=40)] | OfModel = "model"
-    continuous_force: Annotated[float, about("largest continuous force of the motors", "N", gt=0, le=40)] | OfModel = "model"
+    continuous_force: Annotated[float, about("continuous force of the motors", "N", gt=0, le=40)] | OfModel = "model"
     workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] | OfModel = "model"
     cable_stiffness: (
         Annotated[float, about("stiffness between motors and stylus; 0: rigid", "N/m", ge=0, le=100_000)] | OfModel
@@ -45,9 +45,9 @@ class VirtualDevice:
         | OfModel
     ) = 0.0
     read_latency_ms: Annotated[
-        float, about("time from a position to its reading; the device's time stamps do not include it", "ms", ge=0, le=1000)
+        float, about("sensing delay that the device's time stamps do not include", "ms", ge=0, le=1000)
     ] = 0.0
-    write_latency_ms: Annotated[float, about("time from writing a force to its rendering", "ms", ge=0, le=1000)] = 0.0
+    write_latency_ms: Annotated[float, about("actuation delay", "ms", ge=0, le=1000)] = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -211,7 +211,7 @@ def about_part(wanted: Asked, base: Study, found: Sequence[Fulfilled]) -> Part:
         ("recordings", len(base.blocks)),
         ("trials that count", len(base.counted)),
         ("movements of the board in them", int((base.movements["counts"] == 1).sum())),
-        ("of simulated people", f"{int(base.blocks['simulated'].sum())} recordings"),
+        ("of simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
         ("first and last trials", wanted.base.summaries.ends),
         ("trials in a group", wanted.base.summaries.group),
         ("alternatives, one at a time", len(wanted.singles)),

@@ -168,7 +168,7 @@ def rests() -> Check:
             later = ticks[ticks["time_ns"] > pause.at_ns]
             on = later["time_ns"][later["phase"] != Phase.PAUSED]
             from_ns = pause.at_ns + round(late * 1e9)
-            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # a pause that ends early is recorded a tick later
+            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # recorded a tick later
             for trace in (trace for side in SIDES for trace in evidence.traces[side]):
                 rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
                 looked += rows.size

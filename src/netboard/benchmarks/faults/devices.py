@@ -48,7 +48,7 @@ class Options:
     """Options of the tampered device."""
 
     __pydantic_config__ = NO_EXTRAS
-    folder: Annotated[str, about("where both files are", min_length=1)] = "."
+    folder: Annotated[str, about("folder of both files", min_length=1)] = "."
 
 
 @final

@@ -237,7 +237,7 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
     Returns
     -------
     dict
-        ``counts``: received frames. With loggers, of all ticks from then on: ``late_ns``: start after the deadline [ns];
+        ``counts``: received frames. With loggers, of all later ticks: ``late_ns``: start after the deadline [ns];
         ``passed_over``: skipped ticks [1]; ``active``: share in a trial [1].
     """
     configs = list(configs)

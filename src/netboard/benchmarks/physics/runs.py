@@ -29,7 +29,7 @@ class Prepare(Protocol):
     def __call__(
         self, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
     ) -> Callable[[], Array]:
-        """Prepare the run from a first state, with hands and steps of h, which keeps the state after each `every` steps."""
+        """Prepare the run from a first state, hands and steps of h; keep the state after each `every` steps."""
         ...
 
 

@@ -36,7 +36,7 @@ FORGET = 0.6
 """Fraction of an error that an alpha-beta filter keeps from one sample to the next, in position and velocity [1]."""
 
 JERK = 100.0
-"""Spectral density of the hand's jerk in the Kalman filter: some 20 m/s3 for 0.1 s [m2/s5]."""
+"""Spectral density of the hand's jerk in the Kalman filter: about 20 m/s3 for 0.1 s [m2/s5]."""
 
 FINEST = 1e-6
 """Smallest encoder step that the Kalman filter assumes [m]."""

@@ -114,18 +114,18 @@ def judge_pushes(found: Pushes) -> Finding:
             name,
             "red",
             f"{len(found.delays)} of {found.tried} pushes moved the stylus",
-            "hold it loosely, or push harder; if nothing is felt, look after power and amplifiers of the device",
+            "hold it loosely, or push harder; if you feel no force, check the power and the amplifiers of the device",
         )
     middle = float(np.median(found.delays)) * 1e3
-    text = f"{middle:.1f} ms (median), {max(found.delays) * 1e3:.1f} ms at most, of {len(found.delays)} pushes"
+    text = f"median {middle:.1f} ms, maximum {max(found.delays) * 1e3:.1f} ms over {len(found.delays)} pushes"
     figures = {"median_ms": middle, "largest_ms": max(found.delays) * 1e3}
     if np.isfinite(found.mechanical):
         own = found.mechanical * 1e3
-        text += f"; of that its mass needs {own:.1f} ms"
+        text += f"; {own:.1f} ms of it due to the mass"
         figures["mechanical_ms"] = own
         late = middle - own > LATE_MS
         return Finding(name, "yellow" if late else "green", text, "the device answers late" if late else "", figures)
-    return Finding(name, "green", f"{text}; how much of that is the stylus' own mass tells: identify", "", figures)
+    return Finding(name, "green", f"{text}; for the part due to the mass, run: netboard devices identify", "", figures)
 
 
 def _mechanical(way: float, level: float, mechanics: Mechanics | None) -> float:
@@ -162,25 +162,25 @@ def _rate(track: Track) -> Finding:
 def _answer(track: Track) -> Finding:
     text, figures = _spread(track.took)
     good = figures["p99_ms"] <= ANSWER_MS
-    return Finding("reading takes", "green" if good else "yellow", text, "" if good else "slow to read", figures)
+    return Finding("read duration", "green" if good else "yellow", text, "" if good else "slow to read", figures)
 
 
 def _positions(track: Track) -> Finding:
     new = int(np.count_nonzero(np.diff(track.time) > 0.0))
     rate = new / float(track.begun[-1] - track.begun[0])
     good = rate >= LEAST_HZ
-    advice = "" if good else "the device is slower than the loop: forces are computed from older positions"
-    return Finding("new positions", "green" if good else "yellow", f"{rate:.0f} a second", advice, {"rate_hz": rate})
+    advice = "" if good else "the device is slower than the loop, so forces are computed from older positions"
+    return Finding("position updates", "green" if good else "yellow", f"{rate:.0f} Hz", advice, {"rate_hz": rate})
 
 
 def _resolution(track: Track, info: DeviceInfo) -> Finding:
     steps = [smallest_step(track.place[:, axis]) for axis in range(3)]
-    said = f"; the device says {info.resolution * 1e3:.4f} mm" if info.resolution else ""
+    said = f"; the device reports {info.resolution * 1e3:.4f} mm" if info.resolution else ""
     if np.ptp(track.place, axis=0).max() < TOUCHED or not np.isfinite(min(steps)):
-        return Finding("resolution", "yellow", f"not seen{said}", "move the stylus about while it is tested")
+        return Finding("resolution", "yellow", f"not measured{said}", "move the stylus during the test")
     words = ", ".join(f"{axis} {step * 1e3:.4f}" for axis, step in zip(AXES, steps, strict=True) if np.isfinite(step))
     coarse = bool(info.resolution) and min(steps) > 3.0 * info.resolution
-    advice = "coarser than the device says" if coarse else ""
+    advice = "coarser than the device reports" if coarse else ""
     return Finding(
         "resolution", "yellow" if coarse else "green", f"{words} mm{said}", advice, {"smallest_m": float(min(steps))}
     )
@@ -192,7 +192,7 @@ def _noise(track: Track, info: DeviceInfo) -> Finding:
     text = f"{words} um; velocity {speed * 1e3:.2f} mm/s (standard deviations)"
     noisy = bool(info.resolution) and max(spread) > NOISY * info.resolution
     figures = {f"{axis}_m": float(value) for axis, value in zip(AXES, spread, strict=True)} | {"speed": speed}
-    advice = "lay the stylus down for a second while it is tested; if it was at rest, look after cables and supply"
+    advice = "lay the stylus down for a second during the test; if it was at rest, check cables and power supply"
     return Finding("noise at rest", "yellow" if noisy else "green", text, advice if noisy else "", figures)
 
 
@@ -200,7 +200,7 @@ def _range(track: Track) -> Finding:
     low, high = track.place.min(axis=0) * 1e3, track.place.max(axis=0) * 1e3
     words = ", ".join(f"{axis} {a:.1f} to {b:.1f}" for axis, a, b in zip(AXES, low, high, strict=True))
     moved = float((high - low).max()) * 1e-3 >= TOUCHED
-    advice = "" if moved else "move the stylus about while it is tested"
+    advice = "" if moved else "move the stylus during the test"
     return Finding("range visited", "green" if moved else "yellow", f"{words} mm", advice)
 
 

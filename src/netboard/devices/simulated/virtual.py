@@ -50,7 +50,7 @@ class Options:
     """Options of the virtual device."""
 
     __pydantic_config__ = NO_EXTRAS
-    held: Annotated[StrictBool, about("false: nobody holds the stylus")] = True
+    held: Annotated[StrictBool, about("false: no hand on the stylus")] = True
 
 
 @kernel

@@ -62,7 +62,7 @@ class Options:
 
     __pydantic_config__ = NO_EXTRAS
     serial: Annotated[str, about("serial number of the device; empty for the one by that name, or the only one")] = ""
-    name: Annotated[str, about("its name in the vendor's set-up tool; empty for the usual ones")] = ""
+    name: Annotated[str, about("name of the device in the vendor's set-up tool; empty: the default names")] = ""
     library: Annotated[str, about("file of the vendor's library; empty to look for libHD.so or HD.dll")] = ""
     servo: Annotated[
         Literal["python", "c"],
@@ -70,7 +70,7 @@ class Options:
             "what runs in the servo thread: python works everywhere, c needs a compiler and heeds no busy interpreter"
         ),
     ] = "python"
-    force_timeout_ms: Annotated[float, about("the servo cuts a force older than this", "ms", ge=2, le=200)] = 20.0
+    force_timeout_ms: Annotated[float, about("age at which the servo loop zeroes a force", "ms", ge=2, le=200)] = 20.0
     resolution: Annotated[float, about("size of one encoder step at the stylus", "m", ge=0, le=0.01)] = 0.055e-3
 
 

@@ -1,7 +1,7 @@
 """A robot partner: a simulated participant within the server, or a hand that is held still.
 
 It sees what the curtain lets its side see, with a delay, feels the force on its hand (if any) and moves a simulated
-hand. It fills in the row of a tick what an agent would have sent, and knows nothing else. It never waits: the server
+hand. It fills in the row of a tick what an agent would have sent, and uses nothing else. It never waits: the server
 calls `Robot.fill` before a tick and `Robot.take` after it.
 """
 

@@ -9,7 +9,7 @@ not need are not computed, because `parts` is a compile-time constant.
 Symbols: a state x is ``(z, vz, theta, omega)`` and ``(p, vp)`` of each ball: height of the board's centre, tilt (+ =
 right end up), ball position along the board (+ = right), and their rates; s and c are sine and cosine of the tilt. A
 hand enters only by its drive ``u = k z_s + c vz_s``, the force of its virtual coupling on a board at rest at the
-origin. This module knows neither trials nor samples nor steps.
+origin. This module is independent of trials, samples and steps.
 """
 
 from typing import Any

@@ -2,7 +2,7 @@
 
 The live LSL outlet and the XDF export share this module, so both produce the same streams. Every tick is a sample of
 64-bit floats, bit for bit as in the recording; integers are exact in float64. The time stamp is the record's own server
-time [s]. This module knows neither the LSL library nor the file format.
+time [s]. This module is independent of the LSL library and the file format.
 """
 
 import json

@@ -3,7 +3,7 @@
 No file is ever overwritten. A chunk has a size limit and goes to the operating system as soon as it is closed, so a
 killed process loses at most one chunk. `sync` makes all written data survive a power cut, and reserves space after the
 end, so that a full disk is noticed while the index still fits. Only `finish` gives the final name. A disk error never
-damages chunks that were already complete. This module knows MCAP and disks; it does not know ticks or sessions.
+damages chunks that were already complete. This module handles MCAP and disks, but not ticks or sessions.
 """
 
 import os

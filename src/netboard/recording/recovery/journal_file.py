@@ -2,8 +2,8 @@
 
 A journal is never overwritten. Appending does not wait for the disk: a separate thread writes and syncs the entries one
 by one, in order, so a power cut can truncate only the last line. An entry that counts as durable is on disk, and so is
-the file's entry in its folder. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until the entry is
-written.
+the file's directory entry. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until
+the entry is written.
 """
 
 import logging

@@ -59,7 +59,7 @@ class Changes:
     geometry: Annotated[dict[str, Any], about("keys of [geometry] that differ")] = field(default_factory=dict)
     quality: Annotated[dict[str, Any], about("keys of [quality] that differ")] = field(default_factory=dict)
     display: Annotated[dict[str, Any], about("keys of [display] that differ")] = field(default_factory=dict)
-    participant: Annotated[dict[str, Any], about("keys of [participant] that differ, for simulated participants")] = field(
+    participant: Annotated[dict[str, Any], about("keys of [participant] (simulated participants) that differ")] = field(
         default_factory=dict
     )
     instructions: Annotated[
@@ -97,7 +97,7 @@ class Factor:
         Annotated[FactorType, about("type of its levels; auto: the type of the key that they set")] | Literal["auto"]
     ) = "auto"
     unit: Annotated[str, about("unit of a numeric factor; empty: the unit of the key that its levels set")] = ""
-    levels: Annotated[dict[str, Level], about("its levels by name, each with what differs")] = field(
+    levels: Annotated[dict[str, Level], about("levels by name, each with its changed keys")] = field(
         default_factory=dict
     )
 
@@ -117,7 +117,7 @@ class Kind(Changes):
     ) = "auto"
     other_hand: Annotated[
         Literal["own", "still", "robot"],
-        about("who moves the other hand of a person alone: the same person (bimanual), nobody, or a simulated partner"),
+        about("mover of a lone participant's other hand: the same one (bimanual), nobody, a simulated partner"),
     ] = "own"
     factors: Annotated[tuple[str, ...], about('factors that vary over its blocks; "all": every one', strict=False)] = (
         ALL,

@@ -5,7 +5,7 @@ A study file is TOML. It changes keys of the rig's configuration by table and ke
 factor in ``[factors.NAME.levels.LEVEL]``. A level overrides a kind, and a kind overrides the top. An invalid file
 raises a `ConfigError` with one line per problem.
 
-This module knows no dyads: `netboard.task.plans.plan` makes the blocks of a dyad from a study.
+This module has no dyads: `netboard.task.plans.plan` makes the blocks of a dyad from a study.
 """
 
 import difflib
@@ -47,8 +47,8 @@ class Study(Changes):
     """A study; its own changes apply to all its blocks."""
 
     __pydantic_config__ = NO_EXTRAS
-    name: Annotated[str, about("its name", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
-    text: Annotated[str, about("what it is, in a sentence")] = ""
+    name: Annotated[str, about("name of the study", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
+    text: Annotated[str, about("description, in one sentence")] = ""
     order: Annotated[
         tuple[str, ...], about("names of orders that dyads take in turn; none: the first of [orders]", strict=False)
     ] = ()
@@ -58,7 +58,7 @@ class Study(Changes):
     ] = 0
     long_rest: Annotated[float, about("rest where an order has a /", "s", ge=0, le=3600)] = 300.0
     orders: Annotated[dict[str, str], about("orders of blocks by name")] = field(default_factory=dict)
-    factors: Annotated[dict[str, Factor], about("what varies over blocks, by name")] = field(default_factory=dict)
+    factors: Annotated[dict[str, Factor], about("factors, by name")] = field(default_factory=dict)
     kinds: Annotated[dict[str, Kind], about("kinds of blocks, by name")] = field(default_factory=dict)
     questionnaires: Annotated[dict[str, Questionnaire], about("questionnaires, by name")] = field(default_factory=dict)
 
