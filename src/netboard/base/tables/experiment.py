@@ -152,7 +152,7 @@ class Quality:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The rules of a trial (readings B1-B7 of the paper are the defaults)."""
+    """The rules of a trial. The defaults interpret the paper where it leaves them open."""
 
     __pydantic_config__ = NO_EXTRAS
     hold_time: Annotated[float, about("time the ball must stay in the target", "s", gt=0, le=60)] = 1.5

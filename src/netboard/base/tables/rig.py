@@ -93,7 +93,7 @@ class Safety:
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """The lateral constraint: the stylus is held in the vertical line x = y = 0 by the agent itself (reading B9)."""
+    """The lateral constraint: the agent holds the stylus on the vertical line x = y = 0, in all blocks."""
 
     __pydantic_config__ = NO_EXTRAS
     stiffness: Annotated[float, about("stiffness towards x = y = 0", "N/m", ge=0, le=2000)] = 400.0

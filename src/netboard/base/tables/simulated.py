@@ -60,10 +60,10 @@ class Participant:
     ] = 150.0
     muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
     force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
-    kp: Annotated[float, about("desired ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
-    kd: Annotated[float, about("desired ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
+    kp: Annotated[float, about("proportional gain: ball acceleration per distance", "1/s2", ge=0, le=100)] = 2.17
+    kd: Annotated[float, about("derivative gain: ball acceleration per velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest desired tilt", "deg", gt=0, le=45)] = 2.97
-    lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
+    lookahead: Annotated[float, about("prediction horizon, in units of the visual delay", "1", ge=0, le=10)] = 2.1
     threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 0.93
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
     refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.296
