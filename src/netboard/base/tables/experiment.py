@@ -89,10 +89,10 @@ class Block:
 
 
 Role = Literal["practice", "familiarisation", "baseline", "test"]
-"""What the trials of a block are for."""
+"""Purpose of the trials of a block."""
 
 FactorType = Literal["numeric", "categorical", "boolean"]
-"""What the levels of a factor are."""
+"""Type of the levels of a factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Design:
     kind: Annotated[str, about("kind of block, as in the study; empty: none")] = ""
     role: Annotated[
         Literal["auto", "practice", "familiarisation", "baseline", "test"],
-        about("what its trials are for; auto: by the name of its kind or its label, else test"),
+        about("purpose of its trials; auto: from the name of its kind or its label, else test"),
     ] = "auto"
     between: Annotated[
         tuple[str, ...], about("factors of which a dyad has one level in all of its blocks", strict=False)
