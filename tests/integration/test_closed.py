@@ -124,7 +124,9 @@ class Attempts:
 
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
-        who.until_told("channel=motion reason=it has no key, or closed the connection", hello("agent", "left"), stylus(0))
+        who.until_told(
+            "channel=motion reason=it has no key, or closed the connection", hello("agent", "left"), stylus(0)
+        )
         return who
 
     def wrong_server(self) -> Intruder:

@@ -234,7 +234,7 @@ def test_a_refusal_is_said_once_and_asked_again(rig: Rig, caplog: pytest.LogCapt
     server = rig.serve("one")
     server.router.forbidden = "the key has been revoked"
     rig.step(200)
-    assert [record.message for record in caplog.records if "refuses" in record.message] == [
+    assert [record.message for record in caplog.records if "refused" in record.message] == [
         "the server refused the connection: the key has been revoked"
     ]
     server.router.forbidden = ""

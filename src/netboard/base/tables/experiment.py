@@ -73,9 +73,7 @@ class Block:
     ] = "person"
     right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
-    duration: Annotated[
-        float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)
-    ] = 0.0
+    duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
     rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
     instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
