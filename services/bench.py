@@ -175,7 +175,7 @@ def coupling(output: Output = None, quick: Quick = False, force: Force = False, 
 
 @app.command(epilog=examples("netboard bench forces --quick", "netboard bench forces -o results"))
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
-    """Forces on both hands for one movement under each of the five force conditions, as a figure and a table."""
+    """Forces on both hands for one movement under each of the six force conditions, as a figure and a table."""
     from netboard.benchmarks.coupling.forces import study
 
     _run("forces", study, output, json, quick=quick, force=force)

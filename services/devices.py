@@ -23,7 +23,7 @@ Replace = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) 
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the connected devices by serial number, whether they can be opened, and the available backends."""
     settings = load(config, overrides)
-    from netboard.services import rig as service
+    from netboard.services import device_commands as service
 
     raise typer.Exit(service.show_list(settings, as_json=json))
 
@@ -50,7 +50,7 @@ def examine(
     Meanwhile move the stylus, press each button, and put the stylus down for a second.
     """
     settings = load(config, overrides)
-    from netboard.services import rig as service
+    from netboard.services import device_commands as service
 
     raise typer.Exit(service.examine(settings, side, seconds=seconds, force=force, yes=yes, as_json=json))
 
@@ -74,7 +74,7 @@ def identify(
 ) -> None:
     """Identify a device's mass, damping and friction by moving it gently, and write them to its profile."""
     settings = load(config, overrides)
-    from netboard.services import rig as service
+    from netboard.services import device_commands as service
 
     raise typer.Exit(service.identify(settings, side, held=held, yes=yes, replace_it=replace, as_json=json))
 
@@ -97,7 +97,7 @@ def monitor(
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
     settings = load(config, overrides)
-    from netboard.services import rig as service
+    from netboard.services import device_commands as service
 
     raise typer.Exit(service.monitor(settings, side, text=text, screenshot=screenshot, seconds=seconds))
 
@@ -126,7 +126,7 @@ def calibrate(
     replace: Replace = False,
 ) -> None:
     """Find the neutral height, the workspace and the scale of a device, and write them to its profile."""
-    from netboard.services import rig as service
+    from netboard.services import device_commands as service
 
     given, others = service.placement_values(overrides or ())
     settings = load(config, others)

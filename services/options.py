@@ -1,4 +1,4 @@
-"""What several commands share: options, reading the configuration, examples in help texts, progress bars.
+"""Shared parts of commands: options, reading the configuration, examples in help texts, progress bars.
 
 Importing a command must be quick, because ``netboard --help`` imports them all: libraries are imported when they are
 needed, and so is `netboard.base.config`.

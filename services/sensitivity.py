@@ -14,7 +14,7 @@ from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 WHOLE, QUICK = (4, 18, 20), (2, 12, 3)
-"""What is rehearsed without recordings: dyads, the first blocks of the paper's plan, trials in each [1].
+"""Size of the rehearsed study without recordings: dyads, first blocks of the paper's plan, trials in each [1].
 
 Twelve blocks have each condition twice.
 """

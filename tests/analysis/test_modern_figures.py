@@ -219,9 +219,7 @@ def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture
     for place, one in enumerate(influences(study).influences):
         name = f"_{one.condition.name}, {one.direction}"
         assert one.chance is not None
-        names = (
-            ("a dyad", "a surrogate dyad") if not place else (f"{name}, dyads", f"{name}, surrogates")
-        )
+        names = ("a dyad", "a surrogate dyad") if not place else (f"{name}, dyads", f"{name}, surrogates")
         np.testing.assert_array_equal(lines[names[0]], one.values)
         np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)
 

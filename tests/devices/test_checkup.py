@@ -71,7 +71,7 @@ def test_resolution_is_seen_only_of_a_stylus_that_moves() -> None:
     assert finding("resolution", track()).colour == "yellow"
     seen = finding("resolution", track(place=moved()))
     assert (seen.colour, seen.figures["smallest_m"]) == ("green", pytest.approx(5.5e-5))
-    assert finding("resolution", track(place=moved(step=5e-4))).advice == "coarser than the device says"
+    assert finding("resolution", track(place=moved(step=5e-4))).advice == "coarser than the device reports"
 
 
 def test_noise_is_that_of_the_quietest_second() -> None:

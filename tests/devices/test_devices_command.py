@@ -12,7 +12,7 @@ from netboard.base.errors import NetboardError
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device
 from netboard.devices.setup.excitation import Chirp
-from netboard.services import rig
+from netboard.services import device_commands as commands
 from netboard.services.cli import app
 
 runner = CliRunner()
@@ -46,13 +46,13 @@ def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch:
     node = tmp_path / "dev/bus/usb/001/002"
     node.parent.mkdir(parents=True)
     node.write_text("")
-    assert rig.show_list(Config(), as_json=False, root=tmp_path) == 0
+    assert commands.show_list(Config(), as_json=False, root=tmp_path) == 0
     monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: False)
-    assert rig.show_list(Config(), as_json=False, root=tmp_path) == 1
+    assert commands.show_list(Config(), as_json=False, root=tmp_path) == 1
 
 
 def test_test(capsys: pytest.CaptureFixture[str]) -> None:
-    code = rig.examine(
+    code = commands.examine(
         configured(held=True), "left", seconds=2.0, force=0.0, yes=False, as_json=True, beats=SimulatedTime()
     )
     assert code == 0
@@ -60,7 +60,7 @@ def test_test(capsys: pytest.CaptureFixture[str]) -> None:
     assert told["serial"] == "virtual-left"
     assert len(told["findings"]) == 8
     config = configured(friction=0.1)
-    assert rig.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, beats=SimulatedTime()) == 0
+    assert commands.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, beats=SimulatedTime()) == 0
     assert json.loads(capsys.readouterr().out)["findings"][-1]["name"] == "force to movement"
 
 
@@ -69,9 +69,9 @@ def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFix
     chirp = Chirp(seconds=6.0)
     common = {"yes": True, "replace_it": False, "as_json": False, "chirp": chirp}
     held = configured(held=True)
-    assert rig.identify(held, "left", held=True, beats=SimulatedTime(), **common) == 0
+    assert commands.identify(held, "left", held=True, beats=SimulatedTime(), **common) == 0
     assert not Path("profiles").exists()
-    assert rig.identify(configured(), "left", held=False, beats=SimulatedTime(), **common) == 0
+    assert commands.identify(configured(), "left", held=False, beats=SimulatedTime(), **common) == 0
     found = profile.load(Path("profiles"), "virtual-left")
     assert found is not None
     assert found.mechanics.mass == pytest.approx(0.045, rel=0.1)
@@ -89,9 +89,9 @@ def test_nothing_moves_without_consent(words: str) -> None:
 
 def test_the_sentence_must_be_typed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    rig.ask_consent("this", False, lambda _: f' "{rig.CONSENT}" ')
+    commands.ask_consent("this", False, lambda _: f' "{commands.CONSENT}" ')
     with pytest.raises(NetboardError, match="nothing was moved"):
-        rig.ask_consent("this", False, lambda _: "yes")
+        commands.ask_consent("this", False, lambda _: "yes")
 
 
 def test_values_are_set_by_hand_and_the_one_before_is_kept() -> None:
@@ -137,7 +137,7 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("netboard.devices.contract.registry.make", make)
     common = {"given": {}, "replace_it": False, "ask": operator}
-    assert rig.calibrate(Config(), "left", zero_only=False, yes=False, beats=SimulatedTime(), **common) == 0
+    assert commands.calibrate(Config(), "left", zero_only=False, yes=False, beats=SimulatedTime(), **common) == 0
     assert [words.partition(",")[0] for words in operator.asked] == [
         "Hold the stylus at the neutral height",
         "Hold the stylus at the lower far left corner of the workspace",
@@ -150,7 +150,7 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert place.box == (-0.05, -0.06, -0.02, 0.05, 0.06, 0.08)
     assert place.scale == pytest.approx(1.5)
     operator.place = (0.0, 0.0, 0.0)
-    assert rig.calibrate(Config(), "left", zero_only=True, yes=True, beats=SimulatedTime(), **common) == 0
+    assert commands.calibrate(Config(), "left", zero_only=True, yes=True, beats=SimulatedTime(), **common) == 0
     found = profile.load(Path("profiles"), "puppet")
     assert found is not None
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))

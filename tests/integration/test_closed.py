@@ -124,7 +124,9 @@ class Attempts:
 
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
-        who.until_told("channel=motion reason=it came without a key, or hung up", hello("agent", "left"), stylus(0))
+        who.until_told(
+            "channel=motion reason=it has no key, or closed the connection", hello("agent", "left"), stylus(0)
+        )
         return who
 
     def wrong_server(self) -> Intruder:
@@ -370,7 +372,7 @@ def test_a_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
 @pytest.mark.parametrize(
     ("channel", "reason"),
     [
-        ("motion", "it came without a key, or hung up"),
+        ("motion", "it has no key, or closed the connection"),
         ("motion", "it does not know this server's key, or repeated what another one said"),
         ("motion", "its key is not known here"),
         ("motion", "the key of display.left is not for this channel"),

@@ -1,4 +1,4 @@
-"""What every other wing stands on.
+"""Foundations of all other wings.
 
 Errors, the configuration's tables, compiled kernels, the clock, and what a process owes its machine.
 

@@ -63,9 +63,7 @@ class Filters:
         Literal["derivative", "device"],
         about("stylus velocity: derivative of the filtered height, or the device's velocity, filtered"),
     ] = "derivative"
-    speed: Annotated[
-        SpeedOrder, about("ball speed: absolute value before the filter, or after it")
-    ] = "absolute_first"
+    speed: Annotated[SpeedOrder, about("ball speed: absolute value before the filter, or after it")] = "absolute_first"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +92,7 @@ class Segments:
 
     __pydantic_config__ = NO_EXTRAS
     turning: Annotated[Turning, about("whether a reversal ends a movement, or only a low rate")] = "one_way"
-    angle: Annotated[Angle, about("angle of a movement: net, range, or integral of the slow angular velocity")] = (
-        "net"
-    )
+    angle: Annotated[Angle, about("angle of a movement: net, range, or integral of the slow angular velocity")] = "net"
     ends: Annotated[
         Literal["recording", "trial"], about("latest end of a movement: end of the recording, or of the trial")
     ] = "recording"
@@ -150,9 +146,7 @@ class Summaries:
     """Summaries of the trials."""
 
     __pydantic_config__ = NO_EXTRAS
-    shares: Annotated[Average, about("weights in the shares of a performer: equal trials, or equal seconds")] = (
-        "trials"
-    )
+    shares: Annotated[Average, about("weights in the shares of a performer: equal trials, or equal seconds")] = "trials"
     delay: Annotated[Literal["absolute", "signed"], about("delay that is averaged: absolute or signed")] = "absolute"
     intervals: Annotated[
         Literal["dyads", "people", "movements"],
@@ -166,9 +160,9 @@ class Summaries:
         about("numbering of first and last trials: within each haptic condition, or over both in their order"),
     ] = "condition"
     spread: Annotated[Literal["trials", "people"], about("unit of a standard deviation")] = "trials"
-    level: Annotated[
-        Level, about("performance level: mean or median of all trials, or the mean of the last 60")
-    ] = "mean"
+    level: Annotated[Level, about("performance level: mean or median of all trials, or the mean of the last 60")] = (
+        "mean"
+    )
     time: Annotated[TrialTime, about("time of a trial: that of the successful attempt, or of all attempts")] = (
         "successful_attempt"
     )
@@ -176,9 +170,7 @@ class Summaries:
     scaling: Annotated[Scaling, about("units of an ellipse's components")] = "si"
     ends: Annotated[
         int,
-        about(
-            "number of first and of last trials; 0: 30, or half of a short condition", "1", ge=0, le=1000
-        ),
+        about("number of first and of last trials; 0: 30, or half of a short condition", "1", ge=0, le=1000),
     ] = 0
     group: Annotated[
         int, about("trials in a group whose strategies are compared, 3 or more; 0: 30, or fewer", "1", ge=0, le=1000)

@@ -120,7 +120,7 @@ def _words(name: str) -> str:
 TITLE = "Classes of movement"
 
 STACK = ("cooperative", "single", "competitive", "still")
-"""From the left; dark and light colours alternate, so that neighbours also differ in grey."""
+"""Colours from left to right; dark and light ones alternate, so that neighbours also differ in grey."""
 
 _READABLE = 6.0
 """Smallest share with a number in its bar [%]."""

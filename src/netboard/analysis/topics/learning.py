@@ -232,7 +232,7 @@ def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
 TITLE = "Learning"
 
 STACK = ("cooperative", "single", "competitive", "still")
-"""From below; dark and light colours alternate, so that neighbours also differ in grey."""
+"""Colours from bottom to top; dark and light ones alternate, so that neighbours also differ in grey."""
 
 
 @styled

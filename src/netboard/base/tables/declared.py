@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_type_hints
 from netboard.base.errors import ConfigError
 
 Extrapolation = Literal["zoh", "cv", "ca"]
-"""How a stylus moves after its last sample; the number in kernels is its place."""
+"""Extrapolation of a stylus after its newest sample; the number in kernels is its place."""
 
 EXTRAPOLATIONS: tuple[Extrapolation, ...] = get_args(Extrapolation)
 """The same as a tuple."""

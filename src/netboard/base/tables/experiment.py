@@ -73,9 +73,7 @@ class Block:
     ] = "person"
     right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
     trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
-    duration: Annotated[
-        float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)
-    ] = 0.0
+    duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
     rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
     instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
@@ -89,10 +87,10 @@ class Block:
 
 
 Role = Literal["practice", "familiarisation", "baseline", "test"]
-"""What the trials of a block are for."""
+"""Purpose of the trials of a block."""
 
 FactorType = Literal["numeric", "categorical", "boolean"]
-"""What the levels of a factor are."""
+"""Type of the levels of a factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +101,7 @@ class Design:
     kind: Annotated[str, about("kind of block, as in the study; empty: none")] = ""
     role: Annotated[
         Literal["auto", "practice", "familiarisation", "baseline", "test"],
-        about("what its trials are for; auto: by the name of its kind or its label, else test"),
+        about("purpose of its trials; auto: from the name of its kind or its label, else test"),
     ] = "auto"
     between: Annotated[
         tuple[str, ...], about("factors of which a dyad has one level in all of its blocks", strict=False)
@@ -152,7 +150,7 @@ class Quality:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The rules of a trial (readings B1-B7 of the paper are the defaults)."""
+    """The rules of a trial. The defaults interpret the paper where it leaves them open."""
 
     __pydantic_config__ = NO_EXTRAS
     hold_time: Annotated[float, about("time the ball must stay in the target", "s", gt=0, le=60)] = 1.5

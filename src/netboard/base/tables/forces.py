@@ -20,7 +20,7 @@ recorded force [N], and the gains of the hand (`netboard.physics.scene.rendering
 
 @dataclass(frozen=True)
 class ForceCondition:
-    """What haptic feedback a hand gets.
+    """A force condition: which forces the haptic feedback of a hand contains.
 
     Attributes
     ----------

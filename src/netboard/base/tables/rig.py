@@ -86,14 +86,12 @@ class Safety:
     hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
     arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
     arm_gate: Annotated[float, about("arming waits until the commanded force is below this", "N", gt=0, le=5)] = 0.2
-    passivity: Annotated[
-        StrictBool, about("true: passivity control: delayed forces generate no energy")
-    ] = False
+    passivity: Annotated[StrictBool, about("true: passivity control: delayed forces generate no energy")] = False
 
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """The lateral constraint: the stylus is held in the vertical line x = y = 0 by the agent itself (reading B9)."""
+    """The lateral constraint: the agent holds the stylus on the vertical line x = y = 0, in all blocks."""
 
     __pydantic_config__ = NO_EXTRAS
     stiffness: Annotated[float, about("stiffness towards x = y = 0", "N/m", ge=0, le=2000)] = 400.0

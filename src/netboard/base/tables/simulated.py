@@ -72,10 +72,10 @@ class Participant:
     ] = 0.0
     reflex_delay: Annotated[float, about("delay of the reflexes", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
-    kp: Annotated[float, about("desired ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
-    kd: Annotated[float, about("desired ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
+    kp: Annotated[float, about("proportional gain: ball acceleration per distance", "1/s2", ge=0, le=100)] = 2.17
+    kd: Annotated[float, about("derivative gain: ball acceleration per velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest desired tilt", "deg", gt=0, le=45)] = 2.97
-    lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
+    lookahead: Annotated[float, about("prediction horizon, in units of the visual delay", "1", ge=0, le=10)] = 2.1
     threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 1.13
     threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
     refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.283
@@ -108,7 +108,7 @@ class Participant:
         float, about("variability of the amplitude between one person's hands", "1", ge=0, le=2)
     ] = 0.2
     novice: Annotated[
-        float, about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1)
+        float, about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1, le=10)
     ] = 1.29
-    learning_trials: Annotated[float, about("trials over which the difference falls to 1/e", "1", gt=0)] = 200.0
-    practice: Annotated[float, about("trials done before the block", "1", ge=0)] | OfPlan = "plan"
+    learning_trials: Annotated[float, about("trials over which the difference falls to 1/e", "1", gt=0, le=1_000_000)] = 200.0
+    practice: Annotated[float, about("trials done before the block", "1", ge=0, le=1_000_000)] | OfPlan = "plan"

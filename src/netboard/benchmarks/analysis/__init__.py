@@ -1,1 +1,1 @@
-"""What an analysis costs, and how open questions and disturbances move its numbers."""
+"""Cost of an analysis, and the sensitivity of its results to open questions and disturbances."""

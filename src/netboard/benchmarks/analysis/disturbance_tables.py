@@ -1,4 +1,4 @@
-"""What disturbances do to the measures of an attempt, as tables; and filters as fractions of two polynomials."""
+"""Effects of disturbances on the measures of an attempt, as tables; and filters as ratios of two polynomials."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -25,12 +25,12 @@ MEASURES = (
 """Measures of an attempt that are shown, and the factor to the unit."""
 
 NOTHING = 5e-4
-"""What changes by less has not changed [as shown]."""
+"""Changes below this count as none [as shown]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """How far a disturbance moves a measure.
+    """Effect of a disturbance on a measure.
 
     - `bias`, `deviation`: mean and standard deviation of the differences of attempts [as the measure].
     """

@@ -1,4 +1,4 @@
-"""What recordings suffer from, done to them on purpose: noise, steps, lost and late samples, other rates, an offset.
+"""Disturbances of recordings: noise, steps, lost and delayed samples, other rates, an offset.
 
 A disturbance takes the recorded columns and gives others of the same length; the original is not touched. A sample that
 is lost is not a number, as in a recording with a hole. What is random gets its generator.

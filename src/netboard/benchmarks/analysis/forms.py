@@ -10,7 +10,7 @@ from scipy.signal import butter, filtfilt, sosfiltfilt
 from netboard.analysis.extraction.trials import RATE
 
 ORDERS = (2, 5, 10)
-"""Of one pass [1]."""
+"""Filter orders of one pass [1]."""
 
 CUTOFFS = (5.0, 20.0)
 """The paper's [Hz]."""

@@ -17,7 +17,7 @@ from netboard.benchmarks.analysis.apart import Took, Watch
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What it cost to make the tables of a study.
+    """Cost of making the tables of a study.
 
     - `data`: how long the recordings are [s].
     - `peak`: the most memory of the process that has the tables, in bytes [1].

@@ -15,7 +15,7 @@ from netboard.benchmarks.analysis.numbers import STATEMENTS
 from netboard.benchmarks.analysis.readings import AMBIGUITIES, Ambiguity, readings_of
 
 SEED = 1
-"""Of the paths [1]."""
+"""Seed of the paths [1]."""
 
 BEYOND = ("B5",)
 """Questions that no path answers otherwise: a recording ends with the hold that its own rule saw."""

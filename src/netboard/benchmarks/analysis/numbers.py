@@ -21,7 +21,7 @@ OF: dict[str, Family] = {"completion": "time", "peaks": "peaks"}
 """Family of what is in a column of the table of trials."""
 
 SHORT = {"completion": "completion time", "peaks": "peaks"}
-"""What it is called here."""
+"""Its name here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
 
 
 def _ratios(team: TeamStrategy) -> Iterator[tuple[str, Number]]:
-    """What the last group's variances are of the first one's; the generalised one has no parts and stands for both."""
+    """Ratio of the last group's variances to the first one's; the generalised variance stands for both quantities."""
     each = {spread.quantity: spread.means for spread in team.spreads}
     for quantity in ("distance", "velocity"):
         means = each.get(f"variance of {quantity}", team.spreads[0].means)
@@ -193,4 +193,4 @@ STATEMENTS = (
         lambda found: 1 - found["variance of distance, last group over first, dyadic"],
     ),
 )
-"""What the paper says of these numbers, as far as it can come out one way or the other."""
+"""The paper's statements about these numbers that can be tested."""

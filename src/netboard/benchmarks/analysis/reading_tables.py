@@ -1,4 +1,4 @@
-"""What readings do to the reported numbers, as tables: one by one, in pairs, and on paths through all questions."""
+"""Effects of settings on the reported numbers, as tables: one by one, in pairs, and on paths through all questions."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ Singles = Sequence[tuple[Ambiguity, Alternative, Numbers]]
 """Numbers with one alternative each."""
 
 LEAST = 1e-6
-"""What changes by less has not changed, as a share [1]."""
+"""Relative changes below this count as none [1]."""
 
 SMALL = 0.01
 """A number that changes by more has moved, as a share [1]."""
@@ -25,7 +25,7 @@ SHOWN = 0.001
 """A headline number that changes by more is shown, as a share [1]."""
 
 RARE = 0.02
-"""What makes up less of the time is next to nothing [1]."""
+"""Shares of the time below this are negligible [1]."""
 
 
 def values_of(found: Numbers) -> dict[str, float]:
@@ -92,7 +92,7 @@ def readings_part(default: Numbers, singles: Singles) -> Part:
 
 
 def _beyond(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
-    """Whether an answer moves a number that it cannot touch."""
+    """Whether a setting changes a number that it cannot affect."""
     others = [name for name, number in default.items() if number.family not in one.touches]
     return any(not abs(change(default[name].value, found[name].value)) <= LEAST for name in others)
 
@@ -116,7 +116,7 @@ def _most(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
 
 
 def _tells(name: str, default: Numbers, found: Numbers) -> bool:
-    """Whether a change in percent says something: of known numbers in one unit that are not next to nothing."""
+    """Whether a change in percent is meaningful: of known numbers in one unit that are not negligible."""
     before, after = default[name], found[name]
     rare = before.family == "shares" and before.value < RARE
     return math.isfinite(before.value) and math.isfinite(after.value) and before.unit == after.unit and not rare

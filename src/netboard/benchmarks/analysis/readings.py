@@ -1,4 +1,4 @@
-"""What the paper leaves open in its analysis: every question with the default, its alternatives, and what they touch.
+"""Open questions of the paper's analysis: each with the default, its alternatives, and the numbers that they affect.
 
 An alternative is a list of settings as they stand behind ``--set``. Where a question has none, its reason says why, and
 where it is measured all the same.

@@ -25,7 +25,7 @@ from netboard.benchmarks.harness.running import Tell, run
 from netboard.recording.files.locate import find_recordings
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Of the study's recordings [1]."""
+"""Shares of the study's recordings that are analysed [1]."""
 
 LINEAR = 0.98
 """A cost of which a straight line explains this much grows with the number of trials (R2) [1]."""
@@ -42,7 +42,7 @@ AGAIN = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """How large a study is made.
+    """Size of a study.
 
     - `dyads`, `blocks`, `trials`: how many dyads, blocks of each, and trials in a block [1].
     """
@@ -58,7 +58,7 @@ WHOLE, QUICK = Size(4, 18, 60), Size(2, 6, 12)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one share of a study costs.
+    """Cost of one part of a study.
 
     - `cold`, `kept`: what the tables cost when nothing was kept, and when all was.
     """

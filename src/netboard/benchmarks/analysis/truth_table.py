@@ -22,7 +22,7 @@ WHOLE, QUICK = (16, 12), (2, 6)
 IMPORTED = {"imported": "measured", "imported_from": "closed form"}
 
 TOLERANCES = {"s": 0.0015, "m": 0.0005, "W": 0.001, "N2 s": 0.01, "1": 0.0}
-"""What counts as exact, by unit: a tick, half a millimetre, and what the filters take from a sine [SI]."""
+"""Errors that count as exact, by unit: a tick, half a millimetre, and the attenuation of a sine by the filters [SI]."""
 
 UNITS = {"entries": "1", "peaks": "1", "overshoots": "1", "overshoot": "m", "power": "W", "effort": "N2 s"}
 """Units of measures that are no time, by their last word."""

@@ -1,4 +1,4 @@
-"""Where the loop becomes unstable: exact eigenvalues beside the simulated service, and rules of thumb beside both.
+"""Stability limit of the loop: exact eigenvalues beside the simulated service, and rules of thumb beside both.
 
 Linear: no friction, no encoder steps, and motions so small that no limit is met. The simulation steps its stylus as the
 virtual device does; so does the prediction that it is held against, and another one has the exact motion of a device.
@@ -160,7 +160,7 @@ def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> fl
 WAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
 QUICK_WAYS = (1, 5)
 MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("both", "board"))
-"""Where the coupling is computed, and what the hand is coupled to. With both and a fixed end no delay matters."""
+"""Where the coupling is computed, and what the hand is coupled to. With both and a fixed end, delays have no effect."""
 
 
 @dataclass(frozen=True)

@@ -155,19 +155,19 @@ def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
     nothing = not forces_of(found["none"]).any()
     alike = bool(np.array_equal(forces_of(found["unrelated"])[SETTLED:], recorded[SETTLED:]))
     return [
-        Verdict("board, ball and trial are the same to the bit", len(states) == 1, f"{len(states)} of them"),
+        Verdict("board, ball and trial are bit-identical in all conditions", len(states) == 1, f"{len(states)} result"),
         Verdict(
-            "partner and environment add up to the whole but for what moves and damps",
+            "partner_only + environment_only equals full except for damping and inertia",
             rms < 0.02,
-            f"what is left has an rms of {1e3 * rms:.1f} mN and is {1e3 * largest:.1f} mN at the most",
+            f"difference: rms {1e3 * rms:.1f} mN, maximum {1e3 * largest:.1f} mN",
         ),
-        Verdict("the unrelated force is the one recorded", alike, "to the bit" if alike else "it is another"),
-        Verdict("without forces there is none", nothing, "0 N" if nothing else "there is one"),
+        Verdict("the unrelated force is the recorded one", alike, "to the bit" if alike else "they differ"),
+        Verdict("none renders no force", nothing, "0 N" if nothing else "a force is not 0"),
     ]
 
 
 def residual(found: dict[Force, Rows]) -> NDArray[np.float64]:
-    """Return what the whole force has beyond its two parts at rest."""
+    """Return the difference between the full force and the sum of its two parts at rest."""
     full, partner, environment = (forces_of(found[name]) for name in ("full", "partner_only", "environment_only"))
     return (full - partner - environment)[SETTLED:]
 
@@ -179,7 +179,7 @@ _COLOURS: dict[Force, str] = {
 
 
 def draw(found: dict[Force, Rows]) -> Any:
-    """Draw the movement, and what each hand feels of it."""
+    """Draw the movement and the commanded forces of both hands."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

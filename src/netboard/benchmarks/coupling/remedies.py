@@ -29,10 +29,10 @@ IMPEDANCE = 1.0
 """Wave impedance: of the size of what a device of 45 g can stand at the frequencies of a hand [N s/m]."""
 
 FREQUENCIES = (1.0, 5.0)
-"""What is felt is measured at these [Hz]."""
+"""Frequencies at which the rendered stiffness and damping are measured [Hz]."""
 
 AMPLITUDE = 0.005
-"""And with hands that move so far either way [m]."""
+"""Amplitude of the hand's movement in that measurement [m]."""
 
 IMMOVABLE = 1e4
 """A stylus of this mass goes where it is put, whatever it is made to feel [kg]."""

@@ -1,4 +1,4 @@
-"""What a row of the table of faults is: what is done, in words and in code, and what must happen, in words and in code.
+"""A test case of a fault: the action and the requirement, each as text and as code.
 
 Some things must hold after every fault, and are not repeated in the table: no step of a force larger than the slew
 limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, no recording

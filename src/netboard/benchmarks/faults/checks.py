@@ -1,4 +1,4 @@
-"""What must hold after a fault: each check is made once, with what it asks for, and judges the evidence of any case.
+"""Requirements after a fault: each check is made once with its limits, and applied to the evidence of any case.
 
 Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
 fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause

@@ -1,4 +1,4 @@
-"""What is measured of a fault, from what the devices were handed and what was recorded: arrays in, figures out.
+"""Measurements of a fault, from the forces written to the devices and the recordings: arrays in, numbers out.
 
 What the devices were handed is a row for each force (`netboard.benchmarks.faults.devices.TRACE`), in the agent's
 process, whatever became of the network. While forces are fresh no two in a row are equal, because a hand is never at

@@ -75,7 +75,7 @@ class Evidence:
 
     @property
     def reports(self) -> tuple[Report, ...]:
-        """What `netboard check` says of each file, the other dyad's among them."""
+        """Result of `netboard check` for each file, including the other dyad's."""
         return (*self.rig.reports, *(self.neighbour.reports if self.neighbour is not None else ()))
 
     @property

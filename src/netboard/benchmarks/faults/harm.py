@@ -1,4 +1,4 @@
-"""What can be done to a site: each of these makes what does it, when it is called with a site in which a trial is on.
+"""Actions on a site: each function returns the action, which is called with a site while a trial is running.
 
 What is done is undone again where it can be, and whatever cannot recover by itself is started anew, as an operator
 would. What is worth noting beside the recordings is returned.

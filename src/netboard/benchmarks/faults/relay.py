@@ -46,7 +46,7 @@ _RESET = struct.pack("ii", 1, 0)
 
 @dataclass(frozen=True)
 class Weather:
-    """What happens to bytes on their way, in one direction.
+    """Treatment of the bytes in one direction.
 
     - `delay`: time every byte takes [s].
     - `jitter`: largest time on top of it, even chances [s].

@@ -45,7 +45,7 @@ def _paused(status: Status) -> int:
 
 @dataclass(frozen=True)
 class Way:
-    """How a process reaches the server."""
+    """Connection of a process to the server."""
 
     host: str
     port: int

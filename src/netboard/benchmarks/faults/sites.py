@@ -1,4 +1,4 @@
-"""Where a fault is made: a rig, and around it whatever the fault needs.
+"""Test site of a fault: a rig, and what else the fault needs.
 
 That may be a relay on a peer's line, real links between stations, a wall clock that can be set, a small disk, a second
 dyad on the same server to be looked at for what it notices. Which of these there are is a `Setup`; cases that need the
@@ -41,7 +41,7 @@ DISK_BYTES = 300_000_000
 
 @dataclass(frozen=True)
 class Setup:
-    """What a site is made of.
+    """Parts of a site.
 
     - `neighbour`: a second dyad is on the same server, unless it is to be quick.
     - `follow`: the logger goes on with the next session of the server.

@@ -55,7 +55,7 @@ PATIENCE_NS = 60_000_000_000
 
 @dataclass(frozen=True)
 class Shown:
-    """What came to a screen.
+    """Views that reached a screen.
 
     - `sent_to_received`, `received_to_painted`, `between`: for each frame with a view of its own: the two parts of its
       way; and times from frame to frame [ns].
@@ -166,7 +166,7 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
 
 
 def lateness(shown: Shown) -> tuple[float, float]:
-    """By what delay what was seen is explained best, and how far it was from the truth.
+    """The delay that best explains what was painted, and the remaining error.
 
     Returns
     -------

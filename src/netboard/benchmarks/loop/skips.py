@@ -59,7 +59,7 @@ def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> d
 
 
 SENT = ("forces", "beats", "views", "records", "batches")
-"""What a server sends."""
+"""Messages that a server sends."""
 
 
 def skips_part(found: dict[str, Served]) -> Part:

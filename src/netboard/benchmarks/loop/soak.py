@@ -48,7 +48,7 @@ MOST_SLOWER = 1.5
 
 @dataclass(frozen=True)
 class Kept:
-    """What one dyad's recording amounts to.
+    """Measurements from one dyad's recording.
 
     - `verified`: whether the stage computes the same outputs from the recorded inputs, to the bit.
     - `time_ns`, `late_ns`: deadline of each tick, and its start after the deadline [ns].
@@ -74,7 +74,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Soaked:
-    """What came of a soak."""
+    """Results of a soak."""
 
     samples: list[dict[str, Usage]]
     kept: list[Kept]

@@ -1,4 +1,4 @@
-"""How durations are distributed: percentiles as rows of a table, histograms over a logarithmic axis, and ratios.
+"""Distributions of durations: percentiles as rows of a table, histograms over a logarithmic axis, and ratios.
 
 Tables are in milliseconds, the unit of a tick.
 """

@@ -1,4 +1,4 @@
-"""What processes cost: time on a core, time waiting for one, switches and memory, thread by thread, from Linux's /proc.
+"""Resource usage of processes: CPU time, run-queue time, context switches and memory by thread, from Linux's /proc.
 
 A thread is of one of three kinds: the loop (a process's first thread), ZeroMQ's I/O, or any other. Times are those of
 the scheduler, to the nanosecond where it tells them (``schedstat``), else to its clock tick.
@@ -21,7 +21,7 @@ _TRANSPORT_NAME = "ZMQbg/IO"
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What threads have used.
+    """Usage of threads.
 
     - `seconds`: time on a core [s].
     - `waited`: time in which they could have run and had no core; 0 where the system does not tell [s].
@@ -72,7 +72,7 @@ def total(parts: Iterable[Spent]) -> Spent:
 
 @dataclass
 class Cost:
-    """What a process used while it was measured.
+    """Usage of a process during a measurement.
 
     - `seconds`: for how long it was measured [s].
     """

@@ -63,7 +63,7 @@ BUDGET, QUICK_BUDGET = 1.0, 0.1
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for.
+    """Options of a run.
 
     - `peers`: names of the peers that take part, all of them installed.
     - `budget`: who has taken this long has no further turn [s].

@@ -213,7 +213,7 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
 
 @dataclass(frozen=True)
 class Tables:
-    """What collocation multiplies with, for one scene and one length of step.
+    """Matrices of collocation for one scene and one step length.
 
     - `a` (shape (1, 1, n, n)): A by its columns [SI].
     - `flow` (shape (rows, n, nodes)): e^(c h A), of the rows on which N depends, for every node c [SI].

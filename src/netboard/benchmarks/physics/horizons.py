@@ -25,10 +25,10 @@ from netboard.physics.scene.statics import ball_poles
 Hold = Literal["zoh", "cv", "ca", "hermite"]
 
 HORIZONS = (1.0, 3.0, 10.0)
-"""How far runs go [s]."""
+"""Durations of the runs [s]."""
 
 NUDGE = 1e-6
-"""By how much the ball is put elsewhere, to see that grow [m]."""
+"""Initial displacement of the ball, whose growth is measured [m]."""
 
 
 @dataclass(frozen=True)

@@ -71,10 +71,10 @@ def _write_pushed(count: int, _: int, width: int) -> str:
 
 
 _flow = written("x, flow, width", _write_flow)
-"""What the linear part makes of a state through a step, in a vector."""
+"""State after the linear part of a step, as a vector."""
 
 _pushed = written("past, push, width", _write_pushed)
-"""What the values of N add."""
+"""Contribution of the values of N."""
 
 _taken = written("lanes, x", lambda _, n: listed([f"lane(lanes, {(j - 2) % n})" for j in range(n)]))
 """A state out of its vector."""

@@ -21,7 +21,7 @@ LIVE, OFFLINE = 1e-4, 1e-7
 """Largest errors of force that sampling may leave [N]."""
 
 FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
-"""What a tick may cost: compiled, in floors; called from Python; of a thousand simulations [1, ns, ns]."""
+"""Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
 
 STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
 """Claimed ratio of MuJoCo's cost to ours, at any error, and at one error with held controls [1]."""

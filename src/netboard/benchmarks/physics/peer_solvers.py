@@ -37,7 +37,7 @@ DIFFRAX = {
     "Kvaerno5": (1e-4, 1e-6, 1e-8),
 }
 COARSE: dict[str, tuple[float, ...]] = {"DOP853": (1e-6,), "LSODA": (1e-6, 1e-10)}
-"""What takes part in a quick run."""
+"""Solvers of a quick run."""
 
 _ABSOLUTE = 0.01
 """Absolute tolerance over the relative one; the states are of 0.01 to 1."""

@@ -74,7 +74,7 @@ class Problem:
 
     @property
     def name(self) -> str:
-        """What the problem is called."""
+        """Name of the problem."""
         return f"{self.model}, {self.start}"
 
     @cached_property
@@ -89,7 +89,7 @@ class Problem:
 
     @cached_property
     def parts(self) -> Parts:
-        """What it has, for kernels."""
+        """Parts of its scene, for kernels."""
         return parts_of(self.physics)
 
     @cached_property
@@ -99,7 +99,7 @@ class Problem:
 
     @cached_property
     def times(self) -> Array:
-        """Where errors are taken [s]."""
+        """Times at which errors are measured [s]."""
         return multiples(round(self.duration / SPACING) + 1, SPACING)
 
     @cached_property
@@ -225,7 +225,7 @@ def make_right_side(PARTS: Parts) -> Callable[..., None]:
 
 @dataclass(frozen=True)
 class Reference:
-    """What is taken for the truth.
+    """The reference solution.
 
     - `states` (shape (n, 6)): at `Problem.times` [SI].
     - `forces` (shape (n, 2)): of the left and the right hand on the board [N].

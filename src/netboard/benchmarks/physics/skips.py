@@ -73,12 +73,12 @@ SKIPS = (
     Skip("both hands", "they follow the board", {"coupling": "none"}, limp=(True, True), ticks=200),
     Skip("forces", "the same with forces", forces=False),
 )
-"""What can be left out. Without hands the board falls, so that those runs are short."""
+"""Parts that a scene can omit. Without hands the board falls, so those runs are short."""
 
 
 @dataclass(frozen=True)
 class SkipRow:
-    """What leaving something out saves.
+    """Cost saved by omitting a part.
 
     - `model`, `name`, `method`, `proof`: whose equations, what is left out, how it is stepped, what it is compared
       with.

@@ -1,4 +1,4 @@
-"""Who takes part in the work-precision study: a solver with one setting, as something to run and to time.
+"""A solver under comparison with one setting, to run and to time.
 
 Every solver gets the same problem. What the hands do costs more to evaluate than the physics, so that it is told apart:
 a solver that evaluates them itself says how often, one that reads them from a table how often it would have to.
@@ -17,7 +17,7 @@ OURS = "netboard"
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver made of a problem.
+    """A solver's solution of a problem.
 
     - `states` (shape (n, 6)): at every `stride`-th of `Problem.times` [SI].
     - `calls`: how often the hands were evaluated, or read from a table [1].

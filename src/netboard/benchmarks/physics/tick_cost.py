@@ -1,4 +1,4 @@
-"""What a live tick costs, beside the least that it could cost on this machine: the floor.
+"""Cost of a live tick beside its lower bound on this machine (the floor).
 
 The right-hand side is timed twice: each waiting for the last (latency), with the product and the sum that are between
 two stages, and side by side (throughput). Four that wait are called the floor; a step of four stages can be a little

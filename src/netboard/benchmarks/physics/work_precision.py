@@ -209,7 +209,7 @@ def dense_cost(row: Row) -> float:
 
 
 COSTS: dict[str, Cost] = {"physics": physics_cost, "whole": whole_cost, "dense": dense_cost}
-"""What can be compared, by name."""
+"""Costs that are compared, by name."""
 
 
 def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
@@ -250,7 +250,7 @@ def least_cost(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What errors cost with us and with a peer.
+    """Cost over error of netboard's methods and of a library.
 
     - `ours`, `theirs`: least costs; infinite where that error is not reached [us].
     """

@@ -1,1 +1,1 @@
-"""What recordings withstand, and what writing and reading them costs."""
+"""Robustness of recordings, and the cost of writing and reading them."""

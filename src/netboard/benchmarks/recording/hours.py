@@ -72,7 +72,7 @@ class Session:
 
 @dataclass(frozen=True)
 class Written:
-    """How a long recording was written.
+    """Cost of writing a long recording.
 
     - `seconds`: time that the writer took, without that of making the records [s].
     - `flushes` (shape (n,)): time of each closing of a chunk with its sync [s].

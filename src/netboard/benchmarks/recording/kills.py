@@ -22,7 +22,7 @@ SHORTEST, LONGEST = 0.05, 1.5
 
 @dataclass(frozen=True)
 class Killed:
-    """What a killed logger left.
+    """Files left by a killed logger.
 
     - `lost_seconds`: ticks that had been made and were not recovered, as time [s].
     - `seconds`: how long recovery took [s].

@@ -1,4 +1,4 @@
-"""Whether a slow disk reaches the server: the real processes of a session, while the logger stands still.
+"""Effect of a slow disk on the server: the real processes of a session while the logger is stopped.
 
 A logger whose disk takes half a second for a sync does nothing meanwhile, and so does one that is stopped for half a
 second: to the server both are the same, and stopping needs no disk of a special kind.

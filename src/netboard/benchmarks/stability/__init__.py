@@ -1,1 +1,1 @@
-"""Where methods and velocity estimators hold, and where they fail."""
+"""Stability limits of the integration methods and of the loop with each velocity estimator."""

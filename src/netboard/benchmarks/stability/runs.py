@@ -45,7 +45,7 @@ MOST_STEPS = 1_000_000
 """Largest number of steps of a run [1]."""
 
 FIXED_PLACE = 0.15
-"""Where the ball is fixed: where trials start [m]."""
+"""Position of the fixed ball: where trials start [m]."""
 
 FARTHER, FASTER = 1.5, 10.0
 """A run that exceeds the reference by these, in height or tilt, or in the rate of one, is not bounded [1]."""

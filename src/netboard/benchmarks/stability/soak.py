@@ -61,7 +61,7 @@ LEAST_FLOW = 1e-9
 
 @dataclass
 class Tally:
-    """What came of checks.
+    """Results of the checks.
 
     - `excess`: most growth of energy beyond what hands can put in, as a share of the flows [1].
     - `wrong`: most energy that came or went other than by the flows, as a share of them [1].
@@ -84,7 +84,7 @@ class Tally:
 
 @dataclass
 class Soaked:
-    """What came of one kind of scene.
+    """Results of one kind of scene.
 
     - `within`, `beyond`: while the board stayed within the tilts and balls within the places that the choice of a
       method looks at, and while they did not.

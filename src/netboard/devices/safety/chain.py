@@ -166,7 +166,7 @@ class Safety:
         return self._trip(Trip.ARM)
 
     def disarm(self) -> None:
-        """Reduce the force to zero at the slew limit and acknowledge a fault. Only `arm` enables it again."""
+        """Ramp the force down at the slew limit; in the fault state, clear the fault. Only `arm` enables it again."""
         self._trip(Trip.DISARM)
 
     def stop(self) -> None:

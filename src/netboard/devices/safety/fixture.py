@@ -1,6 +1,6 @@
 """The lateral fixture: a spring-damper that holds the stylus on the vertical line x = y = 0.
 
-The agent computes it from its own reading, so it needs no network. It is the same in all blocks (reading B9). Its force
+The agent computes it from its own reading, so it needs no network. It is the same in all blocks. Its force
 passes the safety chain like any other.
 """
 

@@ -226,7 +226,7 @@ class _HandshakeMonitor:
         return monitor
 
 
-NO_KEY = "it came without a key, or hung up before the handshake was over"
+NO_KEY = "it has no key, or closed the connection during the handshake"
 """A peer without a key may learn first that the server requires one, and hang up."""
 FAILURES: dict[int, str] = {
     int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,

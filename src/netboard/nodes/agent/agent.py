@@ -197,7 +197,7 @@ class Agent:
     def _arm(self, reading: Reading) -> None:
         """Arm the device only while the server allows it and commands no force.
 
-        A device that loses the server in a trial thus renders no force until the trial has been paused and resumed.
+        If the connection is lost during a trial, the device stays disarmed until the trial has been paused and resumed.
         """
         buttons, mine = reading.buttons, self._device.agent
         if buttons & mine.stop_buttons:

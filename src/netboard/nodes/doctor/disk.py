@@ -34,7 +34,7 @@ def nearest(folder: Path) -> Path:
 
 
 def space(settings: Recording) -> Finding:
-    """Check how long a recording could go on."""
+    """Check the recording time that the disk has space for."""
     name = "disk space"
     free = shutil.disk_usage(nearest(Path(settings.directory))).free
     hours = free / BYTES_PER_SECOND / 3600

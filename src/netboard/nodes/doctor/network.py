@@ -114,7 +114,7 @@ def secrets(network: Network) -> Finding:
     if not keys.encrypted(network):
         if keys.local(network.bind) and keys.local(network.host):
             return Finding(name, "green", "none needed within one machine")
-        return Finding(name, "yellow", "switched off", 'with [network] curve = "on" nobody comes in without a key')
+        return Finding(name, "yellow", "switched off", 'with [network] curve = "on" every peer needs a key')
     folder = Path(network.keys)
     try:
         found = [file for file, _, _ in keys.key_files(folder)]

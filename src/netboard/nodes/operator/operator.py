@@ -77,7 +77,7 @@ class Operator:
         """Take what has arrived, and ask for the status, new outcomes and, if wanted, the trace; never waits."""
         newest = self._take()
         if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
-            log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
+            log.info("the server has been silent for %g s: reconnecting", SILENT_NS * 1e-9)
             self._welcomed = False
             sockets.renew(self._socket)
         if self._welcomed:

@@ -13,7 +13,7 @@ STOP, RELEASE = "emergency_stop", "emergency_release"
 """Commands of the operator, and names of the events."""
 
 LACKING = "the emergency stop to be released"
-"""What a block lacks until the stop is released."""
+"""What a block waits for until the stop is released."""
 
 AGAIN_NS = 1_000_000_000
 """Interval within which the same cause at the same device is reported once [ns]."""

@@ -161,7 +161,7 @@ class Delays:
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """What a block lacks while a loop was too slow recently."""
+        """What a block waits for while a loop was too slow recently."""
         return ("a quicker network",) if self._resting else ()
 
     def _forget(self, place: int) -> None:

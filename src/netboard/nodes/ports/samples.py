@@ -39,7 +39,7 @@ OWN = (
     "tripped",  # safeguards of the last tick that are reported as events
     "transit_ns",  # half the shortest recent round trip: transit time [ns]
 )
-"""What the server notes beside a sample."""
+"""Fields that the server records beside a sample."""
 
 AGENT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
 """The row of an agent. Every field is one word; those of the sample come first, in the order of `Stylus`."""

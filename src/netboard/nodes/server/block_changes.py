@@ -1,4 +1,4 @@
-"""How a session goes from block to block: it opens, begins a block, shows its last page, and begins the next."""
+"""Transitions of a session from block to block: open, begin a block, show its last page, begin the next."""
 
 from dataclasses import asdict
 

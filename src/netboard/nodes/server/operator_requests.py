@@ -1,4 +1,4 @@
-"""What operators ask of a session: each command is decided, carried out, answered and recorded."""
+"""Commands of operators: each is accepted or refused, carried out, answered and recorded."""
 
 from netboard.base.errors import NetboardError
 from netboard.nodes.ports import emergency

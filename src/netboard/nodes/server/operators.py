@@ -124,7 +124,7 @@ class Operators:
                 self.end_after = not self.end_after
                 return Decision(True, "the session ends after this block" if self.end_after else "taken back")
             case "next" if now.last:
-                return Decision(False, "cannot go on to the next block: this is the last one")
+                return Decision(False, "cannot continue to the next block: this is the last one")
             case "next" if now.phase in (*_UNDER_WAY, Phase.SUCCEEDED, Phase.FAILED):
                 return Decision(False, "cannot give up the block in a trial: pause first")
         return Decision(True)

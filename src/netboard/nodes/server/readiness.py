@@ -1,4 +1,4 @@
-"""Whether a block can begin and a trial can go on, with reasons in words for operators and the recording.
+"""Conditions under which a block can begin and a trial can continue, with reasons for operators and the recording.
 
 It only reads other parts of the session, with one exception: a gap in time is reported once, then cleared.
 """
@@ -37,7 +37,7 @@ class Readiness:
         return tuple(lacking)
 
     def trouble(self, block: PreparedBlock, found: int, now_ns: int) -> str:
-        """Return why a running trial cannot go on; empty if it can."""
+        """Return why a running trial cannot continue; empty if it can."""
         if self._emergency_stop.halted:
             return self._emergency_stop.halted
         if not self._operators.armed:

@@ -29,7 +29,7 @@ _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 
 
 class SessionState:
-    """What a session consists of, and where it stands.
+    """The parts of a session and its present state.
 
     Attributes
     ----------

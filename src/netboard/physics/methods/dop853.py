@@ -26,7 +26,7 @@ NODES = (
     0.8571428571428571,
     1.0,
 )
-"""Where its stages are, in lengths of the step [1]."""
+"""Nodes of its stages, in step lengths [1]."""
 
 _A3 = (
     0.0197250569845379,  # k1

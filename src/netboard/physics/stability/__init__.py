@@ -1,1 +1,1 @@
-"""Which step and which delay a scene stands, and the method chosen from that."""
+"""Largest stable step and delay of a scene, and the method chosen from them."""

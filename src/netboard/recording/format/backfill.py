@@ -23,7 +23,7 @@ _MOST_A_TICK = KNOWN_NS // TICK_NS
 
 
 class Backfilled:
-    """All that the agents of a recording reported on ticks without a sample."""
+    """All reports of a recording's agents on ticks without a sample."""
 
     def __init__(self, records: Iterable[BackfillRecord]) -> None:
         told: dict[str, list[NDArray[Any]]] = {side: [] for side in SIDES}

@@ -256,7 +256,7 @@ def is_active(phase: int) -> bool:
 
 @kernel
 def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
-    """Return whether the board counts as level (reading B1).
+    """Return whether the board counts as level.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class Line:
 def headline(status: Status | None, silence: float) -> Line:
     """Return the current phase in one or two words."""
     if status is None:
-        return Line("NO SERVER", Tone.WATCH)
+        return Line("NO CONNECTION", Tone.WATCH)
     if over(status, silence):
         return Line("SESSION OVER", Tone.QUIET)
     if silence > SILENT:

@@ -27,7 +27,7 @@ from netboard.devices.setup.loop import Beats, Driver, RealTime, watch
 console = Console(highlight=False)
 
 CONSENT = "the motors may push"
-"""What an operator types before a device is moved."""
+"""Confirmation that an operator types before a device is moved."""
 
 WARM_UP = 0.1
 """Duration of the first readings, which are not counted [s]."""
