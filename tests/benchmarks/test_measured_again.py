@@ -65,7 +65,7 @@ def test_what_stays_the_same_is_not_filtered_again(run: Run) -> None:
 
 def test_velocities_that_were_not_read_cannot_be_measured(run: Run) -> None:
     with Recording(run.path) as recording:
-        block = Block(recording, run.config, Readings())
+        block = Block.of(recording, run.config, Readings())
     with pytest.raises(ValueError, match=r"filters\.velocity=device"):
         block.again(readings_of(("filters.velocity=device",)))
 
