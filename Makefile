@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-quick lint imports types docs wheel lock clean tree
+.PHONY: help demo test test-quick lint imports types docs docs-check wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -18,8 +18,8 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 # Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do. Every test
 # has its own time limit; LIMIT ends a run whose workers are lost, and Python then prints where each thread was.
-test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
-	$(BIN)/python docs/generate.py --check
+test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
+	$(MAKE) -j 2 types imports lint docs-check
 	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 	$(LIMIT) $(BIN)/python -m pytest -m quiet $(ARGS) || [ $$? = 5 ]
 
@@ -43,6 +43,9 @@ tree:
 
 docs: .venv/.ready-to-develop ## write the generated pages of docs/
 	$(BIN)/python docs/generate.py
+
+docs-check: .venv/.ready-to-develop ## whether the generated pages of docs/ are up to date
+	$(BIN)/python docs/generate.py --check
 
 wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
 	rm -rf build/lib build/bdist.* dist

@@ -382,7 +382,12 @@ class TestSocketsInTheFileSystem:
             Path(file).unlink()
         with net.socket(net.AF_UNIX) as dead:
             dead.bind(file)
+        with net.socket(net.AF_UNIX) as peer, pytest.raises(ConnectionRefusedError):
+            peer.connect(file)
         made.log_server(endpoint)
+        with net.socket(net.AF_UNIX) as peer:
+            peer.connect(file)
+            assert peer.getpeername() == file
 
     def test_a_folder_open_to_others_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(channels, "Path", lambda _: tmp_path / "own")  # the usual one may be in use

@@ -25,14 +25,21 @@ def until(app, true: Callable[[], object], seconds: float = PATIENCE) -> None:
     """Let Qt work until something is true."""
     from PySide6.QtCore import QEventLoop, QTimer
 
-    loop, look, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
-    look.timeout.connect(lambda: loop.quit() if true() else None)
+    loop, timer, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
+    met = False
+
+    def look() -> None:
+        nonlocal met
+        if met := bool(true()):  # it may hold for a moment only: do not ask again
+            loop.quit()
+
+    timer.timeout.connect(look)
     limit.timeout.connect(loop.quit)
-    look.start()
+    timer.start()
     limit.start(round(seconds * 1000))
     loop.exec()
-    look.stop()
-    assert true()
+    timer.stop()
+    assert met or true()
 
 
 class Table:
