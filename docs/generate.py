@@ -286,6 +286,9 @@ CALIBRATION = ("about", "false-positives", "power", "interaction", "differences"
 POWER = ("about", "power", "false-positives", "precision")
 """Those of `netboard power`."""
 
+PARTICIPANTS = ("others", "predictions", "ablations", "slowing")
+"""Those of `netboard bench participants`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("reference/trial-state-machine.md", state_diagram),
     "edge table": ("reference/trial-state-machine.md", edge_table),
@@ -306,6 +309,11 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
     "device models": ("explanation/participants.md", device_models),
+    "participants machine": ("explanation/participants.md", study_machine("participants")),
+    **{
+        f"participants {name}": ("explanation/participants.md", study_part("participants", name))
+        for name in PARTICIPANTS
+    },
     "velocity machine": ("explanation/velocity.md", study_machine("velocity")),
     **{name: ("explanation/velocity.md", study_part("velocity", name)) for name in VELOCITY},
     "coupling machine": ("explanation/coupling.md", study_machine("coupling")),

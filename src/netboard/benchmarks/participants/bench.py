@@ -34,8 +34,8 @@ TRIALS, QUICK_TRIALS = 20, 6
 DYADS, QUICK_DYADS = 16, 8
 """Dyads of the full model [1]."""
 
-ABLATED_DYADS, ABLATED_TRIALS = 8, 10
-"""At most so many dyads and trials in a block for each other variant [1]."""
+ABLATED_DYADS, QUICK_ABLATED_DYADS, ABLATED_TRIALS = 8, 4, 10
+"""Most dyads and trials in a block for each other variant [1]."""
 
 SLOWING_DYADS, SLOWING_TRIALS = 8, 8
 """Dyads and trials in a block in which one person's haptic effect is taken apart [1]."""
@@ -54,7 +54,8 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
         for number, name in enumerate(variants):
             size, trials = pool, QUICK_TRIALS if quick else TRIALS
             if name != variants[0]:
-                size, trials = min(size, ABLATED_DYADS), min(trials, ABLATED_TRIALS)
+                size = min(size, QUICK_ABLATED_DYADS if quick else ABLATED_DYADS)
+                trials = min(trials, ABLATED_TRIALS)
             played = list(_played(name, size, trials, cores, number, len(variants), tell))
             found[name] = predictions(studies([one.attempts for one in played], count))
             if name == variants[0]:
