@@ -1,7 +1,8 @@
 """``netboard power``: power, false-positive rate and precision of a study against its number of dyads."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +12,7 @@ from netboard.services.options import ANALYSE, ConfigFile, Overrides, Study, exa
 
 if TYPE_CHECKING:
     from netboard.analysis.cohort.planning import Answer
+    from netboard.base.terminal import FittedTable
 
 app = typer.Typer()
 
@@ -89,13 +91,18 @@ def show(found: "Answer", output: Path) -> None:
     """Print the powers, the assumptions and a sentence."""
     from rich.console import Console
 
-    from netboard.base.terminal import FittedTable
-
     console = Console(highlight=False, soft_wrap=True)
     for part in found.parts[:2]:  # the others are in power.json
-        table = FittedTable(*part["columns"], title=part["title"])
-        for row in part["rows"]:
-            table.add_row(*map(str, row))
-        console.print(table)
+        console.print(table_of(part))
     console.print(found.sentence, markup=False)
     console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt", markup=False)
+
+
+def table_of(part: "Mapping[str, Any]") -> "FittedTable":
+    """Return one table of an answer."""
+    from netboard.base.terminal import FittedTable
+
+    table = FittedTable(*part["columns"], title=part["title"])
+    for row in part["rows"]:
+        table.add_row(*map(str, row))
+    return table

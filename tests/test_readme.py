@@ -16,8 +16,8 @@ def test_the_two_commands_come_first() -> None:
     assert any(line.startswith("make test") for line in top)
 
 
-def test_the_five_processes_are_named() -> None:
-    part = README.partition("## Five processes")[2].partition("\n## ")[0]
+def test_the_processes_are_named() -> None:
+    part = README.partition("## Processes")[2].partition("\n## ")[0]
     for command in ("server", "agent", "display", "logger", "replay"):
         assert f"`netboard {command}" in part
 

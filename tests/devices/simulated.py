@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from netboard.base.config import Config
-from netboard.base.tables.simulated import VirtualDevice
+from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.simulated.virtual import VirtualTouch
@@ -24,8 +24,9 @@ class SimulatedTime:
 
 
 def configured(held: bool = False, **virtual: float) -> Config:
-    """A rig whose left device is a virtual one."""
-    config = Config(virtual=VirtualDevice(**virtual))
+    """A rig whose left device is a virtual one; an arm that holds it is a mass, a spring and a damper."""
+    arm = Participant(friction_skill=0.0, load_skill=0.0, reflex_gain=0.0)
+    config = Config(virtual=VirtualDevice(**virtual), participant=arm)
     left = replace(config.agents.left, options={"held": held})
     return replace(config, agents=replace(config.agents, left=left))
 

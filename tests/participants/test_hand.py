@@ -165,7 +165,7 @@ def test_reflexes_yield_to_a_step_of_force_as_a_band_pass_does() -> None:
     system = lti([YIELDING.reflex_time, 0.0], np.polymul(adapting, np.polymul(muscle, muscle)))
     _, theory = step(system, T=STEP * np.arange(4000 - late))
     gain = YIELDING.reflex_gain * 0.3 / YIELDING.arm_stiffness
-    np.testing.assert_allclose(course[late:], gain * theory, atol=0.02 * gain)  # the reflexes act once in a beat
+    np.testing.assert_allclose(course[late:], gain * theory, atol=0.02 * gain)  # the reflexes act once a millisecond
 
 
 def test_reflexes_free_a_hand_from_the_friction_that_holds_it() -> None:

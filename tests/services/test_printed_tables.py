@@ -1,6 +1,7 @@
 """Every table that a command prints, on narrow and wide terminals: no row is like another because something was cut."""
 
 import ast
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,6 +36,7 @@ from netboard.network.protocol.codec import decode
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import Sheet
+from netboard.services import power
 from netboard.services.cli import app
 from netboard.services.info import quality_table
 from netboard.task.studies import library
@@ -50,6 +52,7 @@ PEERS = ("agent.left", "agent.right", "display.left", "display.left", "display.r
 ESTIMATE = (0.0421, 0.0013)
 UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
 DATA = Path(__file__).parent.parent / "data"
+POWER = json.loads((DATA.parent.parent / "docs" / "data" / "power.json").read_text())
 RUNNER = CliRunner()
 assert rehearsal.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
 
@@ -149,6 +152,7 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         printing(placement_table("Touch", Placement())),
         printing(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),
         shown_part,
+        *(printing(power.table_of(part)) for part in POWER["parts"]),
         running("info", recording),
         running("sessions", str(folder / "rec")),
         running("whatif", recording, "--set", "physics.k_h=400"),

@@ -29,11 +29,11 @@ STEP_NS = 250_000
 STEP = STEP_NS * 1e-9
 """Length of an integration step [s]."""
 
-BEAT = 4
-"""Steps for which the muscles' equilibrium point and the tremor are constant: their spectra end far below 1 kHz [1]."""
+UPDATE_STEPS = 4
+"""Steps between two updates of equilibrium point, reflexes and tremor, whose spectra end far below 1 kHz [1]."""
 
 AHEAD = 250
-"""Number of beats for which the noise of the tremor is drawn at once [1]."""
+"""Number of updates for which the noise of the tremor is drawn at once [1]."""
 
 CAPACITY = 32
 """Most submovements that a hand can have under way at once [1]."""
@@ -51,7 +51,7 @@ PURPOSE = 0.005
 """Speed of the equilibrium point at which friction compensation is complete [m/s]."""
 
 RECALL = 128
-"""Beats for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
+"""Updates for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
 
 ARM = np.dtype(
     [
@@ -63,14 +63,14 @@ ARM = np.dtype(
         ("grip", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
         ("glide", "<f8"),  # factor of the velocity by damping in a step [1]
         ("skill", "<f8"),  # largest force with which the arm compensates friction [N]
-        ("lag", "<f8"),  # decay factor of a muscle stage per beat [1]
-        ("calm", "<f8"),  # decay factor of the tremor per beat [1]
+        ("lag", "<f8"),  # decay factor of a muscle stage per update [1]
+        ("calm", "<f8"),  # decay factor of the tremor per update [1]
         ("tremor", "<f8"),  # tremor force per standard normal number [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
         ("yielding", "<f8"),  # displacement of the equilibrium point per unexpected force [m/N]
         ("loading", "<f8"),  # displacement of the equilibrium point against an expected force [m/N]
-        ("habit", "<f8"),  # decay factor per beat of the difference between force and expected force [1]
-        ("reflex_beats", "<i8"),  # delay of the reflexes [1]
+        ("habit", "<f8"),  # decay factor per update of the difference between force and expected force [1]
+        ("reflex_updates", "<i8"),  # delay of the reflexes [1]
     ]
 )
 """Constants of a hand, as one record for the kernels."""
@@ -95,7 +95,7 @@ HAND = np.dtype(
         ("moves", "<i8"),  # number of submovements under way or planned
         ("steps", "<i8"),  # steps so far
         ("expected", "<f8"),  # vertical motor force that the reflexes expect [N]
-        ("felt", "<f8", (RECALL,)),  # vertical motor force of the last beats [N]
+        ("felt", "<f8", (RECALL,)),  # vertical motor force at the last updates [N]
     ]
 )
 """State of a hand."""
@@ -149,8 +149,8 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     arm["damping"] = own.damping
     arm["friction"] = own.friction
     arm["stop"] = own.workspace
-    arm["lag"] = np.exp(-BEAT * STEP / participant.muscle_lag)
-    arm["calm"] = np.exp(-BEAT * STEP / TREMOR_TIME)
+    arm["lag"] = np.exp(-UPDATE_STEPS * STEP / participant.muscle_lag)
+    arm["calm"] = np.exp(-UPDATE_STEPS * STEP / TREMOR_TIME)
     if held:
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
@@ -159,8 +159,8 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["friction"] -= participant.friction_skill * own.friction * participant.rest_skill
         arm["loading"] = participant.load_skill / participant.arm_stiffness
         arm["yielding"] = participant.reflex_gain / participant.arm_stiffness
-        arm["habit"] = np.exp(-BEAT * STEP / participant.reflex_time)
-        arm["reflex_beats"] = round(participant.reflex_delay / (BEAT * STEP))
+        arm["habit"] = np.exp(-UPDATE_STEPS * STEP / participant.reflex_time)
+        arm["reflex_updates"] = round(participant.reflex_delay / (UPDATE_STEPS * STEP))
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
     arm["per_force"] = STEP / arm["mass"]
     arm["grip"] = arm["per_force"] * arm["friction"]
@@ -206,9 +206,9 @@ def _yielded(s: Any, arm: Any, force: float) -> float:
     """
     if arm["yielding"] == 0.0 and arm["loading"] == 0.0:
         return 0.0
-    place = s["steps"] // BEAT
+    place = s["steps"] // UPDATE_STEPS
     s["felt"][place & (RECALL - 1)] = force
-    late = s["felt"][(place - arm["reflex_beats"]) & (RECALL - 1)]
+    late = s["felt"][(place - arm["reflex_updates"]) & (RECALL - 1)]
     s["expected"] = late + (s["expected"] - late) * arm["habit"]
     return float(arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"])
 
@@ -217,7 +217,7 @@ def _yielded(s: Any, arm: Any, force: float) -> float:
 def tense(
     s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
 ) -> None:
-    """Begin a beat: advance equilibrium point, reflexes, friction compensation and tremor.
+    """Update equilibrium point, reflexes, friction compensation and tremor.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def tense(
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     when : float
-        Time in the middle of the beat, on the clock of the submovements [s].
+        Time in the middle until the next update, on the clock of the submovements [s].
     force : float
         Vertical motor force on the hand [N].
     white_x, white_y, white_z : float
@@ -238,7 +238,7 @@ def tense(
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
-    s["effort"] = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (BEAT * STEP * PURPOSE)))
+    s["effort"] = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (UPDATE_STEPS * STEP * PURPOSE)))
     s["tremor_x"] = s["tremor_x"] * arm["calm"] + white_x * arm["tremor"]
     s["tremor_y"] = s["tremor_y"] * arm["calm"] + white_y * arm["tremor"]
     s["tremor_z"] = s["tremor_z"] * arm["calm"] + white_z * arm["tremor"]
@@ -252,7 +252,7 @@ def _nearer(s: Any) -> float:
 
 @kernel
 def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
-    """Advance a hand within a beat, under a constant motor force.
+    """Advance a hand between two updates, under a constant motor force.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ def swing(
     steps: int,
     white: NDArray[np.float64],
 ) -> None:
-    """Advance a hand under a constant motor force, over any number of beats.
+    """Advance a hand under a constant motor force, over any number of updates.
 
     Parameters
     ----------
@@ -342,16 +342,16 @@ def swing(
     steps : int
         Number of steps of length `STEP` [1].
     white : ndarray, shape (n, 3)
-        Standard normal numbers that drive the tremor, a row for each beat that begins [1].
+        Standard normal numbers that drive the tremor, a row for each update [1].
     """
     s, arm = state[0], constants[0]
-    done = beats = 0
+    done = updates = 0
     while done < steps:
-        if s["steps"] % BEAT == 0:
-            when = origin + (done + 0.5 * BEAT) * STEP
-            tense(s, arm, plan, when, fz, white[beats, 0], white[beats, 1], white[beats, 2])
-            beats += 1
-        part = min(BEAT - s["steps"] % BEAT, steps - done)
+        if s["steps"] % UPDATE_STEPS == 0:
+            when = origin + (done + 0.5 * UPDATE_STEPS) * STEP
+            tense(s, arm, plan, when, fz, white[updates, 0], white[updates, 1], white[updates, 2])
+            updates += 1
+        part = min(UPDATE_STEPS - s["steps"] % UPDATE_STEPS, steps - done)
         if len(cables) > 0:
             push_on_cables(s, tip[0], cables[0], fx, fy, fz, part)
         else:
@@ -452,14 +452,14 @@ class Hand:
         Returns
         -------
         ndarray of float64, shape (n, 3)
-            Standard normal numbers that drive the tremor, a row for each beat that begins in these steps [1].
+            Standard normal numbers that drive the tremor, a row for each update in these steps [1].
         """
         done, start = int(self._record["steps"]), self._drawn
-        beats = -(-(done + steps) // BEAT) + -done // BEAT
-        if start + beats > len(self._white):
-            fresh = self._rng.standard_normal((max(AHEAD, beats), 3))
+        updates = -(-(done + steps) // UPDATE_STEPS) + -done // UPDATE_STEPS
+        if start + updates > len(self._white):
+            fresh = self._rng.standard_normal((max(AHEAD, updates), 3))
             self._white, start = np.concatenate([self._white[start:], fresh]), 0
-        self._drawn = start + beats
+        self._drawn = start + updates
         return self._white[start : self._drawn]
 
     @property

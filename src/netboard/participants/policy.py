@@ -20,7 +20,7 @@ SIMULATED_PARTICIPANT = "simulated participant"
 
 
 class Policy(Protocol):
-    """What decides for one hand, or for both hands of a simulated person."""
+    """What decides for one hand, or for both hands of a simulated participant."""
 
     interval: float
     """Time between two decisions [s]."""

@@ -53,7 +53,7 @@ def slope(stamps: NDArray[np.int64], values: NDArray[np.float64], count: int, ba
     for last in range(1, count):
         per_second = 1e9 / (stamps[0] - stamps[last])
         rate = (values[0] - values[last]) * per_second
-        if not lowest <= rate <= highest:
+        if rate < lowest or rate > highest:
             break
         best = rate
         lowest, highest = max(lowest, rate - band * per_second), min(highest, rate + band * per_second)

@@ -25,11 +25,11 @@ from netboard.participants.cable import CABLES, TIP
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import (
     ARM,
-    BEAT,
     CAPACITY,
     HAND,
     STEP,
     STEP_NS,
+    UPDATE_STEPS,
     Hand,
     hold,
     push,
@@ -109,7 +109,7 @@ def _live(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
 
 
 @kernel
-def fill(bodies: Any, side: int, white: Any, beat: int, words: Any, numbers: Any, place: int) -> None:
+def fill(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
     """Integrate from the last reading to that of this tick, and put the reading into the tick's row.
 
     Parameters
@@ -117,8 +117,8 @@ def fill(bodies: Any, side: int, white: Any, beat: int, words: Any, numbers: Any
     bodies : ndarray of BODY, shape (2,)
         The left and the right hand.
     white : ndarray, shape (2, n, 3)
-        Standard normal numbers that drive the tremor of both hands: a tick is one beat of a hand [1].
-    beat : int
+        Standard normal numbers that drive the tremor of both hands: one update in a tick [1].
+    update : int
         Row of `white` for this tick [1].
     words : ndarray of int64, shape (m, n)
         The rows as words; ``tick`` and ``time_ns`` are set, ``time_ns`` one tick after that of the row before.
@@ -136,8 +136,8 @@ def fill(bodies: Any, side: int, white: Any, beat: int, words: Any, numbers: Any
     numbers[place, _RENDERED[side]] = 0.0
     if d["held"] == 0:
         return
-    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * BEAT * STEP
-    wx, wy, wz = white[side, beat, 0], white[side, beat, 1], white[side, beat, 2]
+    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
+    wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
     tense(hand, body["arm"], body["course"], when, d["fz"], wx, wy, wz)
     _live(body, d["fx"], d["fy"], d["fz"], _BEFORE)
     fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
