@@ -309,7 +309,7 @@ def _learn_partner(mind: Any, k: Any, intent: Any) -> None:
 
 @inlined
 def _other_seen(mind: Any, k: Any, side: int) -> float:
-    """Return the height of the partner's hand as the board showed it; NaN if its own hand is hidden [m]."""
+    """Return the height of the partner's hand as the board showed it; NaN if one's own hand is hidden [m]."""
     return partner_seen(_own_height(mind, side), mind["percept"]["theta"], 2.0 * side - 1.0, k["l"])
 
 

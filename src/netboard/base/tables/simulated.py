@@ -109,9 +109,7 @@ class Participant:
     ] = 0.2
     novice: Annotated[
         float,
-        about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1, le=10),
+        about("noise, thresholds and reaction time of a novice, over the trained; 1: no learning", "1", ge=1, le=100),
     ] = 1.29
-    learning_trials: Annotated[
-        float, about("trials over which the difference falls to 1/e", "1", gt=0, le=1_000_000)
-    ] = 200.0
-    practice: Annotated[float, about("trials done before the block", "1", ge=0, le=1_000_000)] | OfPlan = "plan"
+    learning_trials: Annotated[float, about("trials until 1/e of the difference is left", "1", gt=0, le=10_000)] = 200.0
+    practice: Annotated[float, about("trials done before the block", "1", ge=0, le=100_000)] | OfPlan = "plan"
