@@ -65,7 +65,7 @@ def test_peaks_are_those_of_the_speed_that_scipy_filters(folder: Path) -> None:
     path = sorted(folder.glob("*.mcap"))[0]
     run = runs_of([path])[0]
     with Recording(path) as recording:
-        block = Block(recording, run.config, Readings())
+        block = Block.of(recording, run.config, Readings())
         p = recording.columns("p")["p"]
     take = next(block.takes())
     stop = block.placed[block.placed > take.trial.stop][0]

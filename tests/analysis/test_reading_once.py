@@ -50,7 +50,7 @@ def test_columns_read_on_the_way_are_those_of_the_recording(recordings: tuple[Pa
     (run,) = runs_of(recordings[:1])
     measured = measure(run, readings)
     with Recording(run.path) as recording:
-        block = Block(recording, run.config, readings)
+        block = Block.of(recording, run.config, readings)
     assert measured.blocks["ticks"][0] == block.samples
     apart = [take.completion for take in block.takes()]
     assert measured.trials["completion"].tolist() == apart

@@ -33,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def takes(folder: Path) -> list[Take]:
     (run,) = runs_of(sorted(folder.glob("*.mcap")))
     with Recording(run.path) as recording:
-        return list(Block(recording, run.config, Readings()).takes())
+        return list(Block.of(recording, run.config, Readings()).takes())
 
 
 @pytest.fixture(scope="module")
