@@ -75,7 +75,7 @@ def _find(path: Path, trial: int, attempt: int | None, readings: "Readings") -> 
 
     (run,) = runs_of([path])
     with Recording(path) as recording:
-        block = Block(recording, run.config, readings)
+        block = Block.of(recording, run.config, readings)
     takes = [take for take in block.takes() if take.attempt.trial == trial]
     found = [take for take in takes if attempt in (None, take.attempt.attempt)]
     if not found:
