@@ -22,11 +22,13 @@ SIMULATED_PARTICIPANT = "simulated participant"
 class Policy(Protocol):
     """What decides for one hand, or for both hands of a simulated participant."""
 
-    interval: float
-    """Time between two decisions [s]."""
+    @property
+    def interval(self) -> float:
+        """Time between two decisions [s]."""
 
-    identity: Mapping[str, str]
-    """What is recorded of it; see `identity_of`."""
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What is recorded of it; see `identity_of`."""
 
     def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Decide.

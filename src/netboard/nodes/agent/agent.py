@@ -65,8 +65,9 @@ def phase_shift(lead_ns: int) -> int:
 class Companion(Protocol):
     """The simulated participant or player that moves a virtual stylus, in the agent's process."""
 
-    identity: Mapping[str, str]
-    """What is recorded of it; see `netboard.participants.policy`."""
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What is recorded of it; see `netboard.participants.policy`."""
 
     def begin(self, text: str) -> None:
         """Take the configuration of the block that begins."""
