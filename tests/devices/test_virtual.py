@@ -124,6 +124,17 @@ def test_a_reading_between_two_moments_of_life_carries_the_hand_on_at_its_speed(
         assert there.z == pytest.approx(true.z, abs=2e-6)
 
 
+def test_a_reading_between_two_moments_of_life_is_not_beyond_the_stop() -> None:
+    """Free styluses are pushed against the stop, and read while they hit it; a place outside would count as left."""
+    for force in np.linspace(-1.5, -0.5, 20):
+        device = opened(configured({"held": False}, friction=0.0, damping=0.0))
+        device.read(0)
+        device.write(0.0, 0.0, float(force))
+        readings = [device.read(k * MS * 7 // 10) for k in range(1, 300)]
+        assert min(reading.z for reading in readings) == pytest.approx(-device.info.workspace.z_max, abs=6e-5)
+        assert all(reading.ready for reading in readings)
+
+
 def test_time_does_not_run_backwards() -> None:
     device = opened(configured())
     device.command([Submovement("left", 0.0, 0.2, 0.02)])

@@ -1,7 +1,8 @@
 """Window sizes: number of first and last trials and group size, as set or chosen from the data.
 
 The paper compares 30 first with 30 last trials and groups 30 trials. Studies with shorter conditions get smaller
-windows, and a note gives the reason.
+windows, and a note gives the reason. They follow the trials that count, not the planned ones: in a short condition,
+windows of half the plan would leave out every performer of whom one trial is excluded.
 """
 
 from dataclasses import dataclass

@@ -23,7 +23,7 @@ from typing import Annotated, Any, final
 import numpy as np
 from pydantic import StrictBool
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.settings import NO_EXTRAS, about
 from netboard.base.tick import TICK_NS
@@ -53,19 +53,28 @@ class Options:
     held: Annotated[StrictBool, about("false: no hand on the stylus")] = True
 
 
-@kernel
-def encoder_position(s: Any, rest: float, step: float) -> tuple[float, float, float]:
-    """Return a hand's position a given time [s] after its state, a record of HAND, in whole encoder steps."""
-    x, y, z = s["x"] + rest * s["vx"], s["y"] + rest * s["vy"], s["z"] + rest * s["vz"]
+@inlined
+def _stepped(x: float, y: float, z: float, step: float) -> tuple[float, float, float]:
+    """Return a position in whole encoder steps; a step of 0 m changes nothing."""
     if step == 0.0:
         return x, y, z
     return round(x / step) * step, round(y / step) * step, round(z / step) * step
 
 
 @kernel
-def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
-    """Return the same of an array of one record."""
-    return encoder_position(state[0], rest, step)
+def encoder_position(s: Any, step: float) -> tuple[float, float, float]:
+    """Return the position of a hand, a record of HAND, in whole encoder steps."""
+    return _stepped(s["x"], s["y"], s["z"], step)
+
+
+@kernel
+def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, float, float]:
+    """Return the same a given time [s] after the state, not beyond the mechanical stops [m]."""
+    s = state[0]
+    x = min(max(s["x"] + rest * s["vx"], -stop), stop)
+    y = min(max(s["y"] + rest * s["vy"], -stop), stop)
+    z = min(max(s["z"] + rest * s["vz"], -stop), stop)
+    return _stepped(x, y, z, step)
 
 
 @kernel
@@ -271,10 +280,10 @@ class VirtualTouch(Device):
     def _encoder(self, now_ns: int) -> Vector:
         """Return the encoder position extrapolated from the last whole step, or the delayed one [m]."""
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
-        step = self._device.resolution
+        stop, step = self._device.workspace, self._device.resolution
         if self._late is None:
-            return encoded(self._hand.state, rest, step)
-        x, y, z = self._late.take(now_ns, encoded(self._hand.state, rest, 0.0))
+            return encoded(self._hand.state, rest, stop, step)
+        x, y, z = self._late.take(now_ns, encoded(self._hand.state, rest, stop, 0.0))
         return (x, y, z) if step == 0.0 else (round(x / step) * step, round(y / step) * step, round(z / step) * step)
 
     def _details(self) -> dict[str, str]:

@@ -154,7 +154,7 @@ def fill(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: A
 def _read(body: Any, stamp_ns: int, words: Any, numbers: Any, place: int, side: int) -> None:
     """Put position and velocity, as the encoders tell them, into a tick's row."""
     d = body["device"]
-    x, y, z = encoder_position(body["hand"], 0.0, d["resolution"])
+    x, y, z = encoder_position(body["hand"], d["resolution"])
     band = SLACK * d["resolution"]
     count, vx, vy, vz = taken(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
     d["count"], d["x"], d["y"], d["vx"], d["vy"] = count, x, y, vx, vy
