@@ -8,7 +8,7 @@ from scipy.signal import lti, step
 
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
+from netboard.participants.hand import BEYOND, CAPACITY, GRASP, STEP, Hand, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -91,6 +91,18 @@ def test_the_mechanical_stop_ends_every_movement() -> None:
     hand.advance(8000, 0.0, (3.0, -3.0, 3.0))
     assert hand.position == (TOUCH.workspace, -TOUCH.workspace, TOUCH.workspace)
     assert hand.velocity == (0.0, 0.0, 0.0)
+
+
+def test_a_hand_at_its_stop_does_not_aim_ever_farther_beyond_it() -> None:
+    """However often it was sent up, one movement from the stop to the middle brings it there."""
+    hand = make()
+    for k in range(20):
+        hand.plan([Submovement("left", 0.5 * k, 0.3, 0.05)])
+        hand.advance(2000, 0.5 * k, NO_FORCE)
+    assert hand.position[2] == pytest.approx(TOUCH.workspace)
+    hand.plan([Submovement("left", 10.0, 0.3, -TOUCH.workspace - BEYOND)])
+    hand.advance(8000, 10.0, NO_FORCE)
+    assert hand.position[2] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_submovements_add_up_and_are_carried_out() -> None:

@@ -47,6 +47,9 @@ FOREARM = 0.30
 GRASP = 0.002
 """Standard deviation of the stylus' rest position along x and y, across its vertical path [m]."""
 
+BEYOND = 0.02
+"""Largest distance beyond a mechanical stop at which a hand aims; aiming farther would not move it [m]."""
+
 PURPOSE = 0.005
 """Speed of the equilibrium point at which friction compensation is complete [m/s]."""
 
@@ -180,7 +183,7 @@ def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]
 
 
 @kernel
-def _aim(s: Any, plan: Any, when: float) -> float:
+def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     asked = s["aim"]
     kept = 0
@@ -188,12 +191,12 @@ def _aim(s: Any, plan: Any, when: float) -> float:
         share = minimum_jerk((when - plan[i, 0]) / plan[i, 1])
         asked += share * plan[i, 2]
         if share >= 1.0:
-            s["aim"] += plan[i, 2]
+            s["aim"] = min(max(s["aim"] + plan[i, 2], -bound), bound)
         else:
             plan[kept] = plan[i]
             kept += 1
     s["moves"] = kept
-    return float(asked)
+    return min(max(asked, -bound), bound)
 
 
 @inlined
@@ -234,7 +237,7 @@ def tense(
     white_x, white_y, white_z : float
         Standard normal numbers that drive the tremor [1].
     """
-    asked = _aim(s, plan, when) + _yielded(s, arm, force)
+    asked = _aim(s, plan, when, arm["stop"] + BEYOND) + _yielded(s, arm, force)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
