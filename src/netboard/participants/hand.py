@@ -175,14 +175,13 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
     """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
     v += arm["per_force"] * force
-    v = arm["glide"] * (max(v - arm["grip"], 0.0) if v > 0.0 else min(v + arm["grip"], 0.0))
-    x += STEP * v
-    if abs(x) > arm["stop"]:
-        return arm["stop"] if x > 0.0 else -arm["stop"], 0.0
-    return x, v
+    v = arm["glide"] * (v - min(max(v, -arm["grip"]), arm["grip"]))
+    there = x + STEP * v
+    x = min(max(there, -arm["stop"]), arm["stop"])
+    return x, v if x == there else 0.0
 
 
-@kernel
+@inlined
 def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
     asked = s["aim"]
@@ -216,7 +215,7 @@ def _yielded(s: Any, arm: Any, force: float) -> float:
     return float(arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"])
 
 
-@kernel
+@inlined
 def tense(
     s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
 ) -> None:
@@ -253,7 +252,7 @@ def _nearer(s: Any) -> float:
     return float(s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM))
 
 
-@kernel
+@inlined
 def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand between two updates, under a constant motor force.
 
@@ -464,6 +463,10 @@ class Hand:
             self._white, start = np.concatenate([self._white[start:], fresh]), 0
         self._drawn = start + updates
         return self._white[start : self._drawn]
+
+    def draw(self, white: NDArray[np.float64]) -> None:
+        """Fill an array of shape (n, 3) with the next normal numbers, as `noise` returns them for n updates."""
+        self._rng.standard_normal(out=white)
 
     @property
     def tip(self) -> tuple[float, float, float]:

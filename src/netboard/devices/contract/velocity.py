@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import kernel
+from netboard.base.compiled import inlined
 from netboard.devices.contract import estimators
 
 SAMPLES = 9
@@ -26,7 +26,7 @@ SLACK = 1.01
 """Width of the band in encoder steps, slightly more than one to allow for rounding [1]."""
 
 
-@kernel
+@inlined
 def slope(stamps: NDArray[np.int64], values: NDArray[np.float64], count: int, band: float) -> float:
     """Return the slope over the longest window in which a straight line fits all values.
 
@@ -60,7 +60,7 @@ def slope(stamps: NDArray[np.int64], values: NDArray[np.float64], count: int, ba
     return best
 
 
-@kernel
+@inlined
 def taken(
     stamps: NDArray[np.int64],
     places: NDArray[np.float64],

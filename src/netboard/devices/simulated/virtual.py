@@ -61,7 +61,7 @@ def _stepped(x: float, y: float, z: float, step: float) -> tuple[float, float, f
     return round(x / step) * step, round(y / step) * step, round(z / step) * step
 
 
-@kernel
+@inlined
 def encoder_position(s: Any, step: float) -> tuple[float, float, float]:
     """Return the position of a hand, a record of HAND, in whole encoder steps."""
     return _stepped(s["x"], s["y"], s["z"], step)
@@ -77,7 +77,7 @@ def encoded(state: Any, rest: float, stop: float, step: float) -> tuple[float, f
     return _stepped(x, y, z, step)
 
 
-@kernel
+@inlined
 def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
     """Scale a force down to a limit [N]."""
     if abs(fx) + abs(fy) + abs(fz) <= limit:  # no vector is longer than the sum of its parts, and roots take long

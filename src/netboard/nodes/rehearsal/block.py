@@ -22,7 +22,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.nodes.rehearsal.body import BODY, LEAD_NS, STEPS, fill, pack_body, plan, tell
+from netboard.nodes.rehearsal.body import BODY, LEAD_NS, fill, pack_body, plan, tell
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -39,8 +39,8 @@ PATIENCE = 120.0
 KEPT = THINK_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED = int(Phase.FINISHED)
-_TICK = (TICK.names or ()).index("tick")
+_FINISHED, _START, _STOP = int(Phase.FINISHED), int(Cause.START), int(Cause.STOP)
+_TICK, _TIME, _LATE, _COMMAND = ((TICK.names or ()).index(name) for name in ("tick", "time_ns", "late_ns", "command"))
 
 
 def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
@@ -53,7 +53,8 @@ def _loop(
     rows: Any,
     words: NDArray[np.int64],
     numbers: NDArray[np.float64],
-    first: int,
+    number: int,
+    last: int,
     book: Any,
     tables: Any,
     bodies: Any,
@@ -62,10 +63,14 @@ def _loop(
     minds: Any,
     hands: NDArray[np.int64],
 ) -> int:
-    """Run the ticks from one row on with both hands and all participants, to the end of the block at most.
+    """Run ticks with both hands and all participants, to the end of the block at most.
 
     Parameters
     ----------
+    rows : ndarray of TICK, shape (KEPT + n,)
+        The last ticks, then room for the next ones; also as words and as numbers of the same memory.
+    number, last : int
+        Number of the first tick, and of that at which the block is stopped [1].
     hands : ndarray of int64, shape (n,)
         For each participant, the hand whose force it feels: 0 left, 1 right.
 
@@ -74,18 +79,19 @@ def _loop(
     int
         Number of ticks [1].
     """
-    count = len(rows) - first
+    count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, coming = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(coming)
     white, minds, hands = borrowed(white), borrowed(minds), borrowed(hands)
     for k in range(count):
-        place = first + k
+        place, tick = KEPT + k, number + k
+        words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
+        words[place, _COMMAND] = _START if tick == START_TICK else _STOP if tick == last else 0
         for side in range(2):
             fill(bodies, side, white, k, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             tell(bodies, side, coming, words, numbers, place)
-        tick = words[place, _TICK]
         if tick % THINK_TICKS == 0:
             for which in range(len(hands)):
                 late = tick - newest_seen(minds[which], tick)
@@ -185,12 +191,14 @@ class Rehearsal:
         """
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
+        white = np.zeros((len(SIDES), size, 3))
         over = False
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
-            self._prepare(rows[KEPT:])
+            for hand, own in zip(self._tremor, white, strict=True):
+                hand.draw(own)
             before = int(self._state["successes"][0])
-            count = self._run(rows, words, numbers, np.stack([hand.noise(size * STEPS) for hand in self._tremor]))
+            count = self._run(rows, words, numbers, white)
             self._ticks += count
             done = rows[KEPT : KEPT + count]
             if self._state["successes"][0] != before:
@@ -207,20 +215,11 @@ class Rehearsal:
     ) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
-        parts = (self._state, rows, words, numbers, KEPT, stage.book, stage.tables)
+        parts = (self._state, rows, words, numbers, self._ticks, self._last_tick, stage.book, stage.tables)
         seats = (self._bodies, self._coming, white, self._minds, self._hands)
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)
         return self._code(*parts, *seats)
-
-    def _prepare(self, rows: NDArray[Any]) -> None:
-        """Number and date the next ticks."""
-        rows.view(np.int64)[:] = 0
-        rows["tick"] = np.arange(self._ticks, self._ticks + len(rows))
-        rows["time_ns"] = START_NS + rows["tick"] * TICK_NS
-        rows["command"][rows["tick"] == START_TICK] = Cause.START
-        rows["command"][rows["tick"] == self._last_tick] = Cause.STOP
-        rows["late_ns"] = -LEAD_NS
 
 
 def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import inlined
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
@@ -108,7 +108,7 @@ def _live(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
         push_on_cables(body["hand"], body["tip"], body["cables"], fx, fy, fz, steps)
 
 
-@kernel
+@inlined
 def fill(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
     """Integrate from the last reading to that of this tick, and put the reading into the tick's row.
 
@@ -162,7 +162,7 @@ def _read(body: Any, stamp_ns: int, words: Any, numbers: Any, place: int, side: 
     numbers[place, _X[side]], numbers[place, _Y[side]] = x, y
 
 
-@kernel
+@inlined
 def tell(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
@@ -186,7 +186,7 @@ def tell(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: i
     return float(d["wanted"])
 
 
-@kernel
+@inlined
 def plan(bodies: Any, moves: Any, count: int) -> None:
     """Begin new movements of both hands.
 
