@@ -22,7 +22,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.nodes.rehearsal.body import BODY, LEAD_NS, fill, pack_body, plan, tell
+from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, pack_body, plan, read, tell
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -88,7 +88,9 @@ def _loop(
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
         words[place, _COMMAND] = _START if tick == START_TICK else _STOP if tick == last else 0
         for side in range(2):
-            fill(bodies, side, white, k, words, numbers, place)
+            advance(bodies, side, white, k, words, numbers, place)
+        for side in range(2):
+            read(bodies, side, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
             tell(bodies, side, coming, words, numbers, place)

@@ -109,8 +109,8 @@ def _live(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
 
 
 @inlined
-def fill(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
-    """Integrate from the last reading to that of this tick, and put the reading into the tick's row.
+def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
+    """Integrate from the last reading to that of this tick, and write the forces and the agent's account into its row.
 
     Parameters
     ----------
@@ -144,16 +144,22 @@ def fill(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: A
     fx, fy, fz = within(d["limit"], fx, fy, d["wanted"])
     d["fx"], d["fy"], d["fz"] = fx, fy, fz
     _live(body, fx, fy, fz, STEPS - _BEFORE)
-    _read(body, stamp_ns, words, numbers, place, side)
     numbers[place, _RENDERED[side]], words[place, _LOOP[side]] = fz, LEAD_NS
     if fz != d["wanted"]:
         words[place, _GUARDS[side]] = _ARMED | _CLAMPED
 
 
 @inlined
-def _read(body: Any, stamp_ns: int, words: Any, numbers: Any, place: int, side: int) -> None:
-    """Put position and velocity, as the encoders tell them, into a tick's row."""
+def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
+    """Put position and velocity, as the encoders tell them, into a tick's row.
+
+    Both hands are advanced before either is read, because a processor can then do both at the same time.
+    """
+    body = bodies[side]
     d = body["device"]
+    if d["held"] == 0:
+        return
+    stamp_ns = words[place, _TIME] - LEAD_NS
     x, y, z = encoder_position(body["hand"], d["resolution"])
     band = SLACK * d["resolution"]
     count, vx, vy, vz = taken(body["stamps"], body["places"], d["count"], band, stamp_ns, (x, y, z))
@@ -274,7 +280,9 @@ class Body:
         """Advance by a millisecond, and put the stylus into a tick's row."""
         self._white[self._place] = self._hand.noise(STEPS)
         row = words.reshape(1, -1)
-        fill(self.bodies, self._place, self._white, 0, row, row.view(np.float64), 0)
+        numbers = row.view(np.float64)
+        advance(self.bodies, self._place, self._white, 0, row, numbers, 0)
+        read(self.bodies, self._place, row, numbers, 0)
 
     def tell(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
