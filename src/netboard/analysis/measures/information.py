@@ -253,11 +253,6 @@ def chance_level(
     unit : str
         Name of the paired unit.
 
-    Returns
-    -------
-    Chance
-        Mean of the true dyads, mean of the surrogates, and the permutation test.
-
     Raises
     ------
     ValueError

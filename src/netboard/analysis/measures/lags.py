@@ -213,11 +213,6 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
         Largest absolute delay that counts as simultaneous [s].
     unit : str
         Unit to which each delay belongs.
-
-    Returns
-    -------
-    Leadership
-        Counts, leadership index, and mean delay with its standard deviation.
     """
     signed = np.asarray(delays, dtype=float).ravel()
     signed = signed[np.isfinite(signed)]

@@ -32,7 +32,6 @@ def paired_effect(
     level : float
         Confidence level [1].
     unit : str
-        Name of the unit.
 
     Returns
     -------
@@ -66,7 +65,6 @@ def hedges_g(
     level : float
         Confidence level [1].
     unit : str
-        Name of the unit.
 
     Returns
     -------
@@ -86,19 +84,15 @@ def hedges_g(
 
 
 def hedges_factor(free: int) -> float:
-    """Return the small-sample bias correction of a standardised mean (Hedges, J. Educ. Stat. 6:107, 1981).
+    """Return the small-sample bias correction of a standardised mean (Hedges, J. Educ. Stat. 6:107, 1981) [1].
 
-    It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``.
+    It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``; NaN for one degree of
+    freedom, for which d has no mean.
 
     Parameters
     ----------
     free : int
         Degrees of freedom of the standard deviation, at least one [1].
-
-    Returns
-    -------
-    float
-        The factor, less than 1; NaN for one degree of freedom, for which d has no mean [1].
     """
     if free < 2:
         return float("nan")

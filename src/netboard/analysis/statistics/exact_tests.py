@@ -62,6 +62,8 @@ class Test:
 def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided", unit: str = "dyad") -> Test:
     """Test whether positive and negative differences are equally frequent: the exact binomial test.
 
+    The statistic is the number of positive differences; NaN if all differences are zero.
+
     Parameters
     ----------
     differences : array_like, shape (n,)
@@ -69,12 +71,6 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
     alternative : {"two-sided", "greater", "less"}
         Alternative hypothesis; "greater": more positive differences, "less": fewer.
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Test
-        The statistic is the number of positive differences; NaN if all differences are zero.
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -109,7 +105,6 @@ def permutation_test(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-        Name of the unit.
 
     Returns
     -------
@@ -189,7 +184,6 @@ def permutation_test_between(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-        Name of the unit.
 
     Returns
     -------
