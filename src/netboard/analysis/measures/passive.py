@@ -291,11 +291,6 @@ def passive_control(
     unit : str
         Name of the unit of replication.
 
-    Returns
-    -------
-    PassiveControl
-        Both effects in each dyad, and the share of the passive effect.
-
     Raises
     ------
     ValueError

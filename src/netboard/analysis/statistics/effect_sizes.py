@@ -54,7 +54,9 @@ def hedges_g(
     level: float = 0.95,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate the effect size between two groups of different units: the mean difference over the pooled SD.
+    """Estimate the effect size between two groups, first minus second: the mean difference over the pooled SD [1].
+
+    NaN for fewer than four units (d: three), an empty group or constant values.
 
     Parameters
     ----------
@@ -65,12 +67,6 @@ def hedges_g(
     level : float
         Confidence level [1].
     unit : str
-
-    Returns
-    -------
-    Estimate
-        Hedges' g (or d), first minus second; NaN for fewer than four units (d: three), an empty group or constant
-        values [1].
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2

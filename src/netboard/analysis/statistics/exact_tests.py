@@ -89,7 +89,9 @@ def permutation_test(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Test:
-    """Test whether the mean of paired differences is zero: Fisher's test by all sign flips.
+    """Test whether the mean, the statistic, of paired differences is zero: Fisher's test by all sign flips.
+
+    There is no p for fewer than two units.
 
     The test is valid for any distribution that is symmetric about zero under the null hypothesis, and not for skewed
     ones (`SYMMETRIC`).
@@ -105,11 +107,6 @@ def permutation_test(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-
-    Returns
-    -------
-    Test
-        The statistic is the mean; no p for fewer than two units.
 
     Raises
     ------
@@ -173,6 +170,8 @@ def permutation_test_between(
 ) -> Test:
     """Test whether two groups of different units have equal means, by all divisions of the units into such groups.
 
+    The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
+
     Parameters
     ----------
     first, second : array_like, shape (n,) and (m,)
@@ -184,11 +183,6 @@ def permutation_test_between(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-
-    Returns
-    -------
-    Test
-        The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
 
     Raises
     ------
