@@ -124,8 +124,9 @@ class Levels:
 def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
     """Find the factors of a study, and which of them the names of conditions must include.
 
-    Declared factors come in the order of the study, then the kind of block, then settings that differ. Only the blocks
-    that are analysed affect the names.
+    Declared factors come in the order of the study, then the kind of block, then settings that differ: columns
+    ``kind``, ``factors``, ``settings`` and ``partner`` of the blocks. Only the blocks that are analysed affect the
+    names.
     """
     declared = [tuple(map(_read, json.loads(text or "[]"))) for text in blocks["factors"]]
     names = list(dict.fromkeys(one.name for own in declared for one in own))

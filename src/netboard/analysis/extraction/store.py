@@ -38,7 +38,7 @@ def default_folder() -> Path:
 
 
 class Store:
-    """A folder of entries, evicted above `limit` bytes; `advice` is for the user if it cannot be used."""
+    """A folder of entries, above `limit` bytes without unused ones; `advice` is for a folder that cannot be used."""
 
     def __init__(self, folder: Path, limit: int = LIMIT, advice: str = "--no-cache keeps none") -> None:
         self._folder, self._limit, self._advice = folder, limit, advice

@@ -49,7 +49,7 @@ class Sparkline:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """An attempt as texts; `replay` and `explain` are commands that replay it, and draw its measures' explanation."""
+    """An attempt as texts, completion time in s; `replay` and `explain` are commands that replay and explain it."""
 
     anchor: str
     trial: int

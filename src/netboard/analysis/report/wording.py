@@ -18,7 +18,7 @@ _PLURALS = {"person": "people", "": ""}
 
 
 def visible(text: str) -> str:
-    """Write control characters, direction marks and lone surrogates, which are invisible, as ``[U+202E]``."""
+    """Return text with control characters, direction marks and lone surrogates made visible, as ``[U+202E]``."""
     if text.isprintable():
         return text
     return "".join(f"[U+{ord(c):04X}]" if c not in "\n\t" and unicodedata.category(c) in _UNSEEN else c for c in text)

@@ -54,9 +54,9 @@ def hedges_g(
     level: float = 0.95,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate the effect size between two groups, first minus second: the mean difference over the pooled SD [1].
+    """Estimate the effect size between two groups of different units: the mean difference over the pooled SD [1].
 
-    NaN for fewer than four units (d: three), an empty group or constant values.
+    First minus second; NaN for fewer than four units (d: three), an empty group or constant values.
 
     Parameters
     ----------

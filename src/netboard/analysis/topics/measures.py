@@ -174,7 +174,10 @@ MEASURES = (
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:
-    """Return the rows that have a value: trials that count, their cooperative movements, or attempts not excluded."""
+    """Return the rows with a value: trials that count, their cooperative movements, or attempts.
+
+    Attempts are those that succeeded or fell and are not excluded.
+    """
     if of == "trial":
         return counted(study)
     if of == "movement":
