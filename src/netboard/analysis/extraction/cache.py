@@ -17,15 +17,7 @@ from netboard.analysis.extraction.streams import Streams
 
 
 class Cache:
-    """Cached tables in a folder of entries.
-
-    Parameters
-    ----------
-    folder : Path or Store
-        Folder, created if missing; or an open store.
-    limit : int
-        Size above which unused entries are evicted, in bytes [1].
-    """
+    """Cached tables in a folder, created if missing, or an open store; above `limit` bytes unused ones are evicted."""
 
     def __init__(self, folder: Path | Store, limit: int = LIMIT) -> None:
         self._streams = Streams("zstd")

@@ -42,14 +42,7 @@ _BASE = ["configuration", "force", "partner"]
 
 @dataclass(frozen=True, slots=True)
 class StudyFactor:
-    """A factor of a study.
-
-    Attributes
-    ----------
-    told : bool
-        Whether the factor is part of the names of conditions, because configuration, force and partner do not determine
-        it.
-    """
+    """A factor of a study; `told` in conditions' names if configuration, force and partner do not determine it."""
 
     name: str
     scope: Scope
@@ -111,26 +104,16 @@ def kind_text(config: Config) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """Level of each factor in each block.
+    """Level of each factor in each block, by name of the factor, in the order of the table.
 
-    Attributes
-    ----------
-    sequences : mapping of str to sequence
-        Levels of each block by name of the factor, in the order of the table: one for a block, or one for each trial;
-        empty if the block has none.
+    One level stands for a block, or one for each trial; none if the block has none.
     """
 
     factors: tuple[StudyFactor, ...]
     sequences: Mapping[str, Sequence[tuple[str, ...]]]
 
     def at(self, factor: StudyFactor, places: Iterable[int], trials: Iterable[int]) -> list[str]:
-        """Return the level of a factor in trials.
-
-        Parameters
-        ----------
-        places, trials : iterable of int
-            Block index of each trial in the table, from 0, and number of the trial in the block, from 1 [1].
-        """
+        """Return the level of a factor in trials, by block index from 0 and number in the block from 1."""
         own = self.sequences[factor.name]
         return [
             own[place][(max(trial, 1) - 1) % len(own[place])] if own[place] else ""
@@ -141,17 +124,9 @@ class Levels:
 def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
     """Find the factors of a study, and which of them the names of conditions must include.
 
-    Parameters
-    ----------
-    blocks : DataFrame
-        Table of blocks, with the columns ``kind``, ``factors``, ``settings`` and ``partner``.
-    analysed : Series of bool
-        Whether each block is analysed; other blocks do not affect the names.
-
-    Returns
-    -------
-    Levels
-        Declared factors in the order of the study, then the kind of block, then settings that differ.
+    Declared factors come in the order of the study, then the kind of block, then settings that differ: columns
+    ``kind``, ``factors``, ``settings`` and ``partner`` of the blocks. Only the blocks that are analysed affect the
+    names.
     """
     declared = [tuple(map(_read, json.loads(text or "[]"))) for text in blocks["factors"]]
     names = list(dict.fromkeys(one.name for own in declared for one in own))
@@ -239,13 +214,7 @@ def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Itera
 
 
 def value_columns(factor: StudyFactor, levels: Sequence[str]) -> dict[str, Any]:
-    """Return the columns of a factor in a table.
-
-    Returns
-    -------
-    dict
-        The level, and the value of a numeric factor [its unit].
-    """
+    """Return the columns of a factor in a table: the level, and the value of a numeric factor [its unit]."""
     columns: dict[str, Any] = {factor.column: np.array(levels, object)}
     if factor.of.values:
         of = dict(zip(factor.of.levels, factor.of.values, strict=True))

@@ -57,12 +57,9 @@ PATHS = (
 
 
 def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
-    """Return the delays in the movements of the board that begin in an attempt.
+    """Return the contributions to the movements of the board that begin in an attempt, and their delays.
 
-    Returns
-    -------
-    as_set, of_own : Delays
-        Delays with the set threshold, and with fractions of each side's own peak.
+    Delays are with the set threshold, and with fractions of each side's own peak.
     """
     own, found, how = take.own_turns, take.found, take.block.readings.delays
     moved = contributions(

@@ -15,17 +15,7 @@ from netboard.recording.files.reader import Recording
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """Mechanics that a device adds to the hand that holds it.
-
-    Attributes
-    ----------
-    mass : float
-        Apparent mass at the stylus [kg].
-    damping : float
-        Viscous damping [N s/m].
-    friction : float
-        Coulomb friction [N].
-    """
+    """Mass [kg], viscous damping [N s/m] and Coulomb friction [N] that a device adds to the hand that holds it."""
 
     mass: float
     damping: float

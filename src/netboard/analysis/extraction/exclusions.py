@@ -25,13 +25,7 @@ _STUCK = ("stuck_left", "stuck_right")
 
 
 def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> pd.DataFrame:
-    """Return the table of excluded attempts.
-
-    Parameters
-    ----------
-    blocks, trials : DataFrame
-        Tables of blocks and trials: one row for each recording, and one for each attempt.
-    """
+    """Return the table of excluded attempts, from a row for each recording and one for each attempt."""
     named = named_trials(rules)
     there = set(zip(trials["recording"], trials["trial"], strict=True))
     for recording, trial in named:

@@ -87,13 +87,7 @@ def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
 
 
 def take(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
-    """Write a completely cached analysis into an empty folder.
-
-    Returns
-    -------
-    tuple of str or None
-        Its messages; None if the cache is incomplete, in which case nothing is written.
-    """
+    """Write a completely cached analysis into an empty folder; return its messages, or None and write nothing."""
     listed = store.get(f"{key}{ANALYSIS}")
     if listed is None:
         return None

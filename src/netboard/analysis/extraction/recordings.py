@@ -87,13 +87,7 @@ TRIALS = (*ATTEMPT, *(field for group in GROUPS for field in group.fields))
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Extracted tables of a recording.
-
-    Attributes
-    ----------
-    blocks, trials, movements, paths : dict of ndarray
-        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS`; `paths` is empty if they are stored elsewhere [SI].
-    """
+    """Extracted tables of a recording, in SI units; `paths` is empty if they are stored elsewhere."""
 
     blocks: Columns
     trials: Columns
@@ -156,15 +150,7 @@ def _unknown(recording: Recording, columns: Columns) -> int:
 def attempt_row(
     name: str, take: Take, flags: Mapping[int, tuple[str, ...]], groups: Sequence[Group] = GROUPS
 ) -> dict[str, Any]:
-    """Return the row of an attempt with its measures.
-
-    Parameters
-    ----------
-    flags : mapping of int to tuple of str
-        Quality flags of the attempts, by the tick of their release.
-    groups : sequence of Group
-        Measures to compute.
-    """
+    """Return the row of an attempt with its measures, and its quality flags by the tick of its release."""
     attempt, config = take.attempt, take.block.config
     row = place_of(name, take) | {
         "outcome": attempt.outcome,
@@ -197,13 +183,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
 
 
 def block_row(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
-    """Return the row of a recording's block.
-
-    Parameters
-    ----------
-    unknown : int
-        Number of ticks, in both hands, without a known rendered force [1].
-    """
+    """Return the row of a recording's block; `unknown` ticks, in both hands, have no known rendered force."""
     said, config = run.metadata, run.config
     return {
         "recording": run.path.stem,

@@ -46,13 +46,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Harvest:
-    """Result of the extraction from all recordings.
-
-    Attributes
-    ----------
-    peak : float
-        Peak memory of any extracting process, in bytes; 0 if all tables came from the cache [1].
-    """
+    """Result of the extraction, with peak memory of any process in bytes; 0 if all came from the cache."""
 
     sources: tuple[Source, ...]
     left_out: tuple[LeftOut, ...]
@@ -71,19 +65,10 @@ def harvest(
     *,
     skip: bool = False,
 ) -> Harvest:
-    """Extract the tables of recordings.
+    """Extract the tables of recordings, without a cache measuring all and storing nothing.
 
-    Parameters
-    ----------
-    cache : Cache or None
-        Cache of results; None to measure all and store nothing.
-    progress : callable
-        Callback with the number of finished recordings and the total.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be measured and `skip` is false, or none remains.
+    `progress` is called with the numbers of finished and of all recordings. RecordingError if a recording cannot be
+    measured and `skip` is false, or none remains.
     """
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = _digests([run.path for run in runs])

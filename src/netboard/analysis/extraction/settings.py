@@ -221,13 +221,7 @@ _ADAPTER: TypeAdapter[Readings] = TypeAdapter(Readings)
 
 
 def parse(text: str, source: str = "analysis.toml", overrides: Sequence[str] = ()) -> Readings:
-    """Parse and check a TOML text.
-
-    Raises
-    ------
-    ConfigError
-        If the text is not TOML, a key is unknown, of the wrong type or out of range.
-    """
+    """Parse a TOML text; ConfigError if it is none, or a key is unknown, of the wrong type or out of range."""
     return read(_ADAPTER, Readings, text, source, overrides)
 
 

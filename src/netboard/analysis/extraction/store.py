@@ -38,15 +38,7 @@ def default_folder() -> Path:
 
 
 class Store:
-    """A folder of entries.
-
-    Parameters
-    ----------
-    limit : int
-        Size above which unused entries are evicted, in bytes [1].
-    advice : str
-        Advice to the user if the folder cannot be used.
-    """
+    """A folder of entries, above `limit` bytes without unused ones; `advice` is for a folder that cannot be used."""
 
     def __init__(self, folder: Path, limit: int = LIMIT, advice: str = "--no-cache keeps none") -> None:
         self._folder, self._limit, self._advice = folder, limit, advice

@@ -46,13 +46,7 @@ _RAW = ("factors", "settings")
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Study:
-    """All tables of a study.
-
-    Attributes
-    ----------
-    blocks, trials, movements : DataFrame
-        As in `netboard.analysis.extraction.recordings`; trials and movements with the columns of `PLACE_IN_STUDY`.
-    """
+    """All tables of a study; trials and movements with the columns of `PLACE_IN_STUDY`."""
 
     readings: Readings
     blocks: pd.DataFrame
@@ -102,16 +96,9 @@ class Study:
 def study_of(
     measured: Iterable[Measured], readings: Readings, paths: Mapping[str, pd.DataFrame] | None = None
 ) -> Study:
-    """Join the tables of recordings.
+    """Join the tables of recordings, at least one, in any order, and apply the exclusions of the settings.
 
-    Parameters
-    ----------
-    measured : iterable of Measured
-        Tables of each recording, at least one, in any order.
-    readings : Readings
-        Settings of the extraction; their exclusions are applied here.
-    paths : mapping of DataFrame, optional
-        Paths of each recording by its name, if they are not in its tables.
+    Paths are by name of the recording, if they are not in its tables.
     """
     in_order = _in_order(measured)
     if paths is None:

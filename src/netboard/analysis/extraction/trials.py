@@ -53,16 +53,9 @@ def measurable(attempt: Attempt) -> bool:
 
 
 class Block:
-    """A recording, or a rehearsed block, in memory.
+    """A recording, or a rehearsed block, in memory; columns [SI] are not copied, and lack forces not needed.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Columns of `columns_for`, without the forces if no measure needs them; they are not copied [SI].
-    attempts : sequence of Attempt
-        All attempts, in order.
-    mechanics : mapping of str to Mechanics or None
-        Mechanics of the device at each side.
+    It has all attempts, in order, and the mechanics of the device at each side, if known.
     """
 
     def __init__(
@@ -93,13 +86,7 @@ class Block:
         readings: Readings,
         columns: Mapping[str, NDArray[Any]] | None = None,
     ) -> "Block":
-        """Return an open recording, which is read here and not needed afterwards.
-
-        Parameters
-        ----------
-        columns : mapping of str to ndarray, optional
-            Columns of `columns_for`, if already read; they are not copied [SI].
-        """
+        """Return an open recording, read here and not needed afterwards; columns already read are not copied."""
         if not recording.counts["/ticks"]:
             raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
         if config.physics.balls == 0:
@@ -258,15 +245,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Take:
-    """An attempt, with its position in the recording.
+    """An attempt, with its position in the recording, and its completion time; NaN without one [s].
 
-    Attributes
-    ----------
-    completion : float
-        Completion time; NaN without one [s].
-    source : str
-        Source of the completion time: ``samples`` of the ball, or the ``recording`` if they show no hold; empty without
-        a completion time.
+    Its `source` is the ``samples`` of the ball, or the ``recording`` if they show no hold; empty without one.
     """
 
     block: Block

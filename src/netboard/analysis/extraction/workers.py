@@ -58,15 +58,7 @@ def leave_stopping() -> None:
 
 
 def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> Crew:
-    """Measure on the workers of a Dask cluster.
-
-    Parameters
-    ----------
-    patience : float
-        Timeout for the scheduler, and for a worker [s].
-    root : str
-        Module whose code must be the same there.
-    """
+    """Measure on the workers of a Dask cluster, whose code of `root` must be the same; timeout `patience` [s]."""
     distributed = library("distributed", "dask")
 
     @contextmanager

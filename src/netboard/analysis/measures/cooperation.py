@@ -63,7 +63,6 @@ def contributions(
     Parameters
     ----------
     segments : Segments
-        Movements of the board.
     left_z, right_z : ndarray, shape (n,)
         Height of the styluses [m].
     opposite : {"net", "majority"}
@@ -138,7 +137,6 @@ def delays(
     Parameters
     ----------
     segments : Segments
-        The movements of the board.
     moved : Contributions
         Contribution of each side, from `contributions`.
     left_vz, right_vz : ndarray, shape (n,)

@@ -178,7 +178,9 @@ def transfer_entropy(
     bins: int = 3,
     neighbours: int = 4,
 ) -> float:
-    """Estimate the transfer entropy from a source to a target (Schreiber 2000).
+    """Estimate the transfer entropy from a source to a target (Schreiber 2000); NaN for too few samples [nat].
+
+    Without influence an estimate may lie slightly below 0.
 
     It is the mutual information of the target's present and the source's past, conditional on the target's past.
 
@@ -199,11 +201,6 @@ def transfer_entropy(
         For "binned", bins of each variable; ``bins ** variables`` should stay well below the number of samples [1].
     neighbours : int
         For "nearest", number of neighbours [1].
-
-    Returns
-    -------
-    float
-        The transfer entropy; without influence an estimate may lie slightly below 0; NaN for too few samples [nat].
 
     Raises
     ------
@@ -252,11 +249,6 @@ def chance_level(
         Number of random permutations then, of which more than a third are surrogates [1].
     unit : str
         Name of the paired unit.
-
-    Returns
-    -------
-    Chance
-        Mean of the true dyads, mean of the surrogates, and the permutation test.
 
     Raises
     ------

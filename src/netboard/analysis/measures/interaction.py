@@ -92,7 +92,7 @@ def supports(
 
 
 def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule: Rule = "opposing") -> Interaction:
-    """Decompose the forces of both hands into net force and interaction force along an axis.
+    """Decompose the forces of both hands into net force and interaction force along an axis [N].
 
     Parameters
     ----------
@@ -105,11 +105,6 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
         oppose each other (Groten et al., IEEE RO-MAN 2009, 723). "half_difference": half of the difference at all
         times, so that both sides contribute equally to the net force (the difference force of Reed and Peshkin, IEEE
         Trans. Haptics 1:108, 2008).
-
-    Returns
-    -------
-    Interaction
-        All forces along the axis [N].
 
     Raises
     ------
@@ -213,7 +208,7 @@ def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tup
 
 
 def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
-    """Measure the effort of a hand, whether or not it moves.
+    """Measure the effort of a hand, whether or not it moves; NaN if a sample is missing [N2 s, N s or N].
 
     Parameters
     ----------
@@ -224,11 +219,6 @@ def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
     kind : {"squared", "absolute", "rms"}
         Integral of the squared force, as in optimal control; integral of the absolute force; or root mean square, which
         does not grow with time.
-
-    Returns
-    -------
-    float
-        The effort; NaN if a sample is missing [N2 s, N s or N].
     """
     f = np.asarray(force, dtype=float)
     if kind == "rms":
@@ -237,7 +227,7 @@ def effort(force: ArrayLike, rate: float, *, kind: Effort = "squared") -> float:
 
 
 def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute") -> float:
-    """Return the right partner's share of both forces: 0 = all from the left, 0.5 = even, 1 = all from the right.
+    """Return the right partner's share of both forces: 0 = all left, 0.5 = even, 1 = all right; NaN for none [1].
 
     Parameters
     ----------
@@ -246,11 +236,6 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
         [N].
     kind : {"absolute", "squared"}
         Whether magnitudes or squares are summed.
-
-    Returns
-    -------
-    float
-        The share; NaN without force [1].
 
     Raises
     ------

@@ -175,7 +175,9 @@ def windowed_lags(
 
 
 def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
-    """Return the delay between the velocity peaks of both sides, each in its own direction.
+    """Return left minus right time of the velocity peaks of both sides, each in its own direction, + = right first [s].
+
+    NaN if a side has its largest velocity at the first or last sample, or a sample is missing.
 
     Parameters
     ----------
@@ -183,12 +185,6 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
         Velocities of both sides in one movement [m/s].
     rate : float
         Sampling rate [Hz].
-
-    Returns
-    -------
-    float
-        Left time minus right time, + = right first; NaN if a side has its largest velocity at the first or last sample,
-        or a sample is missing [s].
 
     Raises
     ------
@@ -213,11 +209,6 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
         Largest absolute delay that counts as simultaneous [s].
     unit : str
         Unit to which each delay belongs.
-
-    Returns
-    -------
-    Leadership
-        Counts, leadership index, and mean delay with its standard deviation.
     """
     signed = np.asarray(delays, dtype=float).ravel()
     signed = signed[np.isfinite(signed)]

@@ -130,7 +130,7 @@ class PassiveControl:
 
 
 def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
-    """Return the static displacement of a passive hand for each metre of the partner's displacement.
+    """Return the static displacement of a passive hand per metre of the partner's; negative: opposite ways [1].
 
     It is ``-partner / (stiffness + own)``: with the paper's 25.93 N/m, -0.341, -0.147 and -0.080 for hands of 50, 150
     and 300 N/m.
@@ -138,14 +138,8 @@ def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
     Parameters
     ----------
     hand : PassiveHand
-        The hand.
     gains : Gains
         Gains of its side.
-
-    Returns
-    -------
-    float
-        Displacement ratio, negative for movement in opposite directions [1].
     """
     return -gains.partner / (hand.stiffness + gains.own)
 
@@ -260,14 +254,8 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
     rate : float
         Sampling rate [Hz].
     hand : PassiveHand
-        The hand.
     left, right : Gains
         Gains of both sides.
-
-    Returns
-    -------
-    callable
-        The passive partner.
     """
 
     def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:
@@ -302,11 +290,6 @@ def passive_control(
         Function of the heights of the left and right stylus, for example the share of cooperative movement.
     unit : str
         Name of the unit of replication.
-
-    Returns
-    -------
-    PassiveControl
-        Both effects in each dyad, and the share of the passive effect.
 
     Raises
     ------

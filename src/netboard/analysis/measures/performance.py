@@ -303,17 +303,12 @@ def relative_performance(own: float, partner: float, dyad: float) -> RelativePer
 
 
 def better_dyads(pairs: Sequence[RelativePerformance]) -> tuple[int, int]:
-    """Count the dyads that perform better than the mean of their two participants.
+    """Count the dyads better than the mean of their two participants, and those with a known gain [1].
 
     Parameters
     ----------
     pairs : sequence of RelativePerformance
         One entry for each dyad, of either participant, because both have the same gain.
-
-    Returns
-    -------
-    tuple of int
-        Number of better dyads, and number of dyads with a known gain [1].
     """
     gains = np.array([pair.gain for pair in pairs])
     return int(np.count_nonzero(gains > 0)), int(np.count_nonzero(np.isfinite(gains)))

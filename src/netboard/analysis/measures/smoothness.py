@@ -27,7 +27,9 @@ def spectral_arc_length(
     threshold: float = 0.05,
     padding: int = 4,
 ) -> float:
-    """Return the spectral arc length of a speed: SPARC, or the older SAL.
+    """Return the spectral arc length of a speed: SPARC, or the older SAL; negative [1].
+
+    NaN without movement or with a missing sample.
 
     It is minus the arc length of the normalised magnitude spectrum V over the frequency f, up to f_c::
 
@@ -56,11 +58,6 @@ def spectral_arc_length(
     padding : int
         Zero padding: the record is extended to ``2 ** (ceil(log2(n)) + padding)`` samples [1].
 
-    Returns
-    -------
-    float
-        Arc length, negative; NaN without movement or with a missing sample [1].
-
     Raises
     ------
     ValueError
@@ -87,7 +84,7 @@ def spectral_arc_length(
 
 
 def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return the dimensionless squared jerk of a movement.
+    """Return the dimensionless squared jerk, negative; NaN without movement or with a missing sample [1].
 
     It is::
 
@@ -104,11 +101,6 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
     scale : {"peak_speed", "mean_speed"}
         Speed v: the largest (Balasubramanian et al. 2012), or distance over duration, which makes the factor T^5 /
         distance^2 (both in Hogan and Sternad, J. Mot. Behav. 41:529, 2009).
-
-    Returns
-    -------
-    float
-        Dimensionless jerk, negative; NaN without movement or with a missing sample [1].
 
     Raises
     ------

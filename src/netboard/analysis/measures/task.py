@@ -117,11 +117,6 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
         Centre of the target [m].
     half_width : float
         Half-width of the target, edges included [m].
-
-    Returns
-    -------
-    InTarget
-        Total time, share, number and longest stay.
     """
     ball = np.asarray(p, dtype=float)
     if np.isnan(ball).any():
@@ -158,11 +153,6 @@ def overshoots(
     beyond : {"far_edge", "centre"}
         Limit: the target's far edge, beyond which the hold restarts, or its centre.
 
-    Returns
-    -------
-    Overshoots
-        Number, largest distance and time.
-
     Raises
     ------
     ValueError
@@ -180,7 +170,9 @@ def overshoots(
 
 
 def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
-    """Return the time of the ball's fall: when its distance from the board's middle first exceeds the edge.
+    """Return when the ball's distance from the board's middle first exceeds the edge, from the first sample [s].
+
+    NaN if the ball stayed on the board, or may have fallen in a gap.
 
     Parameters
     ----------
@@ -190,11 +182,6 @@ def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
         Sampling rate [Hz].
     edge : float
         Distance from the board's middle to its end [m].
-
-    Returns
-    -------
-    float
-        Time from the first sample; NaN if the ball stayed on the board, or may have fallen in a gap [s].
     """
     ball = np.asarray(p, dtype=float)
     off = np.flatnonzero(~(np.abs(ball) <= edge))
@@ -209,11 +196,6 @@ def falls(outcomes: Iterable[str]) -> Falls:
     outcomes : iterable of str
         Outcome of each attempt, as in a recording's summary: "success" and "fell" count; other outcomes, such as an
         operator's stop, do not.
-
-    Returns
-    -------
-    Falls
-        Number and share of falls.
     """
     ends = list(outcomes)
     fell, count = ends.count("fell"), ends.count("fell") + ends.count("success")
@@ -250,11 +232,6 @@ def reaction(
         Fraction of the first peak [1].
     soonest : float
         Shortest possible reaction time; an earlier onset is an anticipation [s].
-
-    Returns
-    -------
-    Reaction
-        Onset time, and whether it was anticipated.
     """
     speed = np.abs(np.asarray(velocity, dtype=float))
     moves = lasting(speed >= threshold, hold, rate)

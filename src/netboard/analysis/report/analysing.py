@@ -64,16 +64,10 @@ def analyse(
     read: "Callable[[], Readings]",
     telling: Callable[[], AbstractContextManager[Progress]],
 ) -> list[str]:
-    """Analyse recordings into a new folder, and return a summary of a few lines.
+    """Analyse recordings into a new folder, named after the first unless given, and return a summary of a few lines.
 
-    Parameters
-    ----------
-    output : Path or None
-        The new folder; None names it after the first recording or folder.
-    read : callable
-        Reads the settings; called only if the analysis is not in the cache.
-    telling : callable
-        Makes a context that shows the progress.
+    `read` reads the settings, only if the analysis is not in the cache; `telling` makes a context that shows the
+    progress.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)

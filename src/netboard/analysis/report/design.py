@@ -19,13 +19,7 @@ _NOBODY = ("still", "robot")
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A block in the order of a dyad.
-
-    Attributes
-    ----------
-    levels : tuple of str
-        Levels of other factors, and the role if it is not test.
-    """
+    """A block in the order of a dyad, with the levels of other factors, and the role if it is not test."""
 
     who: str
     configuration: str
@@ -36,13 +30,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """Design of a study as performed.
-
-    Attributes
-    ----------
-    factors, conditions, beginnings : Grid
-        Factors, blocks and trials of each condition, and counts of the haptic condition that came first.
-    """
+    """Design as performed: factors, blocks and trials of conditions, counts of the haptic condition that came first."""
 
     steps: tuple[tuple[str, tuple[Step | None, ...]], ...]
     numbers: tuple[int, ...]

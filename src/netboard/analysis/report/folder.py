@@ -174,14 +174,10 @@ def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
 
 
 def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
-    """Return the provenance of an analysis, without time and machine.
+    """Return the provenance of an analysis, without time and machine: command, versions, hash of the code, and data.
 
-    Returns
-    -------
-    dict
-        ``command``; ``versions`` of the software; ``code_sha256`` of the extracting code; ``recordings`` by name, each
-        with its ``file`` name and ``sha256``; ``left_out``, with ``file`` and ``why`` of each; ``handedness`` of the
-        participants by pseudonym.
+    ``recordings`` by name, each with its ``file`` name and ``sha256``; ``left_out``, with ``file`` and ``why`` of each;
+    ``handedness`` of the participants by pseudonym.
     """
     return {
         "command": shlex.join(command),

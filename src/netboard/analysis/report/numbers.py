@@ -16,13 +16,7 @@ from netboard.analysis.topics.units import Unit, read_in
 
 
 def unit_of(row: Mapping[str, Any]) -> Unit:
-    """Return the display unit of a result.
-
-    Parameters
-    ----------
-    row : mapping
-        A row of the table of results, or of a table with its columns.
-    """
+    """Return the display unit of a result: a row of the table of results, or of a table with its columns."""
     return read_in(row["unit"], row["quantity"], row["group"])
 
 
@@ -32,18 +26,7 @@ def after(unit: Unit) -> str:
 
 
 def between(row: Mapping[str, Any]) -> str:
-    """Return an interval as text.
-
-    Parameters
-    ----------
-    row : mapping
-        A row of the table of results, or of a table with its columns.
-
-    Returns
-    -------
-    str
-        Limits of the interval, or plus-minus for a standard deviation; empty without an interval.
-    """
+    """Return the limits of a result's interval as text, or plus-minus for a standard deviation; empty for none."""
     _, low, high = written(row)
     if not isfinite(row["low"]):
         return ""
@@ -72,13 +55,7 @@ def _places(row: Mapping[str, Any]) -> int:
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Return a result and the limits of its interval as text, with equal decimals, in the display unit.
-
-    Parameters
-    ----------
-    row : mapping
-        A row of the table of results, or of a table with its columns.
-    """
+    """Return a result and the limits of its interval as text, with equal decimals, in the display unit."""
     places = _places(row)
     value, low, high = (amount(part, places) for part in _three(row))
     return value, low, high
@@ -86,13 +63,7 @@ def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """All results of a topic.
-
-    Attributes
-    ----------
-    notes : tuple of str
-        Notes on the results; the table refers to their numbers, from 1.
-    """
+    """All results of a topic, with notes; the table refers to their numbers, from 1."""
 
     title: str
     table: Grid

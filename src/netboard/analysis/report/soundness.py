@@ -25,13 +25,7 @@ _KINDS = (
 
 @dataclass(frozen=True, slots=True)
 class Soundness:
-    """Quality of a study's recordings and attempts.
-
-    Attributes
-    ----------
-    recordings, flags, causes, excluded, unusual : Grid
-        Tables of recordings, quality flags, reasons for exclusion, excluded attempts, and unusual attempts.
-    """
+    """Recordings of a study, their quality flags, reasons for exclusion, excluded attempts, and unusual attempts."""
 
     sentences: tuple[str, ...]
     recordings: Grid

@@ -51,13 +51,7 @@ class Saying:
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """A column of a topic's table.
-
-    Attributes
-    ----------
-    quantities : tuple of str
-        Quantities in this column, as in the table of results; no two of them have the same group.
-    """
+    """A column of a topic's table, for quantities of the table of results no two of which have the same group."""
 
     title: str
     quantities: tuple[str, ...]
@@ -210,13 +204,7 @@ THEMES = (
 
 @dataclass(frozen=True, slots=True)
 class Main:
-    """Main results of a topic.
-
-    Attributes
-    ----------
-    table : Grid
-        Numbers: a row for each group, a column for each quantity.
-    """
+    """Main results of a topic: a table with a row for each group, a column for each quantity."""
 
     picture: str
     title: str

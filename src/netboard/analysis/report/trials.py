@@ -39,15 +39,7 @@ Key = tuple[str, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Sparkline:
-    """Path of the ball in an attempt, as a small drawing.
-
-    Attributes
-    ----------
-    width : int
-        Width on the page [px].
-    squeezed : bool
-        Whether the path exceeded the cap and its time axis is compressed.
-    """
+    """Path of the ball in an attempt, as a small drawing [px]; `squeezed` if its time axis is compressed to the cap."""
 
     d: str
     extent: int
@@ -57,15 +49,7 @@ class Sparkline:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """An attempt.
-
-    Attributes
-    ----------
-    target, outcome, completion, peaks : str
-        Side of the target, outcome, completion time [s], number of velocity peaks [1].
-    replay, explain : str
-        Commands that replay the attempt, and that draw the explanation of its measures.
-    """
+    """An attempt as texts, completion time in s; `replay` and `explain` are commands that replay and explain it."""
 
     anchor: str
     trial: int
@@ -172,13 +156,7 @@ _NOTHING = Sparkline("", 1, 1, False)
 
 
 def reach(study: Study) -> float:
-    """Return the range of the drawn paths, from the board's middle.
-
-    Returns
-    -------
-    float
-        The largest distance of the ball, rounded up to 50 mm [m].
-    """
+    """Return the largest distance of the ball from the board's middle, rounded up to 50 mm, as range of paths [m]."""
     largest = max(float(np.nanmax(np.abs(own["p"].to_numpy()), initial=0.0)) for own in study.paths.values())
     return max(ceil(largest / 0.05 - 1e-6), 1) * 0.05
 

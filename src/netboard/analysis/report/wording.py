@@ -18,26 +18,14 @@ _PLURALS = {"person": "people", "": ""}
 
 
 def visible(text: str) -> str:
-    """Make characters visible that are invisible or change the display.
-
-    Returns
-    -------
-    str
-        The text with control characters, direction marks and lone surrogates as ``[U+202E]``.
-    """
+    """Return text with control characters, direction marks and lone surrogates made visible, as ``[U+202E]``."""
     if text.isprintable():
         return text
     return "".join(f"[U+{ord(c):04X}]" if c not in "\n\t" and unicodedata.category(c) in _UNSEEN else c for c in text)
 
 
 def decimals(*values: float, digits: int = 3) -> int:
-    """Return the common number of decimals for numbers shown together.
-
-    Parameters
-    ----------
-    digits : int
-        Minimum number of digits of the largest number [1].
-    """
+    """Return the common number of decimals for numbers shown together, with `digits` for the largest one."""
     largest = max((abs(value) for value in values if isfinite(value)), default=0.0)
     if largest == 0.0:
         return 0
@@ -45,13 +33,7 @@ def decimals(*values: float, digits: int = 3) -> int:
 
 
 def amount(value: float, places: int | None = None) -> str:
-    """Return a number as text.
-
-    Parameters
-    ----------
-    places : int, optional
-        Decimals; by default none for a whole number, otherwise enough for three digits [1].
-    """
+    """Return a number as text; by default without decimals if whole, otherwise with enough for three digits."""
     if not isfinite(value):
         return NONE if value != value else "∞" if value > 0 else "−∞"  # noqa: PLR0124  # NaN differs from itself
     if isinstance(value, int) or (places is None and float(value).is_integer()):
@@ -72,13 +54,7 @@ def counted(n: int, of: str) -> str:
 
 
 def command(*words: str) -> str:
-    """Return a command line with correct shell quoting.
-
-    Returns
-    -------
-    str
-        One line; words with invisible characters use escapes, as bash and zsh read them.
-    """
+    """Return a line with correct shell quoting; invisible characters are escaped, as bash and zsh read them."""
     return " ".join(shlex.quote(word) if word.isprintable() else _escaped(word) for word in words)
 
 

@@ -26,7 +26,6 @@ class Contrast:
     Attributes
     ----------
     name : str
-        Name of the contrast.
     n : int
         Number of units with both conditions [1].
     unit : str
@@ -83,7 +82,7 @@ def condition_contrast(
     level: float = 0.95,
     resamples: int = 9999,
 ) -> Contrast:
-    """Compare a measure between two conditions, within units.
+    """Compare a measure between two conditions, within units; no confidence interval for fewer than two units.
 
     Parameters
     ----------
@@ -96,18 +95,11 @@ def condition_contrast(
     rng : numpy.random.Generator
         Random generator for the bootstrap, and for permutations of more than 16 units.
     name : str
-        Name of the contrast.
     unit : str
-        Name of the unit.
     level : float
         Confidence level [1].
     resamples : int
         Number of bootstrap resamples, and of random permutations where not all can be evaluated [1].
-
-    Returns
-    -------
-    Contrast
-        The contrast; without confidence intervals for fewer than two units.
 
     Raises
     ------
@@ -141,17 +133,13 @@ def condition_contrast(
 def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     """Test whether the mean of paired normal differences is zero: Student's paired t test, two-sided.
 
+    There is no p for fewer than two units, or if the differences vary only by rounding.
+
     Parameters
     ----------
     differences : array_like, shape (n,)
         One difference for each unit; NaN are ignored [any].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Test
-        The statistic is t; no p for fewer than two units, or if the differences vary only by rounding.
     """
     x = np.asarray(differences, dtype=float)
     x = x[np.isfinite(x)]

@@ -32,7 +32,6 @@ def paired_effect(
     level : float
         Confidence level [1].
     unit : str
-        Name of the unit.
 
     Returns
     -------
@@ -55,7 +54,9 @@ def hedges_g(
     level: float = 0.95,
     unit: str = "dyad",
 ) -> Estimate:
-    """Estimate the effect size between two groups of different units: the mean difference over the pooled SD.
+    """Estimate the effect size between two groups of different units: the mean difference over the pooled SD [1].
+
+    First minus second; NaN for fewer than four units (d: three), an empty group or constant values.
 
     Parameters
     ----------
@@ -66,13 +67,6 @@ def hedges_g(
     level : float
         Confidence level [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Estimate
-        Hedges' g (or d), first minus second; NaN for fewer than four units (d: three), an empty group or constant
-        values [1].
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2
@@ -86,19 +80,15 @@ def hedges_g(
 
 
 def hedges_factor(free: int) -> float:
-    """Return the small-sample bias correction of a standardised mean (Hedges, J. Educ. Stat. 6:107, 1981).
+    """Return the small-sample bias correction of a standardised mean (Hedges, J. Educ. Stat. 6:107, 1981) [1].
 
-    It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``.
+    It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``; NaN for one degree of
+    freedom, for which d has no mean.
 
     Parameters
     ----------
     free : int
         Degrees of freedom of the standard deviation, at least one [1].
-
-    Returns
-    -------
-    float
-        The factor, less than 1; NaN for one degree of freedom, for which d has no mean [1].
     """
     if free < 2:
         return float("nan")

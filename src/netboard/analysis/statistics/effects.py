@@ -93,11 +93,6 @@ class Effect:
         method : str
             ``Satterthwaite`` or ``Kenward-Roger``.
 
-        Returns
-        -------
-        Inference
-            The entry found.
-
         Raises
         ------
         ValueError
@@ -116,7 +111,6 @@ class Component:
     Attributes
     ----------
     name : str
-        Name of the random effect.
     variance : float
         Variance [square of the log of the response].
     deviation : float
@@ -221,12 +215,6 @@ class Model:
         Parameters
         ----------
         name : str
-            Name of the effect.
-
-        Returns
-        -------
-        Effect
-            The entry found.
 
         Raises
         ------
@@ -248,7 +236,7 @@ def effects_of(
     interval: Interval,
     moments: Moments | None = None,
 ) -> tuple[Effect, ...]:
-    """Return the effects of coefficients, including those of a factor at each level of another.
+    """Return the effect of each requested column, then those of `simple_effects`; NaN if not estimable.
 
     Parameters
     ----------
@@ -264,11 +252,6 @@ def effects_of(
         Student's t with `careful_freedom`, or the normal distribution.
     moments : Moments or None
         Moments of a mixed model; they add Satterthwaite's and Kenward and Roger's inference.
-
-    Returns
-    -------
-    tuple of Effect
-        Effect of each requested column, then those of `simple_effects`; NaN if not estimable.
     """
     free = careful_freedom(design) if interval == "t" else inf
     found = []
@@ -292,33 +275,21 @@ def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> 
 
 
 def careful_freedom(design: Design) -> float:
-    """Return the between-dyad degrees of freedom: dyads minus 1, minus the effects that vary only between dyads.
+    """Return the dyads minus 1, minus the effects that vary only between dyads; 0 for too few dyads [1].
 
     Parameters
     ----------
     design : Design
-        The trials.
-
-    Returns
-    -------
-    float
-        Degrees of freedom; 0 if there are too few dyads [1].
     """
     return max(0.0, design.n_dyads - 1.0 - design.between)
 
 
 def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
-    """Return the contrast vector of each effect over the coefficients.
+    """Return the contrast vector of each effect by name; None if a needed coefficient is not estimable [1].
 
     Parameters
     ----------
     design : Design
-        The trials.
-
-    Returns
-    -------
-    dict of str to ndarray of float64, shape (k,), or None
-        Contrast vector by name of the effect; None if a coefficient that it needs is not estimable [1].
     """
     place = {name: i for i, name in enumerate(design.names)}
     wanted = {name: {name: 1.0} for name in design.asked} | simple_effects(design)
@@ -357,12 +328,11 @@ def _estimates(ends: tuple[float, float, float], level: float, n: int, method: s
 def interval_effect(
     name: str, ends: tuple[float, float, float], error: float, free: float, p: float, level: float, n: int, method: str
 ) -> Effect:
-    """Return an effect with an asymmetric confidence interval.
+    """Return an effect with an asymmetric confidence interval, and its ratio.
 
     Parameters
     ----------
     name : str
-        Name of the effect.
     ends : tuple of float
         Coefficient, and lower and upper limit of its confidence interval [log of the response].
     error : float
@@ -377,11 +347,6 @@ def interval_effect(
         Number of dyads [1].
     method : str
         Method of the confidence interval.
-
-    Returns
-    -------
-    Effect
-        The effect, with its ratio.
     """
     return Effect(name, *_estimates(ends, level, n, method), error, free, p)
 
@@ -394,17 +359,13 @@ def _exp(x: float) -> float:
 def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.float64]) -> Diagnostics:
     """Return the residual diagnostics of a model.
 
+    Blom's quantiles: for the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
+
     Parameters
     ----------
     design : Design
-        The trials.
     residuals, fitted : ndarray of float64, shape (n,)
         Residuals and fitted values [log of the response].
-
-    Returns
-    -------
-    Diagnostics
-        Diagnostics with Blom's quantiles: for the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
     """
     scaled = residuals / residuals.std()
     n = len(scaled)
@@ -436,11 +397,5 @@ def said(sentences: Sequence[str]) -> tuple[str, ...]:
     Parameters
     ----------
     sentences : sequence of str
-        Notes.
-
-    Returns
-    -------
-    tuple of str
-        Notes without duplicates.
     """
     return tuple(dict.fromkeys(sentences))

@@ -55,7 +55,7 @@ class Estimate:
 
 
 def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") -> Estimate:
-    """Estimate a mean with Student's t interval.
+    """Estimate a mean with Student's t interval, which is missing for fewer than two units.
 
     Parameters
     ----------
@@ -64,12 +64,6 @@ def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") ->
     level : float
         Confidence level [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Estimate
-        The mean; without a confidence interval for fewer than two units.
     """
     x = known(values)
     if len(x) < 2:
@@ -90,12 +84,13 @@ def cluster_mean(
 ) -> Estimate:
     """Estimate the mean of clustered samples, such as trials of dyads, by resampling clusters.
 
+    There is no confidence interval for fewer than two units.
+
     Parameters
     ----------
     clusters : sequence of array_like, shape (n_k,)
         Samples of each unit; NaN and empty units are ignored [any].
     rng : numpy.random.Generator
-        Random generator.
     weighting : {"units", "samples"}
         Mean of the units' means, or mean of all samples, which gives units with more samples more weight.
     level : float
@@ -105,12 +100,6 @@ def cluster_mean(
     resamples : int
         Number of bootstrap resamples [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Estimate
-        The mean; without a confidence interval for fewer than two units.
     """
     samples = [x for x in map(known, clusters) if len(x)]
     sums, counts = np.array([x.sum() for x in samples]), np.array([float(len(x)) for x in samples])
@@ -150,6 +139,9 @@ def bootstrap(
 ) -> Estimate:
     """Estimate any statistic by resampling whole units with replacement (`scipy.stats.bootstrap`).
 
+    There is no confidence interval for fewer than two units, or if the statistic of a resample is undefined. If every
+    single unit gives the same statistic, the interval is a point.
+
     Parameters
     ----------
     columns : sequence of array_like, shape (n,)
@@ -157,7 +149,6 @@ def bootstrap(
     statistic : callable
         Function of the columns, shape (..., n), and `axis`; returns shape (...) [any].
     rng : numpy.random.Generator
-        Random generator.
     level : float
         Confidence level [1].
     method : {"percentile", "basic", "BCa"}
@@ -166,13 +157,6 @@ def bootstrap(
     resamples : int
         Number of bootstrap resamples [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Estimate
-        The statistic; without a confidence interval for fewer than two units, or if the statistic of a resample is
-        undefined. If every single unit gives the same statistic, the interval is a point.
 
     Raises
     ------
@@ -230,16 +214,11 @@ def known(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def mean(x: NDArray[np.float64]) -> float:
-    """Return the mean, NaN for an empty array.
+    """Return the mean, NaN for an empty array [any].
 
     Parameters
     ----------
     x : ndarray of float64, shape (n,)
         Values [any].
-
-    Returns
-    -------
-    float
-        The mean [any].
     """
     return float(x.mean()) if len(x) else np.nan

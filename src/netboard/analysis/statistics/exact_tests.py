@@ -62,6 +62,8 @@ class Test:
 def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided", unit: str = "dyad") -> Test:
     """Test whether positive and negative differences are equally frequent: the exact binomial test.
 
+    The statistic is the number of positive differences; NaN if all differences are zero.
+
     Parameters
     ----------
     differences : array_like, shape (n,)
@@ -69,12 +71,6 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
     alternative : {"two-sided", "greater", "less"}
         Alternative hypothesis; "greater": more positive differences, "less": fewer.
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Test
-        The statistic is the number of positive differences; NaN if all differences are zero.
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -93,7 +89,9 @@ def permutation_test(
     resamples: int = 9999,
     unit: str = "dyad",
 ) -> Test:
-    """Test whether the mean of paired differences is zero: Fisher's test by all sign flips.
+    """Test whether the mean, the statistic, of paired differences is zero: Fisher's test by all sign flips.
+
+    There is no p for fewer than two units.
 
     The test is valid for any distribution that is symmetric about zero under the null hypothesis, and not for skewed
     ones (`SYMMETRIC`).
@@ -109,12 +107,6 @@ def permutation_test(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Test
-        The statistic is the mean; no p for fewer than two units.
 
     Raises
     ------
@@ -178,6 +170,8 @@ def permutation_test_between(
 ) -> Test:
     """Test whether two groups of different units have equal means, by all divisions of the units into such groups.
 
+    The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
+
     Parameters
     ----------
     first, second : array_like, shape (n,) and (m,)
@@ -189,12 +183,6 @@ def permutation_test_between(
     resamples : int
         Number of random arrangements then [1].
     unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Test
-        The statistic is the difference of the means, first minus second; no p for fewer than two units in a group.
 
     Raises
     ------

@@ -33,7 +33,6 @@ class Factor:
     Attributes
     ----------
     name : str
-        Name of the factor.
     values : ndarray, shape (n,)
         Level of each trial: text, a boolean or a number [its own].
     levels : tuple
@@ -51,17 +50,12 @@ class Factor:
     unit: str = "1"
 
     def of(self, kept: NDArray[np.generic]) -> "Factor":
-        """Return the factor for some of the trials.
+        """Return the factor for some of the trials; its levels remain those of all trials.
 
         Parameters
         ----------
         kept : ndarray
             Mask or indices of these trials [1].
-
-        Returns
-        -------
-        Factor
-            The factor for these trials. Its levels remain those of all trials.
         """
         return Factor(self.name, self.values[kept], self.levels, self.numeric, self.unit)
 
@@ -77,32 +71,22 @@ class Factor:
         return {name: (self.values == level) - share for name, level, share in self._differences()}
 
     def at(self, level: object) -> Array:
-        """Return the codes of values of a numeric factor.
+        """Return the codes of values of a numeric factor: deviations from the mean of all levels [its own].
 
         Parameters
         ----------
         level : float or ndarray of float64
             Values of the factor [its own].
-
-        Returns
-        -------
-        ndarray of float64
-            Deviations from the mean of all levels [its own].
         """
         return np.asarray(level, dtype=float) - float(np.mean(np.asarray(self.levels, dtype=float)))
 
     def code_of(self, level: object) -> dict[str, float]:
-        """Return the code of a level in each column.
+        """Return the code of a level in each column [1].
 
         Parameters
         ----------
         level : object
             One of the levels.
-
-        Returns
-        -------
-        dict of str to float
-            Value of each column [1].
         """
         if self.numeric:
             return {self.name: float(self.at(level))}
@@ -210,33 +194,23 @@ class Design:
         return len(np.unique(self.performers))
 
     def varied(self, of: NDArray[np.int64]) -> tuple[Factor, ...]:
-        """Return the factors that vary within a grouping.
+        """Return the factors that have more than one level in some group.
 
         Parameters
         ----------
         of : ndarray of int64, shape (n,)
             Group of each trial: dyads or performers [1].
-
-        Returns
-        -------
-        tuple of Factor
-            Factors that have more than one level in some group.
         """
         return tuple(one for one in self.factors if _varies(np.unique(one.values, return_inverse=True)[1], of))
 
 
 def paper_factors(haptics: ArrayLike, dyadic: ArrayLike) -> tuple[Factor, Factor]:
-    """Return the two factors of the paper: haptics off or on, one person or two.
+    """Return the paper's ``haptics`` and ``configuration``: haptics off or on, one person or two.
 
     Parameters
     ----------
     haptics, dyadic : array_like of bool, shape (n,)
         Whether haptic feedback is on; whether two people perform.
-
-    Returns
-    -------
-    tuple of Factor
-        ``haptics`` and ``configuration``.
     """
     felt, two = (np.asarray(label).astype(bool) for label in (haptics, dyadic))
     return (
@@ -252,7 +226,7 @@ def design_of(
     factors: Sequence[Factor],
     order: ArrayLike,
 ) -> Design:
-    """Build the design from trials and labels, and find its estimable columns.
+    """Build the design from trials and labels, without columns that are constant or linearly dependent.
 
     Parameters
     ----------
@@ -264,11 +238,6 @@ def design_of(
         Fixed factors. The model has their main effects and all two-way interactions.
     order : array_like, shape (n,)
         Position of each trial in its condition, from 1 [1].
-
-    Returns
-    -------
-    Design
-        The design, without columns that are constant or linearly dependent on others.
 
     Raises
     ------
@@ -351,28 +320,19 @@ def interaction(one: str, other: str) -> str:
     ----------
     one, other : str
         Names of the columns.
-
-    Returns
-    -------
-    str
-        Name of the product.
     """
     return f"{one} x {other}"
 
 
 def simple_effects(design: Design) -> dict[str, dict[str, float]]:
-    """Return the simple effects: those of a factor at each level of another, for all two-way interactions.
+    """Return the contrasts of a factor at each level of another, by name such as ``haptics, dyadic`` [1].
+
+    Contrasts are over the columns, for all two-way interactions. For a numeric second factor: at its lowest and highest
+    value. An ambiguous level name is preceded by the factor's name.
 
     Parameters
     ----------
     design : Design
-        The trials.
-
-    Returns
-    -------
-    dict of str to dict of str to float
-        Contrast over the columns by name of the effect, such as ``haptics, dyadic``. For a numeric second factor: at
-        its lowest and highest value. An ambiguous level name is preceded by the factor's name [1].
     """
     taken = [str(level) for factor in design.factors for level in factor.levels]
     found = {}
@@ -425,21 +385,15 @@ def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
 
 
 def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometric: bool = False) -> tuple[Cell, ...]:
-    """Return the observed data of each condition.
+    """Return each condition with trials; a numeric factor with more than `MOST_VALUES` values is ignored.
 
     Parameters
     ----------
     design : Design
-        The trials.
     factors : sequence of Factor or None
         Factors that define the conditions; None for all factors of the design.
     geometric : bool
         Whether values are logarithms, so that the mean is the geometric mean of the original quantity.
-
-    Returns
-    -------
-    tuple of Cell
-        Conditions with trials. A numeric factor with more than `MOST_VALUES` values is ignored.
     """
     factors = design.factors if factors is None else factors
     listed = [one for one in factors if not one.numeric or len(one.present) <= MOST_VALUES]

@@ -62,11 +62,6 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
         Poisson regression (log link) or logistic regression.
     fixed : tuple of ndarray of float64, shape (k,), and float, or None
         Linear combination of coefficients and the value at which it is fixed, for a profile [any].
-
-    Returns
-    -------
-    Penalised
-        The estimates.
     """
     k = columns.shape[1]
     at, free = np.zeros(k), np.eye(k)
@@ -132,7 +127,9 @@ class _Point:
 def profile_interval(
     response: Array, columns: Array, family: Family, best: Penalised, row: Array, drop: float
 ) -> tuple[float, float]:
-    """Return the two values at which the profile of the penalised likelihood lies a given drop below its maximum.
+    """Return the two values at which the profile lies a given drop below its maximum [log of the response].
+
+    The profile is that of the penalised likelihood; a limit is infinite if it does not drop so far.
 
     Parameters
     ----------
@@ -148,11 +145,6 @@ def profile_interval(
         Linear combination of the coefficients [1].
     drop : float
         Half of the quantile of the likelihood-ratio statistic [1].
-
-    Returns
-    -------
-    tuple of float
-        Limits of the interval; infinite if the profile does not drop so far [log of the response].
     """
     value = float(row @ best.coefficients)
     error = max(float(np.sqrt(row @ best.covariance @ row)), 1e-6)

@@ -40,16 +40,9 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
     Parameters
     ----------
     fit : Specification
-        Specification of the model.
     design : Design
-        The trials.
     family : statsmodels family
         Distribution of the response.
-
-    Returns
-    -------
-    Model
-        Result, fitted or not.
     """
     if design.n_dyads < 2:
         return fit.alone(design, family)
@@ -87,21 +80,13 @@ def _dispersion(design: Design, coefficients: NDArray[np.float64]) -> float:
 
 
 def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> Model:
-    """Fit again with over-dispersion: the residual variance of the first fit beyond the mean.
+    """Fit again with the first fit's over-dispersion, its variance beyond the mean; the Poisson fit if there is none.
 
     Parameters
     ----------
     fit : Specification
-        Specification of the model.
     design : Design
-        The trials.
     poisson : Model
-        The Poisson fit.
-
-    Returns
-    -------
-    Model
-        Negative binomial model, or the Poisson fit.
     """
     coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
     mean = np.exp(design.columns @ coefficients)
@@ -113,21 +98,15 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
 
 
 def one_sided(design: Design, what: str, value: float) -> str:
-    """Describe a level, or combination of two levels, in which all responses have the same extreme value.
+    """Describe a level, or two levels, in which all responses have the same extreme value; empty for none.
 
     Parameters
     ----------
     design : Design
-        The trials.
     what : str
         Meaning of that value, such as ``none failed``.
     value : float
         Extreme value [its own].
-
-    Returns
-    -------
-    str
-        Clause of a sentence; empty without such a condition.
     """
     whole = cells_of(design, ())[0]
     if whole.mean == value:
@@ -141,7 +120,7 @@ def one_sided(design: Design, what: str, value: float) -> str:
 
 
 def penalised_model(fit: Specification, design: Design, family: Family, why: str) -> Model:
-    """Fit Firth's penalised likelihood, with profile intervals adjusted for the clustering by dyads.
+    """Fit Firth's penalised likelihood: finite estimates, profile intervals adjusted for the clustering by dyads.
 
     The likelihood-ratio statistic is divided by the dispersion and compared with F of 1 and the between-dyad degrees of
     freedom.
@@ -151,16 +130,10 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
     fit : Specification
         Specification of the model that it replaces.
     design : Design
-        The trials.
     family : {"poisson", "binomial"}
         Distribution of the response.
     why : str
         Description of the condition with no events or only events.
-
-    Returns
-    -------
-    Model
-        Result with finite estimates.
     """
     if "any condition" in why:
         return fit.without(design, f"not fitted: {why}, so there is nothing to compare")

@@ -66,6 +66,8 @@ def log_time_model(
 ) -> Model:
     """Fit a linear mixed model of log completion times (REML, `restricted_fit`).
 
+    With one dyad: least squares without confidence intervals.
+
     Parameters
     ----------
     times : array_like, shape (n,)
@@ -84,11 +86,6 @@ def log_time_model(
     interval : {"t", "z"}
         Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
         intervals are too short for few dyads.
-
-    Returns
-    -------
-    Model
-        Result with variance components and diagnostics. With one dyad: least squares without confidence intervals.
 
     Raises
     ------
@@ -184,6 +181,8 @@ def share_model(
 ) -> Model:
     """Fit a marginal logistic model of whether attempts failed (GEE, exchangeable within dyads; see `count_model`).
 
+    If all or no attempts failed in a condition: by Firth's penalised likelihood.
+
     Parameters
     ----------
     failed : array_like, shape (n,)
@@ -199,11 +198,6 @@ def share_model(
     interval : {"t", "z"}
         Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
         intervals are too short for few dyads.
-
-    Returns
-    -------
-    Model
-        Result with odds ratios. If all or no attempts failed in a condition: by Firth's penalised likelihood.
 
     Raises
     ------

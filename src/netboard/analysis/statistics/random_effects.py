@@ -25,17 +25,11 @@ AT_ZERO = (
 
 
 def residual_deviation(design: Design) -> float:
-    """Return the residual standard deviation of ordinary least squares.
+    """Return the residual standard deviation without random effects: least squares [log of the response].
 
     Parameters
     ----------
     design : Design
-        The trials.
-
-    Returns
-    -------
-    float
-        Standard deviation without random effects [log of the response].
     """
     coefficients = np.linalg.lstsq(design.columns, design.values, rcond=None)[0]
     residuals = design.values - design.columns @ coefficients
@@ -51,7 +45,6 @@ def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np
     Parameters
     ----------
     design : Design
-        The trials.
     slopes : {"none", "dyad", "performer"}
         Units with random slopes.
 
@@ -107,16 +100,10 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
     Parameters
     ----------
     fit : Specification
-        Specification of the model.
     design : Design
         Trials of at least two dyads.
     slopes : {"none", "dyad", "performer"}
         Units with random slopes.
-
-    Returns
-    -------
-    Model
-        Result, fitted or not.
     """
     parts, notes = random_effects(design, slopes)
     if not parts:

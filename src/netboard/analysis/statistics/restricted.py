@@ -106,6 +106,8 @@ def restricted_fit(
 ) -> Restricted | None:
     """Maximise the restricted likelihood (Patterson and Thompson, Biometrika 58:545, 1971).
 
+    None if it grows without limit as the residual variance shrinks: the random effects explain everything.
+
     Parameters
     ----------
     response : ndarray of float64, shape (n,)
@@ -116,12 +118,6 @@ def restricted_fit(
         Design matrix of each random effect: a column for each of its levels, 0 outside one group [1].
     groups : ndarray of int64, shape (n,)
         Group of each row, from 0 [1].
-
-    Returns
-    -------
-    Restricted or None
-        Estimates; None if the likelihood grows without limit as the residual variance shrinks, because the random
-        effects explain everything.
     """
     n, k = columns.shape
     data = _Data(*_triangles(response, columns, sources, groups), k, n - k)

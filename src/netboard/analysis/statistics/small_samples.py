@@ -21,21 +21,15 @@ Array = NDArray[np.float64]
 
 
 def satterthwaite_freedom(moments: Moments, contrast: Array) -> float:
-    """Return Satterthwaite's degrees of freedom of a linear combination of coefficients.
+    """Return Satterthwaite's degrees of freedom of a combination of coefficients; infinite for a known variance [1].
 
     As in lmerTest (Kuznetsova et al., J. Stat. Softw. 82:13, 2017): with the observed information about the variances.
 
     Parameters
     ----------
     moments : Moments
-        Moments of the fit.
     contrast : ndarray of float64, shape (k,)
         Linear combination of the coefficients [1].
-
-    Returns
-    -------
-    float
-        Degrees of freedom; infinite if the effect's variance does not depend on the estimated ones [1].
     """
     active = moments.active
     inverse = _inverse(moments.observed[np.ix_(active, active)])
@@ -43,21 +37,15 @@ def satterthwaite_freedom(moments: Moments, contrast: Array) -> float:
 
 
 def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
-    """Return Kenward and Roger's degrees of freedom of a linear combination of coefficients.
+    """Return Kenward and Roger's degrees of freedom of a linear combination of coefficients [1].
 
     As in pbkrtest (Halekoh and Hojsgaard, J. Stat. Softw. 59:9, 2014); for one combination the scale of their F is 1.
 
     Parameters
     ----------
     moments : Moments
-        Moments of the fit.
     contrast : ndarray of float64, shape (k,)
         Linear combination of the coefficients [1].
-
-    Returns
-    -------
-    float
-        Degrees of freedom [1].
     """
     return _freedom(moments, contrast, np.ones_like(moments.active), _inverse(moments.expected))
 
@@ -68,7 +56,6 @@ def kenward_roger_covariance(moments: Moments) -> Array:
     Parameters
     ----------
     moments : Moments
-        Moments of the fit.
 
     Returns
     -------

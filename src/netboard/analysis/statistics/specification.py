@@ -77,7 +77,6 @@ class Specification:
         Parameters
         ----------
         design : Design
-            The trials.
         coefficients : ndarray of float64, shape (k,)
             Coefficient of each column [log of the response].
         covariance : ndarray of float64, shape (k, k)
@@ -87,9 +86,7 @@ class Specification:
         notes : tuple of str
             Problems and omissions.
         components : tuple of Component
-            Variance components of the random effects.
         diagnostics : Diagnostics or None
-            Residual diagnostics.
         dispersion, correlation : float
             As in `Model` [1].
         moments : Moments or None
@@ -139,9 +136,7 @@ class Specification:
         Parameters
         ----------
         design : Design
-            The trials.
         why : str
-            Reason.
         """
         nothing = np.full(len(design.names), np.nan)
         return self.model(design, nothing, np.full((len(nothing),) * 2, np.nan), converged=False, notes=(why,))
@@ -152,7 +147,6 @@ class Specification:
         Parameters
         ----------
         design : Design
-            The trials.
         family : statsmodels family
             Distribution of the response.
         """
@@ -176,7 +170,6 @@ def lacking(design: Design) -> str:
     Parameters
     ----------
     design : Design
-        The trials.
     """
     n, k = design.columns.shape
     return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
@@ -188,14 +181,6 @@ def noting(fit: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
     Parameters
     ----------
     fit : callable
-        Function that fits.
-
-    Returns
-    -------
-    object
-        The fit, or None.
-    tuple of str
-        The notes.
     """
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")

@@ -47,15 +47,7 @@ TOPIC = "classes"
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """Shares of the classes in a condition.
-
-    Attributes
-    ----------
-    performers : DataFrame
-        Shares of each dyad and performer (rows) and class (columns) [1].
-    dyads : DataFrame
-        Shares of each dyad (rows) and class (columns) [1].
-    """
+    """Shares of the classes (columns) in a condition: of each dyad and performer, or of each dyad (rows) [1]."""
 
     condition: Condition
     performers: pd.DataFrame

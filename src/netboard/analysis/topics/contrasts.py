@@ -41,13 +41,7 @@ SEED = 20_220_302
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A contrast between conditions.
-
-    Attributes
-    ----------
-    first, second : tuple of str
-        Conditions: the level of one, or the difference of two, first minus second.
-    """
+    """A contrast between conditions: the level of one, or the difference of two, first minus second."""
 
     kind: Kind
     name: str
@@ -56,13 +50,7 @@ class Question:
 
 
 def questions_of(study: Study) -> tuple[Question, ...]:
-    """Return the declared contrasts for a study.
-
-    Parameters
-    ----------
-    study : Study
-        The study. Only conditions with human performers are compared: no robot and no still hand.
-    """
+    """Return the declared contrasts for a study: between human performers, no robot and no still hand."""
     people = tuple(one for one in conditions(study) if not one.partner)
     forces = {(one.configuration, one.force, one.among): one for one in people}
     effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
@@ -100,17 +88,10 @@ def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T,
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A measure in the conditions of a contrast.
+    """A measure in the conditions of a contrast; for a ratio measure logarithms, and the ratio as mean difference.
 
-    Attributes
-    ----------
-    contrast : Contrast
-        Paired differences, confidence intervals, tests and d_z; natural logarithms for a ratio measure.
-    difference, bootstrap : Estimate
-        Mean difference with its t interval and with its bootstrap interval; for a ratio measure, the ratio [unit of the
-        measure, or 1].
-    corrected : float
-        p value of the permutation test, Holm-corrected over the family [1].
+    `difference` has the t interval, `bootstrap` the bootstrap interval; `corrected` is the permutation test's p value,
+    Holm-corrected over the family [1].
     """
 
     measure: Measure
@@ -173,13 +154,7 @@ def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> 
 
 @kept
 def comparisons(study: Study) -> Comparisons:
-    """Compute all contrasts of all measures.
-
-    Returns
-    -------
-    Comparisons
-        For every compared measure, all contrasts that some dyad has.
-    """
+    """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
     questions = questions_of(study)
     found: list[Comparison] = []

@@ -65,15 +65,7 @@ APART = "thresholds at which the intervals do not overlap"
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """One kind of delay in a condition.
-
-    Attributes
-    ----------
-    units : DataFrame
-        Delay of each unit of replication (rows) at each of `PERCENT` (columns) [s].
-    dyads : DataFrame
-        Delay of each dyad (rows) at each of `PERCENT` (columns) [s].
-    """
+    """One kind of delay in a condition: of each unit of replication or dyad (rows), at each of `PERCENT` [s]."""
 
     units: pd.DataFrame
     dyads: pd.DataFrame
@@ -82,18 +74,10 @@ class Delays:
 
 @dataclass(frozen=True, slots=True)
 class ConditionDelay:
-    """The delays of a condition.
+    """The delays of a condition: at fractions of the set peak or of each side's own, absolute or signed as set.
 
-    Attributes
-    ----------
-    as_set : Delays
-        At fractions of the set peak, absolute or signed as set.
-    own_peak : Delays
-        At fractions of each side's own peak, absolute or signed as set.
-    signed : Delays
-        At fractions of the set peak, left minus right.
-    truncated : tuple of float
-        Share of delays with a truncated search for a crossing, for each of `PERCENT`; NaN without delays [1].
+    `signed` is at fractions of the set peak, left minus right; `truncated` the share of delays with a truncated search
+    for a crossing, for each of `PERCENT`, NaN without delays [1].
     """
 
     condition: Condition

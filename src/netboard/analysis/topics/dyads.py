@@ -62,14 +62,9 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All dyads in one haptic condition and one quantity.
+    """All dyads in one haptic condition and one quantity; the mean gain is participants' mean minus dyad.
 
-    Attributes
-    ----------
-    points : tuple of Point
-        Two points for each dyad with dyadic trials and bimanual trials of both participants.
-    gain : Estimate
-        Mean gain over dyads: mean of the participants minus the dyad.
+    Each dyad with dyadic trials and bimanual trials of both participants has two points.
     """
 
     quantity: Quantity
@@ -88,13 +83,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Dyads:
-    """Dyads compared with their partners.
-
-    Attributes
-    ----------
-    comparisons : tuple of Comparison
-        One for each quantity and each haptic condition of the dyads.
-    """
+    """Dyads compared with their partners, for each quantity and each haptic condition of the dyads."""
 
     comparisons: tuple[Comparison, ...]
     results: tuple[Result, ...]

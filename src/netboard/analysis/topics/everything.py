@@ -108,13 +108,7 @@ PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER_FIGURES + MODERN_FIGURE
 
 
 def pictures(study: Study) -> Iterator[Picture]:
-    """Draw all figures, one at a time.
-
-    Yields
-    ------
-    Picture
-        The next figure; only title and caption if the study has no data for it.
-    """
+    """Draw all figures, one at a time; only title and caption if the study has no data for one."""
     for draw in PICTURES:
         yield drawn(study, draw)
 

@@ -57,15 +57,10 @@ STYLE: Any = {
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure with title and caption.
+    """A figure with title and caption; without a figure, the caption gives the reason, an error if it `failed`.
 
-    Attributes
-    ----------
-    caption : str
-        Content of the figure in a sentence or two, with n, the unit of replication, and the meaning of bars and bands;
-        or the reason for a missing figure.
-    failed : bool
-        Whether the figure is missing because of an error, which the caption gives.
+    The caption has the content in a sentence or two, with n, the unit of replication, and the meaning of bars and
+    bands.
     """
 
     name: str

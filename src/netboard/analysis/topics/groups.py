@@ -47,14 +47,9 @@ QUANTITIES = (Quantity("completion", "completion time", "s"), Quantity("peaks", 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a study.
+    """A condition of a study; its `role` is empty for test trials.
 
-    Attributes
-    ----------
-    partner : str
-        Partner, if it is neither participant, such as ``robot partner``; otherwise empty.
-    role : str
-        Role of its trials if it is not test; otherwise empty.
+    `partner` is one that is neither participant, such as ``robot partner``; otherwise empty.
     """
 
     name: str
@@ -113,13 +108,7 @@ def conditions(study: Study) -> tuple[Condition, ...]:
 
 @kept
 def bounded(study: Study) -> tuple[Study, str]:
-    """Pool over as few factors as needed to fit the conditions in a figure.
-
-    Returns
-    -------
-    str
-        Sentence that names the pooled factors; empty for none.
-    """
+    """Pool over as few factors as needed to fit the conditions in a figure, and say which; empty for none."""
     cells = len(conditions(study))
     within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
     over: list[StudyFactor] = []
@@ -208,13 +197,10 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 
 
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
-    """Yield the contrasts of interest, as within-dyad differences.
+    """Yield the contrasts of interest by name, as within-dyad differences.
 
-    Yields
-    ------
-    str
-        Name of the contrast, such as ``dyadic, haptics on less off`` for each haptic condition minus haptics off; or
-        ``bimanual less dyadic``, over the haptic conditions that both have; or as in `by_factor`.
+    Such as ``dyadic, haptics on less off`` for each haptic condition minus haptics off; or ``bimanual less dyadic``,
+    over the haptic conditions that both have; or as in `by_factor`.
     """
     for one, base in with_base(every):
         yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
@@ -234,12 +220,9 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
     """Yield pairs of conditions that differ in the level of one further factor, or in the haptic condition.
 
-    Yields
-    ------
-    str
-        Name of the contrast, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level
-        minus the first level that exists under otherwise equal conditions. Haptic conditions are compared in this way
-        if there is none without haptics.
+    Named such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level minus the first level
+    that exists under otherwise equal conditions. Haptic conditions are compared in this way if there is none without
+    haptics.
     """
     for place in range(max((len(one.levels) for one in every), default=0)):
         first: dict[object, Condition] = {}
@@ -266,13 +249,7 @@ def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
 
 
 def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
-    """Return an estimate as a result.
-
-    Parameters
-    ----------
-    found : Estimate
-        The value, its confidence interval and its number of units.
-    """
+    """Return an estimate, with its confidence interval and its number of units, as a result."""
     few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
     said = "; ".join(word for word in (note, few) if word)

@@ -49,16 +49,10 @@ Trials = list[NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Influence:
-    """Influence of one side on the other in a condition.
+    """Influence of one side on the other in a condition: the Granger strength in each true dyad [nat].
 
-    Attributes
-    ----------
-    values : ndarray of float64, shape (n,)
-        Granger strength in each true dyad [nat].
-    chance : Chance or None
-        Comparison of their mean with that of surrogate dyads; None for a single dyad.
-    of : int
-        Smallest number of trials of any dyad, from which these were sampled [1].
+    `chance` compares their mean with that of surrogate dyads, None for a single dyad; `of` is the smallest number of
+    trials of any dyad, from which these were sampled [1].
     """
 
     condition: Condition

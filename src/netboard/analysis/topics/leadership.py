@@ -41,14 +41,9 @@ QUESTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class Leaders:
-    """Leadership in all conditions.
+    """Leadership by measure, then by condition; a mean other than 0 indicates a side that leads across dyads.
 
-    Attributes
-    ----------
-    leads : tuple of Levels
-        By measure, then by condition. A mean other than 0 indicates a side that leads across dyads.
-    changed : tuple of str
-        Dyads whose partners changed seats between dyadic blocks, so that a side is not one participant.
+    `changed` has the dyads whose partners changed seats between dyadic blocks, so that a side is not one participant.
     """
 
     leads: tuple[Levels, ...]
@@ -69,13 +64,7 @@ class Leaders:
 
 
 def leaders(study: Study) -> Leaders:
-    """Return the leadership in all conditions.
-
-    Returns
-    -------
-    Leaders
-        All measures, for conditions with values.
-    """
+    """Return the leadership by all measures, in all conditions with values."""
     return Leaders(levels_of(study, QUESTIONS), _changed_seats(study))
 
 

@@ -59,15 +59,7 @@ TOPIC = "learning"
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """Means of dyads in consecutive groups of trials.
-
-    Attributes
-    ----------
-    first, last : ndarray of int64, shape (g,)
-        Numbers of the first and the last trial of each group [1].
-    dyads : DataFrame
-        Mean of each dyad (rows) in each group (columns) [as the quantity].
-    """
+    """Means of dyads (rows) in consecutive groups of trials, with the numbers of their first and last trials."""
 
     first: NDArray[np.int64]
     last: NDArray[np.int64]
@@ -77,16 +69,10 @@ class Stages:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """One quantity over the trials of a team.
+    """One quantity over the trials of a team, with means over dyads of first trials, last trials, and last minus first.
 
-    Attributes
-    ----------
-    of : str
-        Unit of the standard deviations of `ends`: trials, participants or dyads.
-    first, last, change : Estimate
-        Means over dyads of first trials, last trials, and last minus first.
-    short : int
-        Number of series with too few trials for both ends, which are left out [1].
+    `of` is the unit of the standard deviations of `ends`: trials, participants or dyads; `short` is the number of
+    series with too few trials for both ends, which are left out [1].
     """
 
     quantity: Quantity
@@ -102,14 +88,9 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class TeamLearning:
-    """Learning of a team.
+    """Learning of a team, with the mean duration of each movement class (columns) at each trial number [s].
 
-    Attributes
-    ----------
-    seconds : ndarray, shape (k, 4)
-        Mean duration of each movement class at each trial number [s].
-    dyads, performers, series, trials : int
-        Numbers of dyads, performers, series and trials; a series is a performer's trials in a condition [1].
+    A series is a performer's trials in a condition.
     """
 
     team: str

@@ -167,15 +167,7 @@ def titled(axes: "Axes", letter: str, text: str) -> None:
 def draw_mean(
     axes: "Axes", at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
 ) -> None:
-    """Draw a mean and its confidence interval; nothing without a mean.
-
-    Parameters
-    ----------
-    label : str
-        Name of the two artists; the interval's ends with ``, interval``.
-    scale : float
-        Scale factor of the values, such as 1000 for ms [1].
-    """
+    """Draw a mean and its interval (its label ends with ``, interval``), times `scale`; nothing without a mean."""
     if not np.isfinite(mean.value):
         return
     ends, value = np.array([mean.low, mean.high]) * scale, mean.value * scale
@@ -246,13 +238,7 @@ def many(count: int, word: str) -> str:
 
 
 def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
-    """Return a sentence with the sample sizes, given once if they are equal.
-
-    Parameters
-    ----------
-    known : sequence of (str, int, str)
-        Names, counts, and names of the unit of replication.
-    """
+    """Return a sentence with the sample sizes of names and their units of replication, once if they are equal."""
     if not known:
         return ""
     each = [f"n = {many(count, unit)}" for _, count, unit in known]

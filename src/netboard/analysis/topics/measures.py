@@ -174,12 +174,9 @@ MEASURES = (
 
 
 def rows_of(study: Study, of: Of) -> pd.DataFrame:
-    """Return the rows that have a value.
+    """Return the rows with a value: trials that count, their cooperative movements, or attempts.
 
-    Parameters
-    ----------
-    of : {"trial", "movement", "attempt"}
-        Trials that count; their cooperative movements; or all attempts that succeeded or fell and are not excluded.
+    Attempts are those that succeeded or fell and are not excluded.
     """
     if of == "trial":
         return counted(study)
@@ -192,18 +189,9 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
 
 
 def levels(study: Study, measure: Measure) -> pd.DataFrame:
-    """Return the level of each dyad in each condition.
+    """Return the level of each dyad in each condition (a ratio measure's logarithm), and its number of ``rows``.
 
-    Parameters
-    ----------
-    measure : Measure
-        The measure. A setting decides whether trials or seconds have equal weight in shares.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``condition``, ``dyad``, ``level`` (for a ratio measure its natural logarithm) and ``rows``, the number
-        of values.
+    A setting decides whether trials or seconds have equal weight in shares.
     """
     rows = rows_of(study, measure.of)
     values = np.asarray(measure.values(rows), dtype=float)
@@ -225,13 +213,7 @@ def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def as_read(study: Study) -> tuple[Measure, ...]:
-    """Return the measures, adjusted to the study's settings.
-
-    Returns
-    -------
-    tuple of Measure
-        `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time.
-    """
+    """Return `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time."""
     if study.readings.summaries.shares == "trials":
         return MEASURES
     shares = {f"{name} share" for name in CLASSES}
@@ -240,14 +222,9 @@ def as_read(study: Study) -> tuple[Measure, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """A measure in a condition.
+    """A measure in a condition: the levels of the dyads, and their mean with its t interval [unit of the measure].
 
-    Attributes
-    ----------
-    values : ndarray of float64, shape (n,)
-        Levels of the dyads; geometric means for a ratio measure [unit of the measure].
-    mean : Estimate
-        Mean of the dyads, with its t interval; for a ratio measure computed on the logarithm.
+    For a ratio measure, geometric means, and the mean computed on the logarithm.
     """
 
     measure: Measure
@@ -278,13 +255,7 @@ def _note(one: Levels) -> str:
 
 
 def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
-    """Return the levels of measures in every condition, with their means.
-
-    Returns
-    -------
-    tuple of Levels
-        By measure, then by condition; conditions without values are left out.
-    """
+    """Return the levels of measures, with their means, in every condition that has values, by measure first."""
     found = []
     for measure in measures:
         table = levels(study, measure)

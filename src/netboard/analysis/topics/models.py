@@ -30,13 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A model of a measure.
-
-    Attributes
-    ----------
-    ratio, first : str
-        Meaning of the exponential of a coefficient, and of the intercept.
-    """
+    """A model of a measure; `ratio` and `first` say what the exponential of a coefficient, and the intercept, mean."""
 
     measure: str
     of: str
@@ -111,18 +105,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
 
 @kept
 def fits(study: Study) -> Fits:
-    """Fit all models.
-
-    Parameters
-    ----------
-    study : Study
-        The study; trials with a robot or a still hand are left out.
-
-    Returns
-    -------
-    Fits
-        The models. A model that cannot be fitted gives the reason in its notes.
-    """
+    """Fit all models without robot and still hand; one that cannot be fitted gives the reason in its notes."""
     trials, attempts = (people_alone(rows_of(study, of)) for of in ("trial", "attempt"))
     attempts = attempts.assign(order=number_of(attempts))
     return Fits(fits_of(trials, attempts, study.factors), _left_out(study, len(trials)))
@@ -131,15 +114,7 @@ def fits(study: Study) -> Fits:
 def fits_of(
     trials: pd.DataFrame, attempts: pd.DataFrame, others: Sequence[StudyFactor], level: float = 0.95
 ) -> tuple[Fit, ...]:
-    """Fit all models to the trials that count, and to attempts that are numbered by `number_of`.
-
-    Parameters
-    ----------
-    others : sequence of StudyFactor
-        Further factors of the study.
-    level : float
-        Confidence level [1].
-    """
+    """Fit all models to trials that count and attempts numbered by `number_of`, with the study's further factors."""
     of_trials, of_attempts = _labels(trials, others), _labels(attempts, others)
     times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *of_trials, level=level)
     peaks = count_model(trials["peaks"], *of_trials, level=level)
@@ -165,10 +140,7 @@ def _labels(
 def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
     """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
 
-    Parameters
-    ----------
-    others : sequence of StudyFactor
-        Further factors of the study. Those that force, configuration and partner determine are left out.
+    Those that force, configuration and partner determine are left out.
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCES if force in set(rows["force"])]

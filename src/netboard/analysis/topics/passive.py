@@ -29,17 +29,10 @@ SEED = 20_170_605
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Control:
-    """Effect of a haptic condition, and its passive effect.
+    """Effect of a haptic condition, and its passive effect for an arm's `stiffness` [N/m] and device `friction` [N].
 
-    Attributes
-    ----------
-    stiffness : int
-        Stiffness of the passive partner's arm [N/m].
-    friction : float
-        Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
-    share : Estimate
-        Sum of the passive effects divided by that of the effects, with a bootstrap over dyads: 1 = all is mechanics
-        [1].
+    Friction is 0 for a hand alone. `share` is the sum of the passive effects over that of the effects, with a bootstrap
+    over dyads: 1 = all is mechanics [1].
     """
 
     condition: Condition
@@ -65,13 +58,7 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Controls:
-    """Controls for every haptic condition and stiffness.
-
-    Attributes
-    ----------
-    controls : tuple of Control
-        By haptic condition, then by stiffness; without friction and then with the device, if known.
-    """
+    """Controls by haptic condition, then by stiffness; without friction and then with the device, if known."""
 
     controls: tuple[Control, ...]
 
@@ -108,10 +95,7 @@ def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
 def controls(study: Study) -> Controls:
     """Compare the effect of haptic feedback with that of a passive partner.
 
-    Returns
-    -------
-    Controls
-        The controls; empty if no dyad has dyadic trials both with and without haptic feedback.
+    There are no controls if no dyad has dyadic trials both with and without haptic feedback.
     """
     cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
     live = levels(study, cooperative)

@@ -46,20 +46,10 @@ KEYS = ["recording", "trial", "attempt"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Mean path of a quantity in a condition.
+    """Mean path of a quantity in a condition: of each dyad, over the dyads, and quantiles of all trials [m, s].
 
-    Attributes
-    ----------
-    quantity : {"ball", "near", "far"}
-        Ball position, + = towards the target; height of the hand on the target's side; height of the other hand.
-    time : ndarray of float64, shape (m,)
-        Time after the release [s].
-    each : ndarray of float64, shape (n, m)
-        Mean of each dyad's trials [m].
-    mean : ndarray of float64, shape (m,)
-        Mean over the dyads [m].
-    low, high : ndarray of float64, shape (m,)
-        Quantiles of all trials [m].
+    The quantity is the ball position, + = towards the target; or the height of the hand on the target's side (near), or
+    of the other hand (far).
     """
 
     condition: Condition
@@ -102,14 +92,9 @@ def courses(study: Study) -> Courses:
 
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """Join paths and their trials, one recording after the other.
+    """Yield the paths of each recording's trials, with their ``condition``, ``dyad``, ``target`` and ``completion``.
 
-    Yields
-    ------
-    DataFrame
-        Paths of the trials of a recording, with their ``condition``, ``dyad``, ``target`` and ``completion``;
-        ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are
-        skipped.
+    ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
         told = own[[*KEYS, "condition", "dyad", "target", "completion"]]

@@ -18,18 +18,10 @@ from netboard.analysis.extraction.tables import count, number, words
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """A reported number.
+    """A reported number and the limits of its interval, NaN for none, in its SI unit.
 
-    Attributes
-    ----------
-    topic : str
-        Topic, such as ``learning``: one word, also the name of its figure.
-    value : float
-        The number; NaN if there is none [its unit].
-    low, high : float
-        Limits of its interval; NaN without one [its unit].
-    interval : str
-        Kind of interval, such as ``95 % t`` or ``SD``; empty without one.
+    The topic, such as ``learning``, is also the name of its figure; the interval is such as ``95 % t`` or ``SD``, or
+    empty.
     """
 
     topic: str

@@ -55,13 +55,7 @@ POINT = ["braking_distance", "braking_velocity"]
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """One measure of spread over the groups of trials.
-
-    Attributes
-    ----------
-    dyads : DataFrame
-        Spread of each dyad (rows) in each group (columns) [its unit].
-    """
+    """One measure of spread: of each dyad (rows) in each group of trials (columns) [its unit]."""
 
     quantity: str
     unit: str
@@ -72,14 +66,9 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class TeamStrategy:
-    """Strategies of a team.
+    """Strategies of a team, in groups of trials with the numbers of their first and last ones.
 
-    Attributes
-    ----------
-    first, last : ndarray of int64, shape (g,)
-        Numbers of the first and the last trial of each group [1].
-    spreads : tuple of Spread
-        Variance of distance and of velocity; or the generalised variance of both.
+    The spreads are the variance of distance and of velocity; or the generalised variance of both.
     """
 
     team: str
@@ -91,13 +80,7 @@ class TeamStrategy:
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """Strategies of all teams.
-
-    Attributes
-    ----------
-    teams : tuple of TeamStrategy
-        All teams pooled if there are several, then each team that has trials with a first braking movement.
-    """
+    """Strategies of all teams pooled, if several, and of each that has trials with a first braking movement."""
 
     teams: tuple[TeamStrategy, ...]
     results: tuple[Result, ...]

@@ -9,15 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A display unit.
-
-    Attributes
-    ----------
-    scale : float
-        Factor from the SI unit to this unit [1].
-    finest : int
-        Largest useful number of decimals [1].
-    """
+    """A display unit: the factor from the SI unit, and the largest useful number of decimals."""
 
     symbol: str
     scale: float = 1.0
@@ -51,17 +43,10 @@ _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
 
 def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
-    """Return the display unit of a quantity.
+    """Return the display unit of a quantity in an SI unit, such as ``m2/s``; ``1`` or empty for a pure number.
 
-    Parameters
-    ----------
-    unit : str
-        SI unit, such as ``m2/s``; ``1`` or empty for a pure number.
-    quantity : str
-        Quantity, as in `netboard.analysis.topics.result.Result`: it distinguishes delays from completion times, and
-        shares from other pure numbers.
-    group : str
-        Group; differences of shares are in percentage points.
+    The quantity distinguishes delays from completion times, and shares from other pure numbers; differences of shares,
+    as their group shows, are in percentage points.
     """
     if unit == "s" and _SHORT.search(quantity):
         return MS
