@@ -44,17 +44,12 @@ log = logging.getLogger(__name__)
 
 
 class Operator:
-    """Talks to one server; nothing here waits longer than its timeout.
-
-    Attributes
-    ----------
-    attempts : list of tuple
-        Outcomes of all attempts of the session so far, as in `Outcomes`.
-    """
+    """Talks to one server; nothing here waits longer than its timeout."""
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
         where = keys.reach(network, "console")
         self.status: Status | None = None
+        # Outcomes of all attempts of the session so far, as in `Outcomes`.
         self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
         self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
         self._replies: dict[int, Reply] = {}
