@@ -86,11 +86,6 @@ class Operator:
             sockets.send_or_renew(self._socket, self._hello)
         return newest
 
-    @property
-    def silent_seconds(self) -> float:
-        """Time since the server's last frame; infinite before the first one [s]."""
-        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
-
     def command(self, name: str, argument: str = "") -> int:
         """Send a command; return the number with which to ask for its `reply`."""
         self._number += 1
