@@ -19,19 +19,12 @@ def now_ns() -> int:
 
 
 class Pacer:
-    """Absolute-time ticks of 1 ms.
-
-    Attributes
-    ----------
-    due_ns : int
-        When the present tick was due; before the first `wait`, one tick before it [ns].
-    moved_ns : int
-        By how much the deadlines have been moved since the start [ns].
-    """
+    """Absolute-time ticks of 1 ms."""
 
     def __init__(self, start_ns: int) -> None:
+        # When the present tick was due; before the first `wait`, one tick before it [ns].
         self.due_ns = start_ns - TICK_NS
-        self.moved_ns = 0
+        self.moved_ns = 0  # by how much the deadlines have been moved since the start [ns]
 
     def shift(self, span_ns: int) -> None:
         """Shift this and all later ticks by a duration; negative for earlier [ns]."""

@@ -188,15 +188,8 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     Scheduling is tested here and starts with `steady_loop`, because compiling may take a minute and must not block the
     rest of the machine.
 
-    Parameters
-    ----------
-    cpus : str
-        CPUs it may run on, as in ``0,2-3``; empty for any.
-
-    Returns
-    -------
-    dict of str to str
-        Result of each request: `OK`, `OFF`, or the reason of a refusal.
+    ``cpus``: CPUs it may run on, as in ``0,2-3``; empty for any. Returns the result of each request: `OK`, `OFF`, or
+    the reason of a refusal.
     """
     asked: dict[str, Callable[[], None] | None] = {
         "scheduling": partial(_schedule, priority) if wanted.scheduling else None,

@@ -44,11 +44,8 @@ def numbers(*headings: str) -> tuple[Column, ...]:
 class FittedTable:
     """A table that fits the terminal on which it is printed.
 
-    Parameters
-    ----------
-    *columns : str or Column
-        Heads of the columns; a str is the head of a column of text. The first one identifies a row, together
-        with as many of those after it as it takes to tell the rows apart.
+    ``*columns``: heads of the columns; a str is the head of a column of text. The first one identifies a row, together
+    with as many of those after it as it takes to tell the rows apart.
     """
 
     def __init__(self, *columns: str | Column, title: str = "", caption: str = "", header: bool = True) -> None:

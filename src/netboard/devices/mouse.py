@@ -56,10 +56,7 @@ class Options:
 def follow(z: float, vz: float, before: float, after: float, dt: float, rate: float) -> tuple[float, float]:
     """Return position and velocity of a critically damped mass whose rest point moves uniformly: the exact solution.
 
-    Parameters
-    ----------
-    before, after : float
-        Position of the rest point at the beginning and at the end [m].
+    ``before``, ``after``: position of the rest point at the beginning and at the end [m].
     """
     slope = (after - before) / dt
     lag = 2.0 * slope / rate  # steady-state lag behind a uniformly moving rest point
@@ -72,13 +69,7 @@ def follow(z: float, vz: float, before: float, after: float, dt: float, rate: fl
 
 @final
 class MouseStylus(Device):
-    """A stylus moved by a pointer.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration; the device uses the options of this side's agent.
-    """
+    """A stylus moved by a pointer. It uses the options of this side's agent."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -94,10 +85,7 @@ class MouseStylus(Device):
     def point(self, z: float | None, now_ns: int) -> None:
         """Receive the pointer position from the window.
 
-        Parameters
-        ----------
-        z : float or None
-            Height of the pointer in the scene's frame; None before the first pointer position [m].
+        ``z``: height of the pointer in the scene's frame; None before the first pointer position [m].
         """
         if z is not None:
             if not isfinite(z):

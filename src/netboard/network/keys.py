@@ -53,16 +53,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A peer's entry in the server's list.
-
-    Attributes
-    ----------
-    name : str
-        Role and side, numbered from the second key on.
-    """
+    """A peer's entry in the server's list."""
 
     __pydantic_config__ = NO_EXTRAS
-    name: str
+    name: str  # role and side, numbered from the second key on
     role: Role
     side: Literal["left", "right", ""]
     public: Z85Key
@@ -210,13 +204,7 @@ def init(folder: Path) -> Path:
 
 
 def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
-    """Make a peer's key and authorise it.
-
-    Parameters
-    ----------
-    to : Path
-        Folder for its file; created if missing.
-    """
+    """Make a peer's key and authorise it. ``to``: folder for its file; created if missing."""
     if (role in AT_A_STATION) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
     server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
@@ -258,11 +246,8 @@ def read_list(folder: Path) -> tuple[Peer, ...]:
 def key_files(folder: Path) -> list[tuple[str, str, str]]:
     """List the secret keys in a folder.
 
-    Returns
-    -------
-    list of (str, str, str)
-        For each file: its name, the fingerprint of its key, and that of its server's key (empty for a server's own
-        file).
+    Returns for each file: its name, the fingerprint of its key, and that of its server's key (empty for a server's own
+    file).
     """
     found = []
     for path in sorted(folder.glob("*.key")):

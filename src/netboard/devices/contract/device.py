@@ -25,19 +25,13 @@ O = TypeVar("O")  # noqa: E741
 
 
 class Box(NamedTuple):
-    """Box-shaped workspace of a stylus, in the scene's frame.
+    """Box-shaped workspace of a stylus, in the scene's frame."""
 
-    Attributes
-    ----------
-    x_min, y_min, z_min : float
-        Far, left, lower corner; x is out of the screen, y right, z up [m].
-    x_max, y_max, z_max : float
-        Opposite corner [m].
-    """
-
+    # Far, left, lower corner; x is out of the screen, y right, z up [m].
     x_min: float
     y_min: float
     z_min: float
+    # Opposite corner [m].
     x_max: float
     y_max: float
     z_max: float
@@ -54,106 +48,58 @@ class Box(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A connected device, open or not.
+    """A connected device, open or not."""
 
-    Attributes
-    ----------
-    model : str
-        Manufacturer's name of the model.
-    serial : str
-        Serial number; empty if reading it would require opening the device.
-    """
-
-    model: str
-    serial: str
+    model: str  # manufacturer's name of the model
+    serial: str  # serial number; empty if reading it would require opening the device
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """Properties of a device.
+    """Properties of a device."""
 
-    Attributes
-    ----------
-    model : str
-        Manufacturer's name of the model.
-    serial : str
-        Serial number, which tells the two devices of a rig apart.
-    max_force : float
-        Peak force of the motors; 0 for a device without haptic feedback [N].
-    continuous_force : float
-        Force that the motors can deliver continuously [N].
-    resolution : float
-        Smallest measurable change of position; 0 if unknown [m].
-    workspace : Box or None
-        Region in which forces are reliable, relative to the device's own origin; None if unknown. For an open device:
-        intersected with the workspace in its profile.
-    details : mapping of str to str
-        Other properties worth recording, such as the firmware, with units. For an open device: includes the profile in
-        force.
-    mass : float or None
-        Apparent mass at the stylus, if the profile has it [kg].
-    damping : float or None
-        Viscous damping of the mechanism, if the profile has it [N s/m].
-    """
-
-    model: str
-    serial: str
-    max_force: float
-    continuous_force: float
-    resolution: float
+    model: str  # manufacturer's name of the model
+    serial: str  # serial number, which tells the two devices of a rig apart
+    max_force: float  # peak force of the motors; 0 for a device without haptic feedback [N]
+    continuous_force: float  # force that the motors can deliver continuously [N]
+    resolution: float  # smallest measurable change of position; 0 if unknown [m]
+    # Region in which forces are reliable, relative to the device's own origin; None if unknown. For an open device:
+    # intersected with the workspace in its profile.
     workspace: Box | None = None
+    # Other properties worth recording, such as the firmware, with units. For an open device: includes the profile in
+    # force.
     details: Mapping[str, str] = field(default_factory=dict)
-    mass: float | None = None
-    damping: float | None = None
+    mass: float | None = None  # apparent mass at the stylus, if the profile has it [kg]
+    damping: float | None = None  # viscous damping of the mechanism, if the profile has it [N s/m]
 
 
 class Reading(NamedTuple):
-    """One sample of a stylus.
+    """One sample of a stylus."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        Time of the position, on the clock of the ``now_ns`` argument [ns].
-    x, y, z : float
-        Position: out of the screen, right, up [m].
-    vx, vy, vz : float
-        Velocity, as estimated by the device or its backend [m/s].
-    buttons : int
-        Bit mask of pressed buttons [1].
-    ready : bool
-        True if forces may be rendered: the device is calibrated, held by a hand and inside the usable workspace.
-    """
-
-    stamp_ns: int
+    stamp_ns: int  # time of the position, on the clock of the ``now_ns`` argument [ns]
+    # Position: out of the screen, right, up [m].
     x: float
     y: float
     z: float
+    # Velocity, as estimated by the device or its backend [m/s].
     vx: float
     vy: float
     vz: float
-    buttons: int
+    buttons: int  # bit mask of pressed buttons
+    # True if forces may be rendered: the device is calibrated, held by a hand and inside the usable workspace.
     ready: bool
 
 
 class Device(ABC):
     """A haptic device. Backends derive from this class and are final.
 
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Side of the device.
-    config : Config
-        The whole configuration; ``config.agents.<side>.options`` belongs to the backend.
-
-    Attributes
-    ----------
-    profile : Profile or None
-        Measured properties of the device; None before `open`, and for a device without a profile.
+    Of the configuration, ``agents.<side>.options`` belongs to the backend.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
         self.side = side
         self.agent = config.agents.left if side == "left" else config.agents.right
+        # Measured properties of the device; None before `open`, and for a device without a profile.
         self.profile: Profile | None = None
         self._profiles = Path(config.agents.profiles)
         self._info: DeviceInfo | None = None
@@ -164,16 +110,9 @@ class Device(ABC):
     def read_options(self, cls: type[O]) -> O:
         """Read the backend's own options, ``agents.<side>.options`` in the configuration.
 
-        Parameters
-        ----------
-        cls : type
-            Frozen dataclass whose fields are annotated with `netboard.base.settings.about`. By convention it is the
-            class ``Options`` of the backend's module, from which the documentation is generated.
-
-        Raises
-        ------
-        ConfigError
-            If an option is unknown, has the wrong type or is out of range.
+        ``cls``: frozen dataclass whose fields are annotated with `netboard.base.settings.about`. By convention it is
+        the class ``Options`` of the backend's module, from which the documentation is generated. Raises `ConfigError`
+        if an option is unknown, has the wrong type or is out of range.
         """
         return settings.check(cls, dict(self.agent.options), ("agents", self.side, "options"))
 
@@ -181,20 +120,8 @@ class Device(ABC):
     def present(cls, config: Config) -> tuple[Found, ...]:
         """List the connected devices that the backend's own library shows, without rendering force.
 
-        Parameters
-        ----------
-        config : Config
-            The whole configuration.
-
-        Returns
-        -------
-        tuple of Found
-            Empty for a backend that knows no more than the USB listing.
-
-        Raises
-        ------
-        DeviceError
-            If the library is missing or does not answer.
+        Empty for a backend that knows no more than the USB listing. Raises `DeviceError` if the library is missing or
+        does not answer.
         """
         return ()
 
@@ -202,25 +129,9 @@ class Device(ABC):
     def open(self, *, placed: bool = True) -> DeviceInfo:
         """Find the device, start it with zero force and read its profile.
 
-        Parameters
-        ----------
-        placed : bool
-            False: readings stay in the device's own frame, and the profile's workspace is ignored. For calibration and
-            identification.
-
-        Returns
-        -------
-        DeviceInfo
-            Properties of the device.
-
-        Raises
-        ------
-        DeviceNotFound
-            If the device or its driver is missing.
-        ConfigError
-            If its profile is invalid.
-        ValueError
-            If the device is open already.
+        Not ``placed``, for calibration and identification: readings stay in the device's own frame, and the profile's
+        workspace is ignored. Raises `DeviceNotFound` if the device or its driver is missing, `ConfigError` if its
+        profile is invalid, and `ValueError` if the device is open already.
         """
         if self._info is not None:
             raise ValueError("the device is open already")
@@ -238,13 +149,7 @@ class Device(ABC):
     @property
     @final
     def info(self) -> DeviceInfo:
-        """Properties of the open device.
-
-        Raises
-        ------
-        ValueError
-            If the device is closed.
-        """
+        """Properties of the open device. Raises `ValueError` if the device is closed."""
         if self._info is None:
             raise ValueError("the device is closed")
         return self._info
@@ -253,22 +158,8 @@ class Device(ABC):
     def read(self, now_ns: int) -> Reading:
         """Return the current sample of the stylus.
 
-        Parameters
-        ----------
-        now_ns : int
-            Current time [ns].
-
-        Returns
-        -------
-        Reading
-            Sample in the scene's frame.
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If the device does not answer.
-        ValueError
-            If the device is closed.
+        The sample is in the scene's frame, at the time ``now_ns`` [ns]. Raises `DeviceLost` or `DeviceTimeout` if the
+        device does not answer. Raises `ValueError` if the device is closed.
         """
         if self._info is None:
             raise ValueError("a closed device cannot be read")
@@ -289,17 +180,8 @@ class Device(ABC):
     def write(self, fx: float, fy: float, fz: float) -> None:
         """Set the force on the hand; the device holds it until the next call.
 
-        Parameters
-        ----------
-        fx, fy, fz : float
-            Force: out of the screen, right, up [N].
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If the device does not accept the force.
-        ValueError
-            If the device is closed or a force is not finite.
+        ``fx``, ``fy``, ``fz``: out of the screen, right, up [N]. Raises `DeviceLost` or `DeviceTimeout` if the device
+        does not accept the force. Raises `ValueError` if the device is closed or a force is not finite.
         """
         if self._info is None:
             raise ValueError("no force can be written to a closed device")
@@ -312,10 +194,7 @@ class Device(ABC):
     def close(self) -> None:
         """Write zero force and release the device; do nothing if it is closed.
 
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If the device did not accept the zero force; it is released nevertheless.
+        Raises `DeviceLost` or `DeviceTimeout` if the device did not accept the zero force; it is released nevertheless.
         """
         if self._info is None:
             return

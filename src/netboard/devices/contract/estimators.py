@@ -55,10 +55,7 @@ class Window:
     The window starts at the newest position that is at least `span_ns` older than the latest, or at the oldest stored
     one. With a span of 0 it starts at the previous position, which gives a first difference.
 
-    Parameters
-    ----------
-    span_ns : int
-        Length of the window [ns].
+    ``span_ns``: length of the window [ns].
     """
 
     def __init__(self, span_ns: int) -> None:
@@ -68,13 +65,7 @@ class Window:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate.
-
-        Parameters
-        ----------
-        stamp_ns : int
-            Time of the position; one not later than the newest replaces it [ns].
-        """
+        """Add a position and return the velocity estimate; one not later than the newest replaces it."""
         self._count, vx, vy, vz = _windowed(
             self._stamps_ns, self._places, self._count, self._span_ns, stamp_ns, (x, y, z)
         )
@@ -115,11 +106,8 @@ class Observer:
 
     Its memory is a number of samples, not a duration: the gains do not depend on the sample interval.
 
-    Parameters
-    ----------
-    gains : tuple of float
-        Fractions of the prediction error added to position, velocity and acceleration; the last two are divided by the
-        sample interval and its square. The last gain may be 0, for constant velocity [1].
+    ``gains``: fractions of the prediction error added to position, velocity and acceleration; the last two are divided
+    by the sample interval and its square. The last gain may be 0, for constant velocity.
     """
 
     def __init__(self, gains: tuple[float, float, float]) -> None:
@@ -129,13 +117,7 @@ class Observer:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Add a position and return the velocity estimate.
-
-        Parameters
-        ----------
-        stamp_ns : int
-            Time of the position; one not later than the newest replaces it [ns].
-        """
+        """Add a position and return the velocity estimate; one not later than the newest replaces it."""
         self._count, vx, vy, vz = _observed(
             self._stamps_ns, self._states, self._count, self._gains, stamp_ns, (x, y, z)
         )
@@ -178,10 +160,7 @@ def alpha_beta_gains(forget: float = FORGET) -> tuple[float, float, float]:
 
     Under constant acceleration its velocity estimate lags by ``alpha / beta - 1/2`` samples.
 
-    Parameters
-    ----------
-    forget : float
-        Fraction of an error that remains after one sample [1].
+    ``forget``: fraction of an error that remains after one sample.
     """
     return 1.0 - forget * forget, (1.0 - forget) ** 2, 0.0
 
@@ -192,10 +171,7 @@ def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, f
     Quantisation by the encoder counts as white noise of variance ``resolution**2 / 12``. The Riccati equation is
     iterated to convergence.
 
-    Parameters
-    ----------
-    resolution : float
-        Size of one encoder step, 0 for none; `FINEST` is the lower bound [m].
+    ``resolution``: size of one encoder step, 0 for none; `FINEST` is the lower bound [m].
     """
     hidden = max(resolution, FINEST) ** 2 / 12.0
     stir = jerk * TICK_SECONDS**5 / hidden * _STIR

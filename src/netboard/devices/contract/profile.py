@@ -91,17 +91,8 @@ def file_of(folder: Path, serial: str) -> Path:
 def parse(text: str, source: str) -> Profile:
     """Parse a profile.
 
-    Parameters
-    ----------
-    text : str
-        TOML text.
-    source : str
-        File name, for error messages.
-
-    Raises
-    ------
-    ConfigError
-        If a key is unknown or wrong, a lower bound of the workspace exceeds its upper bound, or the zero is outside.
+    ``source``: file name, for error messages. Raises `ConfigError` if a key is unknown or wrong, a lower bound of the
+    workspace exceeds its upper bound, or the zero is outside.
     """
     profile = read(ADAPTER, Profile, text, source)
     for axis in ("x", "y", "z"):
@@ -120,22 +111,8 @@ def parse(text: str, source: str) -> Profile:
 def load(folder: Path, serial: str) -> Profile | None:
     """Load the profile of a device.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the profiles.
-    serial : str
-        Serial number of the device.
-
-    Returns
-    -------
-    Profile or None
-        None if the device has no profile.
-
-    Raises
-    ------
-    ConfigError
-        If the file is unreadable or invalid, or belongs to another device.
+    Returns None if the device has no profile. Raises `ConfigError` if the file is unreadable or invalid, or belongs to
+    another device.
     """
     path = file_of(folder, serial)
     try:
@@ -155,24 +132,8 @@ def load(folder: Path, serial: str) -> Profile | None:
 def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
     """Save the profile of a device.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the profiles; created if missing.
-    profile : Profile
-        Profile to save.
-    replace : bool
-        Replace the previous profile without keeping it as ``.bak``.
-
-    Returns
-    -------
-    Path
-        Path of the file.
-
-    Raises
-    ------
-    ConfigError
-        If the profile is invalid or the file cannot be written.
+    The folder is created if missing. ``replace``: without keeping the previous profile as ``.bak``. Returns the path of
+    the file. Raises `ConfigError` if the profile is invalid or the file cannot be written.
     """
     path = file_of(folder, profile.device.serial)
     text = write(profile)
@@ -193,13 +154,7 @@ def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
 
 
 def in_words(profile: Profile) -> Mapping[str, str]:
-    """Describe the values in force of a profile, with units, for the recording's metadata.
-
-    Parameters
-    ----------
-    profile : Profile
-        The profile of an open device.
-    """
+    """Describe the values in force of a profile, with units, for the recording's metadata."""
     place, mechanics = profile.placement, profile.mechanics
     zero = (place.zero_x, place.zero_y, place.zero_z)
     words = {

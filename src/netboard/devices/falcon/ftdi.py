@@ -151,10 +151,7 @@ class Chip:
         An idle chip sends an empty packet whenever its latency timer expires, so the call seldom takes longer than
         that.
 
-        Returns
-        -------
-        bytes
-            Received bytes, at most `PAYLOAD`; empty for an empty packet or none.
+        Returns at most `PAYLOAD` bytes; none for an empty packet or no packet.
         """
         try:
             with self._spoken():

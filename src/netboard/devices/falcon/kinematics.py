@@ -67,10 +67,7 @@ LONGEST_STEP = 0.02
 def angles_of(encoders: tuple[int, int, int]) -> Vector:
     """Return the angles of the three arms from their homed encoders.
 
-    Returns
-    -------
-    tuple of float
-        Angles: 0 points away from the axis of the base, 90 degrees towards the person [rad].
+    0 points away from the axis of the base, 90 degrees towards the person [rad].
     """
     first, second, third = encoders
     return (
@@ -88,13 +85,7 @@ def encoders_at(angles: Vector) -> tuple[int, int, int]:
 
 @kernel
 def inverse(place: Vector) -> Vector:
-    """Return the arm angles for a grip position.
-
-    Returns
-    -------
-    tuple of float
-        Angles of the three arms; NaN where an arm does not reach [rad].
-    """
+    """Return the arm angles for a grip position; NaN where an arm does not reach [rad]."""
     return _swing(0, place), _swing(1, place), _swing(2, place)
 
 
@@ -148,10 +139,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 def forward(angles: Vector, guess: Vector) -> Vector:
     """Return the grip position for three arm angles, by Newton's method.
 
-    Returns
-    -------
-    tuple of float
-        Position; NaN if the search from `guess` failed [m].
+    The position is NaN if the search from `guess` failed [m].
     """
     lost = (nan, nan, nan)
     if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > LARGEST_ANGLE:
@@ -188,10 +176,7 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
     Each chain stays closed, so for each arm gradient times motion plus derivative times turn is zero. The system is
     solved by cross products. The values grow without bound near a singular pose.
 
-    Returns
-    -------
-    tuple of tuple of float
-        Derivative of the position by the angle of each arm [m/rad].
+    Derivative of the position by the angle of each arm [m/rad].
     """
     _, ax, ay, az, t1 = _closure(0, angles[0], place)
     _, bx, by, bz, t2 = _closure(1, angles[1], place)
@@ -206,10 +191,7 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
 def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
     """Return the arm torques equivalent to a force at the grip: the transposed Jacobian times the force.
 
-    Returns
-    -------
-    tuple of float
-        Torque of each arm, positive in the direction of increasing angle [N m].
+    Torque of each arm, positive in the direction of increasing angle [N m].
     """
     a, b, c = jacobian(angles, place)
     return (

@@ -54,17 +54,11 @@ ATTEMPTS = 4
 
 
 class Answer(NamedTuple):
-    """Decoded answer of the Falcon.
-
-    Attributes
-    ----------
-    buttons : int
-        Bit mask of the grip's buttons: plus, forward, centre, minus [1].
-    """
+    """Decoded answer of the Falcon."""
 
     encoders: tuple[int, int, int]
     homed: bool
-    buttons: int
+    buttons: int  # bit mask of the grip's buttons: plus, forward, centre, minus
 
 
 def frame_of(commands: tuple[int, int, int], flags: int) -> bytes:
@@ -90,19 +84,13 @@ def _number(nibbles: bytes) -> int:
 
 
 class Link:
-    """The serial line to a running Falcon.
-
-    Attributes
-    ----------
-    sent_ns : int
-        Time at which the last frame was sent, on the monotonic clock [ns].
-    """
+    """The serial line to a running Falcon."""
 
     def __init__(self, chip: ftdi.Chip) -> None:
         self._chip = chip
         self._heard = bytearray()
         self._frame = frame_of((0, 0, 0), 0)
-        self.sent_ns = 0
+        self.sent_ns = 0  # time at which the last frame was sent, on the monotonic clock [ns]
         self.awaited = 0
 
     def begin(self) -> None:

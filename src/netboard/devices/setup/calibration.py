@@ -51,10 +51,7 @@ def box_between(one: Point, other: Point) -> Box:
 def scale_for(zero_z: float, box: Box, needed: float) -> float:
     """Return the scale at which the heights that the task needs fit into the box [1].
 
-    Parameters
-    ----------
-    needed : float
-        Height above and below neutral that the task needs, ``task.stylus_range`` [m].
+    ``needed``: height above and below neutral that the task needs, ``task.stylus_range`` [m].
     """
     room = min(zero_z - box.z_min, box.z_max - zero_z)
     if room < 0.5 * LEAST_SIDE:
@@ -68,12 +65,8 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
 def placed(before: Placement, zero: Point, box: Box | None, needed: float, words: str) -> Placement:
     """Return the placement that follows from the measured positions.
 
-    Parameters
-    ----------
-    before : Placement
-        Previous placement; without a box, its workspace and scale are kept.
-    needed : float
-        Height above and below neutral that the task needs [m].
+    ``before``: previous placement; without a box, its workspace and scale are kept. ``needed``: height above and below
+    neutral that the task needs [m].
     """
     x, y, z = zero
     after = replace(before, zero_x=x, zero_y=y, zero_z=z, calibrated=words)
@@ -85,10 +78,7 @@ def placed(before: Placement, zero: Point, box: Box | None, needed: float, words
 def with_values(before: Placement, given: Mapping[str, str], words: str) -> Placement:
     """Return a placement with values that were entered by hand.
 
-    Parameters
-    ----------
-    given : mapping of str to str
-        Keys of a profile's table ``placement``, with their values as text.
+    ``given``: keys of a profile's table ``placement``, with their values as text.
     """
     values: dict[str, object] = {**asdict(before), "calibrated": words}
     for key, word in given.items():

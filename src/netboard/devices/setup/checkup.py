@@ -50,19 +50,12 @@ LATE_MS = 10.0
 
 
 class Pushes(NamedTuple):
-    """Response of a device to force pulses.
+    """Response of a device to force pulses."""
 
-    Attributes
-    ----------
-    delays : tuple of float
-        Times from writing a pulse to the first reading with movement, one for each pulse that moved the stylus [s].
-    mechanical : float
-        Minimum part of that time due to the stylus mass; NaN without identified mechanics [s].
-    """
-
+    # Times from writing a pulse to the first reading with movement, one for each pulse that moved the stylus [s].
     delays: tuple[float, ...]
     tried: int
-    mechanical: float
+    mechanical: float  # minimum part of that time due to the stylus mass; NaN without identified mechanics [s]
 
 
 def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:

@@ -24,35 +24,19 @@ AXIS = 2
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """Parameters of the chirp.
+    """Parameters of the chirp."""
 
-    Attributes
-    ----------
-    seconds : float
-        Duration [s].
-    slowest, fastest : float
-        Frequency at the start and at the end [Hz].
-    swing : float
-        Largest amplitude [m].
-    speed : float
-        Largest speed of the spring's far end [m/s].
-    stiffness, damping : float
-        Stiffness and damping of the spring [N/m, N s/m].
-    max_force : float
-        Force limit [N].
-    max_speed : float
-        Speed limit of the stylus, above which the force is cut [m/s].
-    """
-
-    seconds: float = 12.0
+    seconds: float = 12.0  # [s]
+    # Frequency at the start and at the end [Hz].
     slowest: float = 0.5
     fastest: float = 8.0
-    swing: float = 0.02
-    speed: float = 0.25
+    swing: float = 0.02  # largest amplitude [m]
+    speed: float = 0.25  # largest speed of the spring's far end [m/s]
+    # Stiffness and damping of the spring [N/m, N s/m].
     stiffness: float = 100.0
     damping: float = 2.0
-    max_force: float = 2.0
-    max_speed: float = 1.0
+    max_force: float = 2.0  # force limit [N]
+    max_speed: float = 1.0  # speed limit of the stylus, above which the force is cut [m/s]
 
     def lead(self, t: float) -> float:
         """Return the position of the spring's far end [m] at a time [s].
@@ -84,10 +68,8 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
 def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
     """Move the stylus of an open device along the chirp.
 
-    Raises
-    ------
-    DeviceError
-        If the device has no motors, has too little room or fails; or if the safety chain cuts the force.
+    Raises `DeviceError` if the device has no motors, has too little room or fails; or if the safety chain cuts the
+    force.
     """
     if device.info.max_force <= 0.0:
         raise DeviceError(f"the {device.info.model} cannot be identified: it has no motors")

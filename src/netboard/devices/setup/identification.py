@@ -63,71 +63,41 @@ CONFIDENCE = 0.95
 
 
 class Motion(NamedTuple):
-    """One axis of a run.
+    """One axis of a run."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Time of each position [s].
-    place : ndarray, shape (n,)
-        Position of the stylus [m].
-    written : ndarray, shape (n,)
-        Time at which each force was written; it acts until the next one [s].
-    force : ndarray, shape (n,)
-        Force [N].
-    """
-
-    time: Floats
-    place: Floats
-    written: Floats
-    force: Floats
+    time: Floats  # time of each position [s]
+    place: Floats  # position of the stylus [m]
+    written: Floats  # time at which each force was written; it acts until the next one [s]
+    force: Floats  # [N]
 
 
 class Estimate(NamedTuple):
-    """Estimate of one parameter.
-
-    Attributes
-    ----------
-    half_width : float
-        Half-width of the 95 % confidence interval, in the unit of the value.
-    """
+    """Estimate of one parameter."""
 
     value: float
-    half_width: float
+    half_width: float  # half-width of the 95 % confidence interval, in the unit of the value
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Identified mechanics of a stylus.
+    """Identified mechanics of a stylus."""
 
-    Attributes
-    ----------
-    mass, damping, friction, load, delay, stiffness : Estimate
-        Parameter estimates [kg, N s/m, N, N, s, N/m].
-    misfit : float
-        Root mean square of the position residuals [m].
-    travel : float
-        Distance between the extreme positions of the run [m].
-    """
-
+    # Parameter estimates [kg, N s/m, N, N, s, N/m].
     mass: Estimate
     damping: Estimate
     friction: Estimate
     load: Estimate
     delay: Estimate
     stiffness: Estimate
-    misfit: float
-    travel: float
+    misfit: float  # root mean square of the position residuals [m]
+    travel: float  # distance between the extreme positions of the run [m]
     windows: int
 
 
 def identify(motion: Motion, held: bool) -> Identified:
     """Estimate mass, damping and friction.
 
-    Parameters
-    ----------
-    held : bool
-        True if a hand holds the stylus: then stiffness is estimated too, and mass and damping include the hand's.
+    ``held``: True if a hand holds the stylus: then stiffness is estimated too, and mass and damping include the hand's.
     """
     windows = _Windows(motion)
     travel = float(np.ptp(motion.place))

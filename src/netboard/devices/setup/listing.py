@@ -19,19 +19,12 @@ from netboard.devices.setup.usb import ADVICE, NAMES, Plugged
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A listed device.
+    """A listed device."""
 
-    Attributes
-    ----------
-    model, serial : str
-        Model, and serial number if known.
-    usb : str
-        USB vendor and product; empty for other devices.
-    """
-
+    # Model, and serial number if known.
     model: str
     serial: str
-    usb: str
+    usb: str  # USB vendor and product; empty for other devices
     place: str
     seen_by: tuple[str, ...]
     shut: tuple[str, ...] = ()
@@ -93,10 +86,7 @@ def _listed(found: Plugged, source: str) -> Listed:
 def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[Listed]:
     """Merge the devices that a backend's library shows into the list, by serial number.
 
-    Returns
-    -------
-    list of Listed
-        Each device once; the library's model name takes precedence.
+    Returns each device once; the library's model name takes precedence.
     """
     out = list(devices)
     for model, serial in found:

@@ -57,33 +57,18 @@ class RealTime:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Readings and forces of a run.
+    """Readings and forces of a run."""
 
-    Attributes
-    ----------
-    begun : ndarray, shape (n,)
-        Time at which each reading was requested [s].
-    took : ndarray, shape (n,)
-        Duration of each reading [s].
-    time : ndarray, shape (n,)
-        Time stamp of each position [s].
-    place, velocity : ndarray, shape (n, 3)
-        Position and velocity of the stylus, in the device's own frame [m, m/s].
-    written : ndarray, shape (n,)
-        Time at which each force was written [s].
-    force : ndarray, shape (n, 3)
-        Force rendered from that time on [N].
-    """
-
-    begun: Floats
-    took: Floats
-    time: Floats
+    begun: Floats  # time at which each reading was requested [s]
+    took: Floats  # duration of each reading [s]
+    time: Floats  # time stamp of each position [s]
+    # Position and velocity of the stylus, in the device's own frame [m, m/s].
     place: Floats
     velocity: Floats
     buttons: NDArray[np.int64]
     ready: NDArray[np.bool_]
-    written: Floats
-    force: Floats
+    written: Floats  # time at which each force was written [s]
+    force: Floats  # force rendered from that time on [N]
 
 
 Row = tuple[int, int, Reading, int, Vector]
@@ -138,10 +123,7 @@ class Driver:
     ) -> Track:
         """Arm the device, render forces for a duration, then release them.
 
-        Parameters
-        ----------
-        force : callable
-            Wanted force on the hand [N], called with the time since arming [s] and a reading.
+        ``force``: wanted force on the hand [N], called with the time since arming [s] and a reading.
         """
         rows: list[Row] = []
         total = round(seconds * 1e9 / TICK_NS)

@@ -29,21 +29,13 @@ ADVICE = "install deploy/udev/70-netboard.rules and join the group netboard; see
 
 
 class Plugged(NamedTuple):
-    """A connected device.
-
-    Attributes
-    ----------
-    place : str
-        Connection, as named by the source that found it.
-    nodes : tuple of Path
-        Files in /dev that drive it, on Linux.
-    """
+    """A connected device."""
 
     vendor: str
     product: str
     serial: str
-    place: str
-    nodes: tuple[Path, ...] = ()
+    place: str  # connection, as named by the source that found it
+    nodes: tuple[Path, ...] = ()  # files in /dev that drive it, on Linux
 
     @property
     def shut(self) -> tuple[str, ...]:

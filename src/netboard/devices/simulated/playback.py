@@ -107,21 +107,11 @@ class Playback(Device):
 
 @dataclass(frozen=True)
 class Track:
-    """Trajectory of a stylus, in the scene's frame.
+    """Trajectory of a stylus, in the scene's frame."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n,)
-        Sample times, from 0, increasing [s].
-    places : ndarray, shape (n, 3)
-        Positions [m].
-    rates : ndarray, shape (n, 3)
-        Velocities; NaN along axes where they are unknown [m/s].
-    """
-
-    times: NDArray[np.float64]
-    places: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    times: NDArray[np.float64]  # sample times, from 0, increasing [s]
+    places: NDArray[np.float64]  # positions [m]
+    rates: NDArray[np.float64]  # velocities; NaN along axes where they are unknown [m/s]
     buttons: NDArray[np.int64]
 
     @property
@@ -163,13 +153,7 @@ def _between(share: float, span: float, x: float, then: float, v: float, rate: f
 
 
 def read_track(path: Path, side: Side, trial: int) -> Track:
-    """Read a trajectory; the file suffix determines the format.
-
-    Parameters
-    ----------
-    trial : int
-        Trial of a recording; 0 for all trials [1].
-    """
+    """Read a trajectory; the file suffix determines the format. ``trial``: of a recording; 0 for all."""
     if not path.is_file():
         raise DeviceNotFound(f"{path}: there is no such file to play back")
     match path.suffix.lower():
@@ -183,10 +167,7 @@ def read_track(path: Path, side: Side, trial: int) -> Track:
 def read_recording(path: Path, side: Side, trial: int) -> Track:
     """Read a stylus trajectory from a recording: each sample once, at its server time.
 
-    Parameters
-    ----------
-    trial : int
-        Use only this trial, with all its attempts; 0 for all [1].
+    ``trial``: use only this trial, with all its attempts; 0 for all.
     """
     with Recording(path) as recording:
         rows = recording.ticks()
@@ -218,10 +199,7 @@ def _track(rows: NDArray[Any], side: Side) -> Track:
 def read_csv(path: Path) -> Track:
     """Read a trajectory from a CSV file.
 
-    Raises
-    ------
-    ConfigError
-        If the file is invalid; the message gives the first error, with line and column.
+    Raises `ConfigError` if the file is invalid; the message gives the first error, with line and column.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

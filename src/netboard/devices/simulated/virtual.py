@@ -95,12 +95,7 @@ class Heat:
     Temperature is relative to the room, in units of the motors' limit: the continuous force, held indefinitely, brings
     it to 1. Above 1 the motors are hot until they have cooled to `COOL`.
 
-    Parameters
-    ----------
-    continuous : float
-        Continuous force of the motors [N].
-    time : float
-        Time constant [s].
+    ``continuous``: continuous force of the motors [N]. ``time``: their time constant [s].
     """
 
     def __init__(self, continuous: float, time: float) -> None:
@@ -117,13 +112,7 @@ class Heat:
 
 
 class Late:
-    """Delay line for positions, with linear interpolation between samples.
-
-    Parameters
-    ----------
-    delay_ns : int
-        Delay [ns].
-    """
+    """Delay line for positions, with linear interpolation between samples."""
 
     def __init__(self, delay_ns: int) -> None:
         self._delay_ns = delay_ns
@@ -149,11 +138,7 @@ class Late:
 class VirtualTouch(Device):
     """A simulated device in a simulated hand.
 
-    Parameters
-    ----------
-    config : Config
-        The whole configuration; the device uses the tables ``virtual``, ``participant`` and ``agents`` and the block's
-        seed.
+    It uses the tables ``virtual``, ``participant`` and ``agents`` of the configuration, and the block's seed.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -191,10 +176,7 @@ class VirtualTouch(Device):
     def command(self, moves: Iterable[Submovement]) -> None:
         """Command movements of the hand.
 
-        Parameters
-        ----------
-        moves : iterable of Submovement
-            Movements of this side's hand, timed on the clock of `read`, in seconds.
+        ``moves``: movements of this side's hand, timed on the clock of `read`, in seconds.
         """
         mine = tuple(moves)
         if any(move.side != self.side for move in mine):

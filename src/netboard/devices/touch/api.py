@@ -160,14 +160,9 @@ HELP = "install 3D Systems' Touch driver and OpenHaptics, or name the file in th
 
 
 class Fault(NamedTuple):
-    """One error from the library's stack.
+    """One error from the library's stack."""
 
-    Attributes
-    ----------
-    code, internal : int
-        Error code of the library, and of the layer below it [1].
-    """
-
+    # Error code of the library, and of the layer below it.
     code: int
     internal: int
     handle: int
@@ -179,13 +174,7 @@ class Fault(NamedTuple):
 
 
 class Library:
-    """The vendor's library, loaded.
-
-    Parameters
-    ----------
-    path : str
-        Path of the library, or a name by which the system finds it.
-    """
+    """The vendor's library, loaded. ``path``: path of the library, or a name by which the system finds it."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -241,10 +230,8 @@ def places() -> list[str]:
 def load(path: str = "") -> Library:
     """Load the library.
 
-    Raises
-    ------
-    DeviceNotFound
-        If the library is missing or invalid; the message says where it was searched for and what to install.
+    Raises `DeviceNotFound` if the library is missing or invalid; the message says where it was searched for and what to
+    install.
     """
     use_plain_numbers()
     why = []

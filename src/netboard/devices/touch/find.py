@@ -89,11 +89,8 @@ def config_folders() -> list[Path]:
 def find(rig: Rig, serial: str, name: str) -> Seat:
     """Initialise the wanted device and make it current, while the scheduler is paused.
 
-    Parameters
-    ----------
-    name : str
-        Name of the device. With a serial number, it is tried first; without, it is the only one tried. Empty for the
-        usual ones.
+    ``name``: name of the device. With a serial number, it is tried first; without, it is the only one tried. Empty for
+    the usual ones.
     """
     tried: dict[str, str] = {}
     there: dict[str, str] = {}
@@ -126,10 +123,7 @@ def find(rig: Rig, serial: str, name: str) -> Seat:
 def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
     """Initialise and release the devices one by one, with no servo and no force.
 
-    Parameters
-    ----------
-    names : list of str
-        Possible names of devices; a device in use by another program is not found.
+    ``names``: possible names of devices; a device in use by another program is not found.
     """
     found: dict[str, Found] = {}
     with rig.paused():
@@ -148,10 +142,7 @@ def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
 def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
     """Return the properties of the current device, while the scheduler is paused.
 
-    Parameters
-    ----------
-    resolution : float
-        Size of one encoder step, which the library does not report [m].
+    ``resolution``: size of one encoder step, which the library does not report [m].
     """
     must = (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE)
     serial, model = (_required(library, what, library.string) for what in must)
@@ -172,10 +163,7 @@ def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
 def workspace(corners: tuple[float, ...]) -> Box:
     """Convert a workspace to the scene's frame.
 
-    Parameters
-    ----------
-    corners : tuple of float
-        Minimum and maximum corner in the vendor's frame: right, up, towards the user [mm].
+    ``corners``: minimum and maximum corner in the vendor's frame: right, up, towards the user [mm].
     """
     right, up, near, most_right, most_up, most_near = (0.001 * value for value in corners)
     return Box(near, right, up, most_near, most_right, most_up)

@@ -43,15 +43,9 @@ ANSWER_S = 1.0
 
 @dataclass
 class Seat:
-    """An initialised device.
+    """An initialised device."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the library; empty for its default device.
-    """
-
-    name: str
+    name: str  # name in the library; empty for its default device
     handle: int
     servo: Servo | None = None
     scheduled: int | None = None
@@ -59,17 +53,11 @@ class Seat:
 
 
 class Rig:
-    """The open devices of a process, and their scheduler.
-
-    Attributes
-    ----------
-    since_ns : int or None
-        Time at which the scheduler was started; None while it is stopped [ns].
-    """
+    """The open devices of a process, and their scheduler."""
 
     def __init__(self, library: Library) -> None:
         self.library = library
-        self.since_ns: int | None = None
+        self.since_ns: int | None = None  # time at which the scheduler was started; None while it is stopped [ns]
         self._seats: dict[int, Seat] = {}
         self._changing = threading.RLock()
         self._routing = threading.Lock()
@@ -95,10 +83,7 @@ class Rig:
     def init(self, name: str) -> Seat:
         """Initialise a device and make it current, while the scheduler is paused.
 
-        Parameters
-        ----------
-        name : str
-            Name in the library; empty for its default device.
+        ``name``: name in the library; empty for its default device.
         """
         hd = self.library
         self._note(hd.drain())
@@ -117,10 +102,7 @@ class Rig:
     def schedule(self, seat: Seat, servo: Servo, entry: Entry | None = None) -> None:
         """Schedule a device's callback in the servo thread, starting at the end of the current pause.
 
-        Parameters
-        ----------
-        entry : Entry or None
-            Callback to schedule in place of the servo's, such as a watch around it.
+        ``entry``: callback to schedule in place of the servo's, such as a watch around it.
         """
         with self.paused():
             function, data = entry or servo.entry
@@ -168,10 +150,7 @@ class Rig:
     def release(self, seat: Seat) -> bool:
         """Release a device; do nothing if it is released.
 
-        Returns
-        -------
-        bool
-            True if the device is known to have taken a zero force, or never had a force.
+        Returns True if the device is known to have taken a zero force, or never had a force.
         """
         with self._changing:
             if self._seats.get(seat.handle) is not seat:

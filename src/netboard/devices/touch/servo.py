@@ -29,18 +29,11 @@ KEPT_FAULTS = 256
 
 
 class Shot(NamedTuple):
-    """Result of one tick.
-
-    Attributes
-    ----------
-    stamp_ns : int
-        Time at which the position was read [ns].
-    position, velocity : tuple of float
-        Position and velocity in the vendor's frame [mm, mm/s].
-    """
+    """Result of one tick."""
 
     tick: int
-    stamp_ns: int
+    stamp_ns: int  # time at which the position was read [ns]
+    # Position and velocity in the vendor's frame [mm, mm/s].
     position: Vector
     velocity: Vector
     buttons: int
@@ -75,10 +68,7 @@ class Servo(Protocol):
 class PythonServo:
     """Callback in Python. It needs the interpreter lock, so another busy thread of the process delays it.
 
-    Parameters
-    ----------
-    timeout_ns : int
-        Age above which a force is cut to zero [ns].
+    ``timeout_ns``: age above which a force is cut to zero [ns].
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:

@@ -132,10 +132,7 @@ def _compiler() -> list[str]:
 class ShimServo:
     """Callback in C. It does not need the interpreter lock.
 
-    Parameters
-    ----------
-    timeout_ns : int
-        Age above which a force is cut to zero [ns].
+    ``timeout_ns``: age above which a force is cut to zero [ns].
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
@@ -178,10 +175,7 @@ class ShimServo:
 class Watch:
     """Records call and return times of a callback, in the servo thread and without the interpreter lock.
 
-    Parameters
-    ----------
-    entry : Entry or None
-        Callback to watch; None for an empty tick.
+    ``entry``: callback to watch; None for an empty tick.
     """
 
     def __init__(self, entry: Entry | None, room: int) -> None:

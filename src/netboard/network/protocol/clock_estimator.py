@@ -147,16 +147,6 @@ class ClockEstimator:
             self._measure_drift(t3_ns)
         return True
 
-    def to_server(self, peer_ns: int) -> int:
-        """Convert a stamp of the peer's clock to server time [ns].
-
-        Parameters
-        ----------
-        peer_ns : int
-            The stamp [ns].
-        """
-        return peer_ns - self.offset_ns
-
     def _forget(self) -> None:
         """Forget all probes."""
         self._spans.clear()

@@ -27,33 +27,23 @@ VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """The address to which a channel is bound or connected.
-
-    Attributes
-    ----------
-    lock : Authenticator or Credentials or None
-        The server's authenticator, or a peer's keys; None without encryption.
-    """
+    """The address to which a channel is bound or connected."""
 
     address: str
     channel: int = MOTION
+    # The server's authenticator, or a peer's keys; None without encryption.
     lock: Authenticator | Credentials | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Addresses:
-    """The addresses of the channels.
-
-    Attributes
-    ----------
-    lock : Authenticator or Credentials or None
-        The server's authenticator, or a peer's keys; None without encryption.
-    """
+    """The addresses of the channels."""
 
     host: str
     bind: str
     port: int
     transport: str = "tcp"
+    # The server's authenticator, or a peer's keys; None without encryption.
     lock: Authenticator | Credentials | None = None
 
     def listen(self, channel: int) -> Endpoint:

@@ -44,15 +44,10 @@ class Router:
     """A ROUTER: frames of many peers, each with the peer's name.
 
     With keys a peer's name must begin with the role and side of its key, as in ``agent.left@`` and a part of its own.
-
-    Attributes
-    ----------
-    key : str
-        Key of the last frame's sender (Z85); empty without keys.
     """
 
     def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
-        self.key = ""
+        self.key = ""  # key of the last frame's sender (Z85); empty without keys
         self.channel = CHANNELS[endpoint.channel]
         self.socket = socket
         self._authenticator = endpoint.lock if isinstance(endpoint.lock, Authenticator) else None

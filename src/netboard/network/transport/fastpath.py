@@ -189,10 +189,7 @@ def receive(fast: Any, frame: Any) -> int:
     A message of several parts, or one that is too long, counts as an empty frame, which is no valid message. Parts are
     skipped a bounded number at a time; until all are skipped the result is `NOTHING`.
 
-    Returns
-    -------
-    int
-        Place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
+    Returns the place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
     """
     if not _skip_parts(fast):
         return NOTHING
@@ -223,10 +220,7 @@ def receive(fast: Any, frame: Any) -> int:
 def send_to(fast: Any, place: int, frame: Any) -> int:
     """Send a frame to a known peer, without waiting.
 
-    Returns
-    -------
-    int
-        `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
+    Returns `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
     """
     us = fast[0]
     name = us["names"][place]
@@ -239,10 +233,7 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
 def hear(fast: Any, frame: Any) -> int:
     """Receive one frame on a socket with one peer, without waiting.
 
-    Parameters
-    ----------
-    frame : ndarray of uint8
-        Output: the frame, truncated to the size of this buffer.
+    ``frame`` receives it, truncated to the size of this buffer.
     """
     size = _zmq_recv(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
     return min(size, len(frame)) if size >= 0 else _no_frame()
@@ -252,10 +243,7 @@ def hear(fast: Any, frame: Any) -> int:
 def say(fast: Any, frame: Any) -> int:
     """Send a frame on a socket with one peer, without waiting.
 
-    Returns
-    -------
-    int
-        `SENT`, `NOT_SENT` if no peer is connected or the queue is full, or `FAILED`.
+    Returns `SENT`, `NOT_SENT` if no peer is connected or the queue is full, or `FAILED`.
     """
     return SENT if _zmq_send(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
@@ -277,10 +265,8 @@ def sender_of(row: Any) -> Sender:
 class FastPath:
     """A socket whose frames kernels exchange.
 
-    Parameters
-    ----------
-    socket : zmq.Socket or None
-        A router or a dealer, which must not be closed before the fast path; None for a fast path without a socket.
+    ``socket``: a router or a dealer, which must not be closed before the fast path; None for a fast path without a
+    socket.
     """
 
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:

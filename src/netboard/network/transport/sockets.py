@@ -89,19 +89,12 @@ def open_context(
 ) -> Iterator[Context]:
     """Make a context; on leaving, its sockets are closed and lingering frames are sent.
 
-    Parameters
-    ----------
-    io_priority : int or None
-        SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
-    io_cpus : iterable of int
-        CPUs on which it runs; empty: any. A setting that the system refuses is logged and not given to libzmq, which
-        would abort.
-    apart : bool
-        Make the server's sockets of all channels but motion in a second context, with a thread for each, on any CPU and
-        without priority. Handshakes there take no time from the motion channel.
-    loop_priority : int
-        Priority of the loop that uses the context: while handshakes are being refused, libzmq's thread runs below it;
-        0: never.
+    ``io_priority``: SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
+    ``io_cpus``: CPUs on which it runs; empty: any. A setting that the system refuses is logged and not given to libzmq,
+    which would abort. ``apart``: make the server's sockets of all channels but motion in a second context, with a
+    thread for each, on any CPU and without priority. Handshakes there take no time from the motion channel.
+    ``loop_priority``: priority of the loop that uses the context: while handshakes are being refused, libzmq's thread
+    runs below it; 0: never.
     """
     context = Context()
     if apart:

@@ -28,15 +28,9 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Effort:
-    """How thorough an examination is.
+    """How thorough an examination is."""
 
-    Attributes
-    ----------
-    timer_seconds : float
-        Duration of each of the two timer tests [s].
-    """
-
-    timer_seconds: float
+    timer_seconds: float  # duration of each of the two timer tests [s]
     exchanges: int
     chunks: int
 
@@ -120,13 +114,7 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
 
 
 def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:
-    """Run all steps.
-
-    Parameters
-    ----------
-    follow : callable
-        Gets the name of the current step, and its progress up to 1.
-    """
+    """Run all steps. ``follow``: gets the name of the current step, and its progress up to 1."""
     findings: list[Finding] = []
     for what, step in steps(config, effort).items():
         follow(what, 0.0)

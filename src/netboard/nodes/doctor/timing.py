@@ -33,15 +33,10 @@ WARM_UP_TICKS = 200
 
 @dataclass(frozen=True)
 class Woken:
-    """Wake-up latencies of a loop.
-
-    Attributes
-    ----------
-    p50_us, p99_us, p999_us, max_us : float
-        Median, 99 % and 99.9 % quantile, and maximum of the latency [us].
-    """
+    """Wake-up latencies of a loop."""
 
     came: dict[str, str]
+    # Median, 99 % and 99.9 % quantile, and maximum of the latency [us].
     p50_us: float
     p99_us: float
     p999_us: float
@@ -49,13 +44,7 @@ class Woken:
 
 
 def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Woken:
-    """Run a loop in a process of its own.
-
-    Parameters
-    ----------
-    progress : callable
-        Called repeatedly with the share that is done, up to 1 [1].
-    """
+    """Run a loop in a process of its own. ``progress``: called repeatedly with the share that is done, up to 1."""
     asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
     command = [sys.executable, "-m", "netboard.nodes.doctor.timing", asked]
     began = time.monotonic()

@@ -42,16 +42,9 @@ LOOK_NS = 1_000_000_000
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     """Decide how a batch fits a logger that expects a certain record next.
 
-    Parameters
-    ----------
-    expected : int or None
-        Number of the next record; None if any is welcome [1].
-
-    Returns
-    -------
-    (int, int) or None
-        How many records from `expected` on are lost for good, and how many of the batch the logger already has [1];
-        None if records are missing that the server still has.
+    ``expected``: number of the next record; None if any is welcome. Returns how many records from `expected` on are
+    lost for good, and how many of the batch the logger already has; None if records are missing that the server still
+    has.
     """
     if expected is None:
         return batch.lost, 0
@@ -65,14 +58,8 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
 class Logger:
     """Receives the log and writes the recordings.
 
-    Parameters
-    ----------
-    once : bool
-        True: end with the session; False: wait for the next one.
-    clock : callable
-        Monotonic time [ns].
-    wall_clock : callable
-        UTC, read once for each file [ns].
+    ``once``: end with the session instead of waiting for the next one. ``clock``: monotonic time [ns]. ``wall_clock``:
+    UTC, read once for each file [ns].
     """
 
     def __init__(
@@ -107,10 +94,7 @@ class Logger:
     def run(self, stopping: Callable[[], bool]) -> int:
         """Record until stopped, or with `once` until the session is over.
 
-        Returns
-        -------
-        int
-            Exit code: 0, or 1 if the recording could not be continued.
+        Returns the exit code: 0, or 1 if the recording could not be continued.
         """
         log.info("waiting for the server")
         try:

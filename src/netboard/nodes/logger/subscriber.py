@@ -58,13 +58,7 @@ class Ear(Protocol):
 
 
 class Listener:
-    """Subscribes to the log of one server.
-
-    Parameters
-    ----------
-    clock : callable
-        Monotonic time [ns].
-    """
+    """Subscribes to the log of one server. ``clock``: monotonic time [ns]."""
 
     def __init__(self, link: Link, ear: Ear, purpose: str, clock: Callable[[], int] = now_ns) -> None:
         self.lost = 0

@@ -46,10 +46,7 @@ class Ended:
 class Launcher:
     """Runs and supervises processes; on leaving, ends all that still run.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Folder for their output, one file each; None passes it on to this process's output.
+    ``folder``: folder for their output, one file each; None passes it on to this process's output.
     """
 
     def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:

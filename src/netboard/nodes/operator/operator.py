@@ -44,17 +44,12 @@ log = logging.getLogger(__name__)
 
 
 class Operator:
-    """Talks to one server; nothing here waits longer than its timeout.
-
-    Attributes
-    ----------
-    attempts : list of tuple
-        Outcomes of all attempts of the session so far, as in `Outcomes`.
-    """
+    """Talks to one server; nothing here waits longer than its timeout."""
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
         where = keys.reach(network, "console")
         self.status: Status | None = None
+        # Outcomes of all attempts of the session so far, as in `Outcomes`.
         self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
         self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
         self._replies: dict[int, Reply] = {}
@@ -90,11 +85,6 @@ class Operator:
             self._said_hello_ns = now_ns()
             sockets.send_or_renew(self._socket, self._hello)
         return newest
-
-    @property
-    def silent_seconds(self) -> float:
-        """Time since the server's last frame; infinite before the first one [s]."""
-        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
 
     def command(self, name: str, argument: str = "") -> int:
         """Send a command; return the number with which to ask for its `reply`."""

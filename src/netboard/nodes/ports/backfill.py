@@ -27,17 +27,11 @@ MOST_GAPS = 64
 
 
 class Gaps:
-    """Interruptions of one side whose samples have not been received yet.
-
-    Attributes
-    ----------
-    asked_ns : int or None
-        When the first of them was requested; None if no request is open [ns].
-    """
+    """Interruptions of one side whose samples have not been received yet."""
 
     def __init__(self) -> None:
         self.open: deque[BackfillRequest] = deque(maxlen=MOST_GAPS)
-        self.asked_ns: int | None = None
+        self.asked_ns: int | None = None  # when the first of them was requested; None if no request is open [ns]
         self._known: int | None = None
         self._ticks = 0
 

@@ -60,20 +60,7 @@ class _Logger:
 
 
 class LogPort:
-    """Keeps the records of a session and sends them to the loggers.
-
-    Parameters
-    ----------
-    clock : callable
-        Monotonic time [ns].
-
-    Attributes
-    ----------
-    trouble : str
-        Why a trial that must be recorded cannot go on, or empty; set by `pump`.
-    subscribers : Subscribers
-        Subscribers, which get the records but have no part in keeping them.
-    """
+    """Keeps the records of a session and sends them to the loggers. ``clock``: monotonic time [ns]."""
 
     def __init__(
         self,
@@ -83,7 +70,7 @@ class LogPort:
         spill: Spill,
         clock: Callable[[], int] = now_ns,
     ) -> None:
-        self.trouble = ""
+        self.trouble = ""  # why a trial that must be recorded cannot go on, or empty; set by `pump`
         self.free_bytes = 0
         self.news: News = []
         self.store = RecordStore(capacity, spill, welcome, self.news)
@@ -102,6 +89,7 @@ class LogPort:
         self._space_is_low = False
         self._ended = False
         self._probes = Probes()
+        # Subscribers, which get the records but have no part in keeping them.
         self.subscribers = Subscribers(router, self.ring, self._peer_events)
 
     @property

@@ -51,14 +51,9 @@ MOST_STRANGERS = 3
 class MotionPort:
     """The state of both agents, and the socket.
 
-    Parameters
-    ----------
-    timeout_ns : int
-        Age from which a sample no longer counts [ns].
-    bound_ns : int
-        Largest error bound of an agent's clock with which its device may be armed [ns].
-    ends : ndarray of float64, shape (2, 3), or None
-        For agents that compute their own forces (`netboard.nodes.ports.samples.ends_of`); else None.
+    ``timeout_ns``: age from which a sample no longer counts [ns]. ``bound_ns``: largest error bound of an agent's clock
+    with which its device may be armed [ns]. ``ends``: for agents that compute their own forces
+    (`netboard.nodes.ports.samples.ends_of`); else None.
     """
 
     def __init__(
@@ -107,13 +102,7 @@ class MotionPort:
         return not samples.awaited(self._words)
 
     def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> None:
-        """Take what has arrived.
-
-        Parameters
-        ----------
-        signalled : bool
-            The socket has signalled: take frames only until the tick is complete.
-        """
+        """Take what has arrived. ``signalled``: take frames only until the tick is complete."""
         left, odd = samples.MOST_FRAMES, MOST_ODD
         while left > 0 and odd > 0:
             found = samples.drain(
@@ -152,10 +141,7 @@ class MotionPort:
     def force(self, row: Any, told: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
 
-        Parameters
-        ----------
-        told : ndarray of int64
-            Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
+        ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
         fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:

@@ -113,13 +113,7 @@ class Probes:
 
 
 class Peer:
-    """A peer whose clock is probed by pings.
-
-    Parameters
-    ----------
-    now_ns : int
-        Time at which it joined [ns].
-    """
+    """A peer whose clock is probed by pings. ``now_ns``: time at which it joined [ns]."""
 
     def __init__(self, hello: Hello, now_ns: int) -> None:
         self.hello = hello

@@ -24,18 +24,7 @@ MOST_REFUSED = 8
 
 
 class Ports:
-    """All ports of a session.
-
-    Parameters
-    ----------
-    authenticator : Authenticator or None
-        Authenticator of the peers; None without authentication.
-
-    Attributes
-    ----------
-    inlets : (zmq.Socket, zmq.Socket)
-        Sockets that wake the session when a message arrives: motion, control.
-    """
+    """All ports of a session. ``authenticator`` is None without authentication."""
 
     def __init__(
         self,
@@ -56,6 +45,7 @@ class Ports:
         ring = int(network.log_ring_s * 1000 * RING_SHARE)
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
         self.views = ViewPort(network, context, authenticator)
+        # Sockets that wake the session when a message arrives: motion, control.
         self.inlets = (motion.socket, control.socket)
 
     def renew(self, welcome: Welcome, ends: Any) -> None:

@@ -21,13 +21,7 @@ FULL_NS = 1_000_000_000
 
 
 class RateLimit:
-    """What each peer may still send.
-
-    Parameters
-    ----------
-    hz, at_once : int
-        Sustained rate and burst of messages [Hz, 1].
-    """
+    """What each peer may still send. ``hz``, ``at_once``: sustained rate and burst of messages [Hz, 1]."""
 
     def __init__(self, hz: int = MESSAGES_HZ, at_once: int = MESSAGES_AT_ONCE) -> None:
         self._hz, self._at_once = hz, at_once

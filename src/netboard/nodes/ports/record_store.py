@@ -26,19 +26,11 @@ FULL_SHARE = 0.8
 
 
 class RecordStore:
-    """Keeps records until a logger has them on disk.
-
-    Attributes
-    ----------
-    ring : LogRing
-        The newest records.
-    recorded : bool
-        Whether a logger has brought any record to disk.
-    """
+    """Keeps records until a logger has them on disk."""
 
     def __init__(self, capacity: int, spill: Spill, welcome: Welcome, news: News) -> None:
-        self.ring = LogRing(capacity)
-        self.recorded = False
+        self.ring = LogRing(capacity)  # the newest records
+        self.recorded = False  # whether a logger has brought any record to disk
         self._spill, self._news = spill, news
         self._welcomes = [(0, welcome)]
         self._margin = min(MARGIN, capacity // 4)

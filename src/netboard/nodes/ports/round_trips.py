@@ -90,12 +90,8 @@ def _limits(loops: Sequence[Loop], first_ns: int) -> list[int]:
 class Delays:
     """Supervises the sample-to-force latency of both hands.
 
-    Attributes
-    ----------
-    limit_ns : int
-        Largest stable latency [ns].
-    notice, trouble : str
-        What the operator should know, and why a trial cannot go on; or empty.
+    ``limit_ns``: largest stable latency [ns]. ``notice``, ``trouble``: what the operator should know, and why a trial
+    cannot go on; or empty.
     """
 
     def __init__(self, config: Config) -> None:
@@ -140,12 +136,8 @@ class Delays:
     def look(self, loops_ns: Sequence[int], *, felt: bool) -> None:
         """Take new measurements, and act on them.
 
-        Parameters
-        ----------
-        loops_ns : sequence of int
-            Newest latency of each hand, 0 if not yet known [ns].
-        felt : bool
-            Haptic feedback is on; only then is there a latency.
+        ``loops_ns``: newest latency of each hand, 0 if not yet known [ns]. ``felt``: haptic feedback is on; only then
+        is there a latency.
         """
         for place, (side, loop_ns) in enumerate(zip(SIDES, loops_ns, strict=True)):
             if not felt or loop_ns <= 0:

@@ -186,11 +186,8 @@ def drain(
     Each sample gets its own arrival time, because one that arrives during the call must not seem to arrive before it
     was sent. Frames of unregistered peers are kept for later.
 
-    Returns
-    -------
-    int
-        1 and 2 for a sample taken from the left and right side, `MORE` if there may be more to take, `OTHER` if the
-        last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
+    Returns 1 and 2 for a sample taken from the left and right side, `MORE` if there may be more to take, `OTHER` if the
+    last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
     found = frames = strangers = give_up_ns = 0
     while frames < most and (strangers < FEW_STRANGERS or awaited(agents)):
@@ -225,10 +222,7 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
 
     The rendered force is NaN where the newest sample is too old, or too new, to tell it.
 
-    Returns
-    -------
-    int
-        The sum of `LIVE`, `ARMED`, `STOPPED` and `TRIPPED` for the left side, and twice that for the right one.
+    Returns the sum of `LIVE`, `ARMED`, `STOPPED` and `TRIPPED` for the left side, and twice that for the right one.
     """
     for k in range(len(row)):
         row[k] = 0
@@ -264,10 +258,7 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
 def tell_force(words: Any, row: Any, told: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
     """Fill in one side's `Force` of a tick.
 
-    Parameters
-    ----------
-    told : ndarray of int64
-        Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
+    ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
     """
     words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
     words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
@@ -278,10 +269,8 @@ def tell_force(words: Any, row: Any, told: Any, agents: Any, gains: Any, place: 
 def tell_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
     """Fill in one side's `Point` of a tick: position and velocity of its end of the board after the tick.
 
-    Parameters
-    ----------
-    ends : ndarray of float64, shape (2, 3)
-        For each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling [SI].
+    ``ends``: for each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling
+    [SI].
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
     s, c = sincos(values[_TILT])
@@ -299,16 +288,9 @@ def send_forces(
 ) -> int:
     """Send each connected side its `Force` of a tick; the side that goes first alternates.
 
-    Parameters
-    ----------
-    told : ndarray of int64
-        Words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
-
-    Returns
-    -------
-    int
-        `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is
-        no failure.
+    ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
+    `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is no
+    failure.
     """
     first = row[_TICK] & 1
     for turn in range(2):
@@ -330,16 +312,9 @@ def send_points(
 
     A side without a valid sample gets nothing: its agent lets the force fade.
 
-    Parameters
-    ----------
-    ends : ndarray of float64, shape (2, 3)
-        For each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling [SI].
-
-    Returns
-    -------
-    int
-        `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its point is
-        no failure.
+    ``ends``: for each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling
+    [SI]. Returns `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its
+    point is no failure.
     """
     first = row[_TICK] & 1
     for turn in range(2):

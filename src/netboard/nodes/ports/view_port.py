@@ -24,13 +24,7 @@ _SEEN = np.array([_AT[name] for name in (*_SHOWN, "left_used_z", "right_used_z")
 
 
 class ViewPort:
-    """The publishers of both stations' views.
-
-    Parameters
-    ----------
-    network : Network
-        Their addresses, and the largest rate of views.
-    """
+    """The publishers of both stations' views. ``network`` has their addresses, and the largest rate of views."""
 
     def __init__(self, network: Network, context: sockets.Context, authenticator: Authenticator | None) -> None:
         where = channels.addresses(network, authenticator)
@@ -50,10 +44,7 @@ class ViewPort:
     ) -> None:
         """Publish a station's view if it is due, somebody subscribes, and it has changed.
 
-        Parameters
-        ----------
-        following : int
-            Elapsed time by which views are due [ms]; live, the number of the following tick.
+        ``following``: elapsed time by which views are due [ms]; live, the number of the following tick.
         """
         for side, turn in self._turn.items():
             if following > turn:

@@ -65,19 +65,9 @@ def _loop(
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
 
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (KEPT + n,)
-        The last ticks, then room for the next ones; also as words and as numbers of the same memory.
-    number, last : int
-        Number of the first tick, and of that at which the block is stopped [1].
-    hands : ndarray of int64, shape (n,)
-        For each participant, the hand whose force it feels: 0 left, 1 right.
-
-    Returns
-    -------
-    int
-        Number of ticks [1].
+    ``rows``, also as ``words`` and ``numbers`` of the same memory, are the last `KEPT` ticks and room for the next ones;
+    ``number`` is that of the first, ``last`` that at which the block is stopped; ``hands``: for each participant, the
+    hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
@@ -115,15 +105,9 @@ def _loop_around(ticks: Callable[..., None]) -> Callable[..., int]:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Results of a block.
+    """Results of a block."""
 
-    Attributes
-    ----------
-    completions : tuple of float
-        Completion times of the successful trials [s].
-    """
-
-    completions: tuple[float, ...]
+    completions: tuple[float, ...]  # completion times of the successful trials [s]
     failures: int
     ticks: int
     given_up: bool
@@ -135,13 +119,7 @@ class Summary:
 
 
 class Rehearsal:
-    """One block.
-
-    Parameters
-    ----------
-    people : mapping of str to Participant
-        Participants A and B. A robot is the one of ``[participant]``.
-    """
+    """One block. ``people`` are the participants A and B. A robot is the one of ``[participant]``."""
 
     def __init__(self, config: Config, people: Mapping[str, Participant]) -> None:
         if config.block.force == "unrelated":
@@ -184,13 +162,7 @@ class Rehearsal:
         return Summary(tuple(self._completions), failures, self._ticks, self._given_up)
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
-        """Run the block.
-
-        Yields
-        ------
-        ndarray of TICK, shape (n,)
-            The next ticks, at most `size`; valid until the next are asked for.
-        """
+        """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
         white = np.zeros((len(SIDES), size, 3))

@@ -30,14 +30,7 @@ _TICK, _TIME, _PHASE, _TRIAL = (_AT[name] for name in ("tick", "time_ns", "phase
 
 
 class Mind:
-    """One participant's eyes, sense of force and controller.
-
-    Attributes
-    ----------
-    parts : tuple
-        What the kernels take: controller's state, constants and random generator; curtain, newest glimpse, view
-        timing, scales of the force by trial, catch trials, and room for new movements.
-    """
+    """One participant's eyes, sense of force and controller."""
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
@@ -51,6 +44,8 @@ class Mind:
         scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
         shown = np.zeros(1, SEEN)
         shown["time"] = nan
+        # What the kernels take: controller's state, constants and random generator; curtain, newest glimpse, view
+        # timing, scales of the force by trial, catch trials, and room for new movements.
         self.parts = (
             *(brain.mind, brain.person, rng, curtain, shown, timing),
             *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
@@ -59,10 +54,7 @@ class Mind:
     def shown(self, tick: int) -> int:
         """Return the newest tick that has been seen when a tick is done.
 
-        Returns
-        -------
-        int
-            Its number, less than `tick`; negative before the first view [1].
+        It is less than `tick`, and negative before the first view.
         """
         return int(newest_seen(self.parts, tick))
 
@@ -73,10 +65,7 @@ class Mind:
     def think(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
         """Decide, at a multiple of `THINK_TICKS`; return the new movements, an array of `MOVE`.
 
-        Parameters
-        ----------
-        force : float
-            Vertical force that acts on the own hand from now on [N].
+        ``force``: vertical force that acts on the own hand from now on [N].
         """
         moves: NDArray[Any] = self.parts[-1]
         return moves[: think(self.parts, words, force)]
@@ -119,10 +108,7 @@ def scale_in(mind: Any, words: Any) -> float:
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
     """Return who decides in a block: at which station, with which hands.
 
-    Returns
-    -------
-    tuple of (station, sides)
-        One for each participant; a hand that is held still has none.
+    One for each participant; a hand that is held still has none.
     """
     block = config.block
     if block.configuration == "bimanual":

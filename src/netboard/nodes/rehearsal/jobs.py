@@ -23,33 +23,19 @@ from netboard.recording.files.offline_writer import REHEARSED, Keeper
 
 @dataclass(frozen=True)
 class Job:
-    """One block to rehearse.
-
-    Attributes
-    ----------
-    begun_ns : int or None
-        Start time that its recording states; None for the real one [ns].
-    """
+    """One block to rehearse."""
 
     config: Config
     people: dict[str, Participant]
     session: str
     folder: Path | None
     fast: bool = True
-    begun_ns: int | None = None
+    begun_ns: int | None = None  # start time that its recording states; None for the real one [ns]
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Results of a block, as they are shown and written as JSON.
-
-    Attributes
-    ----------
-    mean_completion : float or None
-        Mean completion time of the successful trials; None without one [s].
-    seconds : float
-        Computing time [s].
-    """
+    """Results of a block, as they are shown and written as JSON."""
 
     session: str
     block: int
@@ -58,9 +44,9 @@ class Sheet:
     force: str
     successes: int
     failures: int
-    mean_completion: float | None
+    mean_completion: float | None  # mean completion time of the successful trials; None without one [s]
     ticks: int
-    seconds: float
+    seconds: float  # computing time [s]
     given_up: bool
     recording: str
 

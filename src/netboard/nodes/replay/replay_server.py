@@ -68,14 +68,8 @@ class ClosedPort:
 class ReplayServer:
     """The server of a recording.
 
-    Parameters
-    ----------
-    network : Network
-        Its addresses, and the largest rate of views.
-    authenticator : Authenticator or None
-        Authenticator of the peers; None without authentication.
-    at : float or None
-        Where to begin; None for the start of the block [s].
+    ``network`` has its addresses, and the largest rate of views. ``authenticator`` is None without authentication.
+    ``at``: where to begin; None for the start of the block [s].
     """
 
     def __init__(
@@ -112,12 +106,8 @@ class ReplayServer:
     ) -> None:
         """Serve until somebody ends it.
 
-        Parameters
-        ----------
-        keys : callable
-            Returns the order of a key pressed at this terminal, or None.
-        say : callable
-            Takes a line for people whenever an order was carried out or refused.
+        ``keys``: returns the order of a key pressed at this terminal, or None. ``say``: takes a line for people
+        whenever an order was carried out or refused.
         """
         self.state.playback = self.state.playback.play(now_ns() * 1e-9)
         begun_ns, rounds = now_ns(), 0
@@ -136,10 +126,7 @@ class ReplayServer:
     def go_on(self, milliseconds: int) -> list[str]:
         """Publish the views and carry out the commands that are due; return what to say about them.
 
-        Parameters
-        ----------
-        milliseconds : int
-            Time for which the server has been running [ms].
+        ``milliseconds``: time for which the server has been running [ms].
         """
         self._show(milliseconds)
         self.control.drain(now_ns)

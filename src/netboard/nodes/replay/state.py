@@ -10,16 +10,11 @@ from netboard.recording.replay.position import Playback
 
 @dataclass
 class ReplayState:
-    """A recording and its playback.
-
-    Attributes
-    ----------
-    session : str
-        Id of this run; not that of the recording, because numbering starts anew.
-    """
+    """A recording and its playback."""
 
     reel: LoadedRecording
     playback: Playback
+    # Id of this run; not that of the recording, because numbering starts anew.
     session: str = field(default_factory=lambda: uuid.uuid4().hex)
 
     @property

@@ -58,17 +58,8 @@ Event = tuple[str, dict[str, str]]
 class Attempts:
     """Follows the attempts of a session.
 
-    Parameters
-    ----------
-    begin_journal : callable or None
-        Makes the journal from the configuration once the form is complete; None for a session without a journal.
-
-    Attributes
-    ----------
-    completions : list of float
-        Completion times of the block so far [s].
-    wanted : int
-        Repeats that have not been passed on to the trial state machine yet [1].
+    ``begin_journal``: makes the journal from the configuration once the form is complete; None for a session without a
+    journal.
     """
 
     def __init__(
@@ -78,8 +69,8 @@ class Attempts:
         progress: Progress | None = None,
     ) -> None:
         self.finished: list[Row] = list(progress.outcomes) if progress else []
-        self.completions: list[float] = []
-        self.wanted = 0
+        self.completions: list[float] = []  # completion times of the block so far [s]
+        self.wanted = 0  # repeats that have not been passed on to the trial state machine yet
         self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
         self._run = ""
         self._block = 0

@@ -19,19 +19,13 @@ from netboard.task.trials.unrelated import Unrelated, unrelated_of
 
 @dataclass(frozen=True, slots=True)
 class PreparedBlock:
-    """A block that can begin at any moment.
-
-    Attributes
-    ----------
-    delays : Delays
-        Supervises the sample-to-force latency of both hands; blocks with the same scene share it.
-    """
+    """A block that can begin at any moment."""
 
     config: Config
     text: str
     stage: Stage
     curtain: Curtain
-    delays: Delays
+    delays: Delays  # supervises the sample-to-force latency of both hands; blocks with the same scene share it
     ends: Any
     people: tuple[Side, ...]
     robots: tuple[Robot, ...]
@@ -54,10 +48,7 @@ class PreparedBlock:
 class BlockSequence:
     """The blocks of a session in order, and the current one.
 
-    Parameters
-    ----------
-    remake : callable or None
-        Makes the configurations anew for a completed form; None for a session without a form.
+    ``remake``: makes the configurations anew for a completed form; None for a session without a form.
     """
 
     def __init__(

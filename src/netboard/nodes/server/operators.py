@@ -58,10 +58,7 @@ class Decision:
 class Operators:
     """Decides on commands, and remembers the commander and what was asked for later.
 
-    Attributes
-    ----------
-    pause_after : bool
-        Pause after the trial that is running.
+    ``pause_after``: pause after the trial that is running.
     """
 
     def __init__(self, *, opened: bool, armed: bool) -> None:
@@ -154,10 +151,8 @@ def _not_now(command: str, phase: Phase) -> str:
 def form_of(text: str, known: Session) -> Session:
     """Read the form of a session: a JSON object with keys of the configuration's table ``[session]``.
 
-    Raises
-    ------
-    ConfigError
-        If it is not such an object, a value is not allowed, or the run is not a pilot and has no consent.
+    Raises `ConfigError` if it is not such an object, a value is not allowed, or the run is not a pilot and has no
+    consent.
     """
     form = check(Session, asdict(known) | _object(text, "the form"), ("session",))
     if not form.ready:

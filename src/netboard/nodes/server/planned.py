@@ -28,18 +28,13 @@ console = Console(highlight=False)
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A session of a study.
-
-    Attributes
-    ----------
-    blocks, trials : int or None
-        For a pilot run: the number of blocks, and the largest number of trials in each [1].
-    """
+    """A session of a study."""
 
     study: str
     dyad: int
     session: int = 1
     seed: int = 1
+    # For a pilot run: the number of blocks, and the largest number of trials in each.
     blocks: int | None = None
     trials: int | None = None
 

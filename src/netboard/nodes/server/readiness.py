@@ -22,10 +22,7 @@ class Readiness:
     def lacks(self, block: PreparedBlock, resting: bool, now_ns: int) -> tuple[str, ...]:
         """Return what is missing before the block can begin.
 
-        Parameters
-        ----------
-        resting : bool
-            Whether the block must wait until the rest before it is over.
+        ``resting``: whether the block must wait until the rest before it is over.
         """
         lacking = [*self._motion.lacks(now_ns, block.people), *block.delays.lacking]
         if block.config.network.require_logger and not self._log.loggers:

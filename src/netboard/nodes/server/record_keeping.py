@@ -22,19 +22,13 @@ FINISH_NS = 10_000_000_000
 
 
 class RecordKeeping:
-    """Passes to the loggers what the ports report.
-
-    Attributes
-    ----------
-    started : bool
-        Whether a trial has started: before, nothing is lost if there is no logger.
-    """
+    """Passes to the loggers what the ports report."""
 
     def __init__(self, state: SessionState) -> None:
         self._state = state
         self._log = state.ports.log
         self._backfiller = Backfiller()
-        self.started = False
+        self.started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._clocks_ns = 0
         self._ended_ns = self._ending_until_ns = 0
         self._log_closing = False

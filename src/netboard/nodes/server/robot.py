@@ -21,11 +21,7 @@ _TICK, _TIME = _AT["tick"], _AT["time_ns"]
 class Robot:
     """Moves one hand of a block.
 
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment; ``[block] left`` or ``right`` is ``robot`` or ``still``, and ``[participant]`` has the
-        robot's parameters.
+    ``[block] left`` or ``right`` is ``robot`` or ``still``, and ``[participant]`` has the robot's parameters.
     """
 
     def __init__(self, config: Config, side: Side) -> None:
@@ -41,10 +37,7 @@ class Robot:
     def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
         """Fill in the sample of a tick: live flag, sequence number, stamp, height and velocity.
 
-        Parameters
-        ----------
-        words : ndarray of int64, shape (n,)
-            The row of the tick as 64-bit words; the other side's sample may already be there.
+        ``words``: the row of the tick as 64-bit words; the other side's sample may already be there.
         """
         words[_TICK], words[_TIME] = tick, time_ns
         self._body.fill(words)

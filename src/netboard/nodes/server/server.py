@@ -25,13 +25,7 @@ LONGEST_SLEEP_NS = 50_000_000
 
 
 class Server:
-    """The sessions and their loop.
-
-    Parameters
-    ----------
-    authenticators : sequence of Authenticator or None
-        Authenticator of each dyad's peers; None without authentication.
-    """
+    """The sessions and their loop. ``authenticators``: each dyad's; None without authentication."""
 
     def __init__(
         self,
@@ -55,10 +49,7 @@ class Server:
     def run(self, stopping: Callable[[], bool], machine: dict[str, str]) -> None:
         """Run all sessions until each has ended, by itself or because the process is asked to stop.
 
-        Parameters
-        ----------
-        machine : dict of str
-            Real-time settings that the process got from its machine, for the recording.
+        ``machine``: real-time settings that the process got from its machine, for the recording.
         """
         steady_loop()
         first_ns = now_ns() + TICK_NS

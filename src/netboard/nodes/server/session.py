@@ -46,19 +46,8 @@ _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 class Session:
     """Everything the server does for one dyad.
 
-    Parameters
-    ----------
-    attempts : Attempts
-        Outcomes of the attempts in earlier runs of the session.
-    authenticator : Authenticator or None
-        Authenticator of the peers; None without authentication.
-
-    Attributes
-    ----------
-    records : RecordKeeping
-        Tells whether the session is ending, is over, and has everything on disk.
-    inlets : (zmq.Socket, zmq.Socket)
-        Sockets that wake the session when a message arrives: motion, control.
+    ``attempts``: outcomes of the attempts in earlier runs of the session. ``authenticator`` is None without
+    authentication.
     """
 
     def __init__(
@@ -74,10 +63,10 @@ class Session:
         self._blocks = BlockChanges(state)
         self._requests = OperatorRequests(state, self._blocks)
         self._answers = SessionAnswers(state)
-        self.records = RecordKeeping(state)
+        self.records = RecordKeeping(state)  # tells whether the session is ending, is over, and has everything on disk
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
         self._clock = state.clock
-        self.inlets = state.ports.inlets
+        self.inlets = state.ports.inlets  # sockets that wake the session when a message arrives: motion, control
         self._stopping = False
         self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
@@ -90,10 +79,7 @@ class Session:
     def begin(self, due_ns: int, machine: dict[str, str]) -> None:
         """Make the first tick due at a time [ns].
 
-        Parameters
-        ----------
-        machine : dict of str
-            Real-time settings that the process got from its machine, for the recording.
+        ``machine``: real-time settings that the process got from its machine, for the recording.
         """
         self._clock.begin(due_ns)
         self._state.note("session_started", {"session": self._state.session, **machine})

@@ -31,22 +31,7 @@ _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 class SessionState:
     """The parts of a session and its present state.
 
-    Attributes
-    ----------
-    number : int
-        Number of the next tick [1].
-    rows, words : ndarray
-        The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
-    stage : ndarray
-        State of the stage after the last tick: one record of `STATE`.
-    missing : tuple of str
-        What is missing before the block can begin.
-    rest_until_ns : int
-        End of the rest before the block [ns].
-    questionnaires : str
-        Questionnaires that are to be filled in now.
-    end_requested : bool
-        Whether the session is to end as soon as it can.
+    ``stage``: state of the stage after the last tick: one record of `STATE`.
     """
 
     def __init__(
@@ -68,13 +53,14 @@ class SessionState:
         self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
         self.readiness = Readiness(self.ports, self.operators, self.emergency_stop, self.clock)
         self.event_log = EventLog(self.ports.log)
+        # The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
         self.rows = np.zeros(RING_ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
-        self.number = 0
-        self.missing: tuple[str, ...] = ()
-        self.rest_until_ns = 0
-        self.questionnaires = ""
-        self.end_requested = False
+        self.number = 0  # number of the next tick
+        self.missing: tuple[str, ...] = ()  # what is missing before the block can begin
+        self.rest_until_ns = 0  # end of the rest before the block [ns]
+        self.questionnaires = ""  # questionnaires that are to be filled in now
+        self.end_requested = False  # whether the session is to end as soon as it can
         self.update_arming([])
 
     def _welcome(self) -> Welcome:

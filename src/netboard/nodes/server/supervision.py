@@ -17,15 +17,9 @@ LASTING_TICKS = 100
 
 @dataclass
 class Supervisor:
-    """Decides the command of each tick.
+    """Decides the command of each tick."""
 
-    Attributes
-    ----------
-    autostart : bool
-        Start when everything is ready, and resume after a fault when everything is ready again.
-    """
-
-    autostart: bool
+    autostart: bool  # start when everything is ready, and resume after a fault when everything is ready again
     notice: str = ""
     _ready_since: int | None = None
     _faulted: bool = False

@@ -23,20 +23,14 @@ IDLE_TICKS = 25
 class TickClock:
     """Counts the ticks by their deadlines.
 
-    Attributes
-    ----------
-    due_ns : int
-        Deadline of the next tick [ns].
-    wake_ns : int
-        When the session wants to run next if no message arrives first [ns].
-    gap : str
-        Notice that the deadlines have moved, which spoils a trial; empty once taken.
+    ``due_ns``: deadline of the next tick [ns]. ``wake_ns``: when the session wants to run next if no message arrives
+    first [ns].
     """
 
     def __init__(self) -> None:
         self.due_ns = self.wake_ns = 0
         self.late_ticks = 0
-        self.gap = ""
+        self.gap = ""  # notice that the deadlines have moved, which spoils a trial; empty once taken
 
     def begin(self, due_ns: int) -> None:
         """Set the deadline of the first tick [ns]."""

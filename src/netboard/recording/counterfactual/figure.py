@@ -27,10 +27,7 @@ _SIDES = {-1: "left", 1: "right"}
 def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None) -> Any:
     """Draw recorded and recomputed values and their difference, with a row for each quantity.
 
-    Parameters
-    ----------
-    found : WhatIf
-        A counterfactual replay of a recording with at least one attempt.
+    ``found``: a counterfactual replay of a recording with at least one attempt.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

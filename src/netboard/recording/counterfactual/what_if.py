@@ -52,36 +52,21 @@ QUANTITIES = (
 
 
 class Difference(NamedTuple):
-    """Difference of a quantity in an attempt.
+    """Difference of a quantity in an attempt."""
 
-    Attributes
-    ----------
-    rms : float
-        Root mean square [SI].
-    largest : float
-        Largest magnitude [SI].
-    """
-
-    rms: float
-    largest: float
+    rms: float  # root mean square [SI]
+    largest: float  # largest magnitude [SI]
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One attempt, recorded and recomputed.
-
-    Attributes
-    ----------
-    now : Attempt
-        The recomputed attempt; ``unfinished`` if it outlasts the recorded one, because later hand movements belong to
-        another attempt.
-    common : int
-        Compared ticks: from the release while both attempts run [1].
-    """
+    """One attempt, recorded and recomputed."""
 
     then: Attempt
+    # The recomputed attempt; ``unfinished`` if it outlasts the recorded one, because later hand movements belong to
+    # another attempt.
     now: Attempt
-    common: int
+    common: int  # compared ticks: from the release while both attempts run
     differences: dict[str, Difference]
 
     @property
@@ -95,14 +80,9 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """A recording and its counterfactual replay.
+    """A recording and its counterfactual replay."""
 
-    Attributes
-    ----------
-    recorded, computed : ndarray of TICK, shape (n,)
-        Recorded ticks, and those of the changed stage with the same inputs.
-    """
-
+    # Recorded ticks, and those of the changed stage with the same inputs.
     recorded: Rows
     computed: Rows
     comparisons: tuple[Comparison, ...]
@@ -146,10 +126,7 @@ def difference(recorded: Rows, computed: Rows, quantity: Quantity, where: slice)
 def attempts_of(found: WhatIf) -> Rows:
     """Return the recomputed ticks of the attempts only, each up to the end of the comparison.
 
-    Returns
-    -------
-    ndarray of TICK, shape (m,)
-        Rows of the changed stage. There are gaps between attempts, so that each can be verified by itself.
+    There are gaps between attempts, so that each can be verified by itself.
     """
     kept = np.zeros(len(found.computed), bool)
     for comparison in found.comparisons:

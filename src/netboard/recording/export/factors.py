@@ -50,10 +50,7 @@ class Exported:
     def at(self, factors: Sequence[BlockFactor], trial: int) -> dict[str, Any]:
         """Return the values of the columns in a trial.
 
-        Returns
-        -------
-        dict
-            The level, empty for none; the value of a numeric factor, NaN for none [its unit].
+        The level, empty for none; the value of a numeric factor, NaN for none [its unit].
         """
         own = next((one for one in factors if one.name == self.name), None)
         columns: dict[str, Any] = {column_of(self.name): own.level(trial) if own else ""}
@@ -71,13 +68,7 @@ class Exported:
 
 
 def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
-    """Return the factors of the recordings.
-
-    Returns
-    -------
-    tuple of Exported
-        Each factor with all its levels, in the order of the study.
-    """
+    """Return the factors of the recordings: each factor with all its levels, in the order of the study."""
     found = [factors_of(config) for config in configs]
     names = dict.fromkeys(one.name for own in found for one in own)
     return tuple(Exported(name, *merge([one for own in found for one in own if one.name == name])) for name in names)
@@ -86,11 +77,8 @@ def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
 def design_note(config: Config) -> dict[str, str]:
     """Return role, kind and factors of a block as text.
 
-    Returns
-    -------
-    dict of str
-        ``role``, ``kind`` if there is one, and for each factor its column with the level. If the factor varies within
-        the block, all levels, separated by commas.
+    ``role``, ``kind`` if there is one, and for each factor its column with the level. If the factor varies within the
+    block, all levels, separated by commas.
     """
     said = {"role": role_of(config)} | ({"kind": kind} if (kind := design_of(config).kind) else {})
     return said | {column_of(one.name): one.summary for one in factors_of(config)}

@@ -24,23 +24,14 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """An export format.
-
-    Attributes
-    ----------
-    about, readers : str
-        What is written, and who reads it, for the documentation.
-    writer : str
-        Module in this package and its function, as ``module:function``; imported when needed.
-    extra : str
-        Optional dependency group of netboard that it needs; empty for none.
-    """
+    """An export format."""
 
     name: str
-    writer: str
+    writer: str  # module in this package and its function, as ``module:function``; imported when needed
+    # What is written, and who reads it, for the documentation.
     about: str
     readers: str
-    extra: str = ""
+    extra: str = ""  # optional dependency group of netboard that it needs; empty for none
 
 
 FORMATS = {
@@ -72,10 +63,8 @@ FORMATS = {
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
     """Export recordings to a new folder.
 
-    Raises
-    ------
-    RecordingError
-        If the folder exists or cannot be written, or a recording cannot be read. Nothing is left behind then.
+    Raises `RecordingError` if the folder exists or cannot be written, or a recording cannot be read. Nothing is left
+    behind then.
     """
     if name not in FORMATS:
         raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")

@@ -96,13 +96,7 @@ def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDAr
 
 
 class Layout:
-    """File of one person in one run, complete except for the values in its data sets.
-
-    Attributes
-    ----------
-    filled : list of (H5DataIO, tuple of str)
-        Data sets of the file, and the tick fields that fill each.
-    """
+    """File of one person in one run, complete except for the values in its data sets."""
 
     def __init__(
         self,
@@ -115,7 +109,7 @@ class Layout:
     ) -> None:
         self._pynwb, self._survey, self._factors = pynwb, survey, factors
         self._timed: Any = None  # the first series, whose times all others share
-        self.filled: Filled = []
+        self.filled: Filled = []  # data sets of the file, and the tick fields that fill each
         session, block = run.config.session, run.config.block
         part = run.metadata["part"]
         self.file = pynwb.NWBFile(

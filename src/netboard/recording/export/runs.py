@@ -25,16 +25,10 @@ MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconn
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """A person who moved one stylus or both in a run.
-
-    Attributes
-    ----------
-    label : str
-        Label of the person: the pseudonym or, without one, that of the dyad with the letter.
-    """
+    """A person who moved one stylus or both in a run."""
 
     letter: Letter
-    label: str
+    label: str  # label of the person: the pseudonym or, without one, that of the dyad with the letter
     handedness: str
     sides: tuple[Side, ...]
     simulated: bool
@@ -42,18 +36,12 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A recording and its place in a session.
-
-    Attributes
-    ----------
-    session : str
-        Label of the session: dyad and session combined.
-    """
+    """A recording and its place in a session."""
 
     path: Path
     metadata: dict[str, str]
     config: Config
-    session: str
+    session: str  # label of the session: dyad and session combined
     number: int
     people: tuple[Person, ...]
 
@@ -61,10 +49,7 @@ class Run:
 def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     """Return the runs of recordings.
 
-    Raises
-    ------
-    RecordingError
-        If a recording is unreadable, empty or repeated, or if two names yield the same label.
+    Raises `RecordingError` if a recording is unreadable, empty or repeated, or if two names yield the same label.
     """
     sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
     for path in recordings:

@@ -21,19 +21,14 @@ FRAME_TEXT = (
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A column of a motion file.
-
-    Attributes
-    ----------
-    about, unit : str
-        Meaning and SI unit, ``1`` for a dimensionless number.
-    """
+    """A column of a motion file."""
 
     name: str
     field: str
     kind: str
     axis: str
     point: str
+    # Meaning and SI unit, ``1`` for a dimensionless number.
     about: str
     unit: str
 

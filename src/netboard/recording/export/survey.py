@@ -30,37 +30,18 @@ _DRIFT_NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """A change of the trial phase.
+    """A change of the trial phase."""
 
-    Attributes
-    ----------
-    tick : int
-        Tick that caused the change; the new phase begins with the next one [1].
-    trial, attempt : int
-        Number of the trial in the block, and of the attempt [1].
-    """
-
-    tick: int
+    tick: int  # tick that caused the change; the new phase begins with the next one
     name: str
+    # Number of the trial in the block, and of the attempt.
     trial: int
     attempt: int
     target: int
 
 
 class Survey:
-    """Results of the pass through a recording.
-
-    Attributes
-    ----------
-    origin_ns : int
-        Server time of the first tick [ns].
-    duration : float
-        Time from the first tick to the end of the last [s].
-    rate : float
-        Mean row rate [Hz].
-    flags : dict of tuple of str
-        Quality flags of each completed attempt, by the tick of its release.
-    """
+    """Results of the pass through a recording. ``origin_ns``: server time of the first tick [ns]."""
 
     def __init__(self, recording: Recording) -> None:
         self.ticks = 0
@@ -69,11 +50,12 @@ class Survey:
         found: list[Happening] = []
         self.attempts: tuple[Attempt, ...] = attempts_along(self._watched(recording, found))
         self.happenings = tuple(found)
+        # Quality flags of each completed attempt, by the tick of its release.
         self.flags = {verdict.release: verdict.flags for verdict in judged(recording)}
         first, lead_ns = self._jumps[0]
         self._first, self.origin_ns = first, first * TICK_NS + lead_ns
-        self.duration = self.span(first, self._last + 1)
-        self.rate = self.ticks * 10**9 / round(self.duration * 1e9)
+        self.duration = self.span(first, self._last + 1)  # time from the first tick to the end of the last [s]
+        self.rate = self.ticks * 10**9 / round(self.duration * 1e9)  # mean row rate [Hz]
         self._utc_ns = self.origin_ns + _utc_minus_server(recording)
 
     def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:

@@ -37,17 +37,12 @@ _DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "strin
 class Subject:
     """A recording during export, with data that several tables need.
 
-    Attributes
-    ----------
-    name : str
-        Name of the recording in its rows: the file name without suffix.
-    origin_ns : int
-        Server time of the first tick, the zero of ``time`` [ns].
+    ``origin_ns``: server time of the first tick, the zero of ``time`` [ns].
     """
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self.name = recording.path.stem
+        self.name = recording.path.stem  # name of the recording in its rows: the file name without suffix
         self.config = parse(recording.config_text, f"{recording.path} (its configuration)")
         self.ticks = self.origin_ns = 0
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
@@ -63,27 +58,15 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Definition of a table.
-
-    Attributes
-    ----------
-    rows : callable
-        Function that yields the rows of a `Subject` in batches, in order.
-    """
+    """Definition of a table."""
 
     name: str
     about: str
     fields: tuple[Field, ...]
-    rows: Callable[[Subject], Iterator[Rows]]
+    rows: Callable[[Subject], Iterator[Rows]]  # function that yields the rows of a `Subject` in batches, in order
 
     def portions(self, subject: Subject) -> Iterator[Rows]:
-        """Yield the rows in batches.
-
-        Yields
-        ------
-        dict of ndarray, shape (n,)
-            A batch of rows: every column, in order, with the dtype of its kind [SI].
-        """
+        """Yield the rows in batches: every column, in order, with the dtype of its kind [SI]."""
         for rows in self.rows(subject):
             count = len(next(iter(rows.values())))
             named = {"recording": np.full(count, subject.name, object), **rows}

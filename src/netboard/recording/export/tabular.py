@@ -43,10 +43,7 @@ _TYPES = {"integer": "int64", "number": "float64", "string": "text"}
 def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> None:
     """Write ``dictionary.json`` and ``dictionary.csv``.
 
-    Parameters
-    ----------
-    places : str
-        Sentence on the arrangement of the tables in files.
+    ``places``: sentence on the arrangement of the tables in files.
     """
     described = {
         table.name: {
@@ -78,13 +75,7 @@ OpenSheet = Callable[[Path, Table], AbstractContextManager[Sheet]]
 
 
 def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
-    """Open the recordings one by one and write their configurations.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the export; configurations go to its subfolder ``configurations``.
-    """
+    """Open the recordings one by one and write their configurations. These go to the subfolder ``configurations``."""
     texts = folder / "configurations"
     texts.mkdir()
     for path in recordings:

@@ -9,15 +9,8 @@ from netboard.base.errors import RecordingError
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the recordings that the paths name.
 
-    Returns
-    -------
-    tuple of Path
-        Each recording once, in the order of `paths`, sorted by name within a folder.
-
-    Raises
-    ------
-    RecordingError
-        If a folder has no recording, or two recordings share a file name: their outputs could not be told apart.
+    Each comes once, in the order of `paths`, sorted by name within a folder. Raises `RecordingError` if a folder has no
+    recording, or two recordings share a file name: their outputs could not be told apart.
     """
     found: list[Path] = []
     for path in paths:

@@ -31,12 +31,7 @@ _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 class Keeper:
     """Writer of the recording of one simulated block.
 
-    Parameters
-    ----------
-    utc_ns : int
-        Wall-clock time of the first tick [ns].
-    start_ns : int
-        Server time of the first tick [ns].
+    ``utc_ns``: wall-clock time of the first tick [ns]. ``start_ns``: server time of the first tick [ns].
     """
 
     def __init__(

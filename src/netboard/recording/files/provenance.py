@@ -49,10 +49,7 @@ def config_sha256(text: bytes) -> str:
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
     """Return the metadata of a new recording.
 
-    Parameters
-    ----------
-    utc_ns : int
-        Wall-clock time at which the file is opened; log time starts there [ns].
+    ``utc_ns``: wall-clock time at which the file is opened; log time starts there [ns].
     """
     return {
         "format": FORMAT_VERSION,

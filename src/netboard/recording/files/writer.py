@@ -27,19 +27,8 @@ from netboard.recording.format.partfile import PartFile
 class RecordingWriter:
     """A recording while it is being written.
 
-    Parameters
-    ----------
-    path : Path
-        Final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``.
-    opened_ns : int
-        Log time of opening [ns].
-    recovery : mapping of str, optional
-        The ``netboard.recovery`` metadata record, for a file rebuilt from another one.
-
-    Attributes
-    ----------
-    durable : int or None
-        All records before this number are on disk; None before the first [1].
+    ``path``: final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``. ``opened_ns``: log time of
+    opening [ns]. ``recovery``: the ``netboard.recovery`` metadata record, for a file rebuilt from another one.
     """
 
     def __init__(
@@ -53,7 +42,7 @@ class RecordingWriter:
     ) -> None:
         self.path = path
         self.next_record: int | None = None
-        self.durable: int | None = None
+        self.durable: int | None = None  # all records before this number are on disk; None before the first
         self.lost = 0
         self._written = 0
         self._remarks = 0
@@ -94,10 +83,7 @@ class RecordingWriter:
     def write(self, record: Record, number: int, log_time_ns: int) -> None:
         """Write the next record from the server.
 
-        Parameters
-        ----------
-        number : int
-            Number on the log channel; records arrive in order and without gaps (`note_lost` closes gaps) [1].
+        ``number``: number on the log channel; records arrive in order and without gaps (`note_lost` closes gaps).
         """
         self._begin(number)
         if isinstance(record, TickRecord):
@@ -142,11 +128,8 @@ class RecordingWriter:
     def flush(self, now_ns: int) -> int | None:
         """Put everything written on disk and return `durable`.
 
-        Raises
-        ------
-        RecordingError
-            If the disk is gone: the file is then closed and can be recovered. Or if the disk is full, or the file was
-            deleted or moved: the file is then still open, and `finish` saves what was written.
+        Raises `RecordingError` if the disk is gone: the file is then closed and can be recovered. Or if the disk is
+        full, or the file was deleted or moved: the file is then still open, and `finish` saves what was written.
         """
         self._ticks.close_batch()
         self._file.sync()
@@ -157,10 +140,7 @@ class RecordingWriter:
     def finish(self, now_ns: int, ended: str = "complete") -> None:
         """Write the index and give the file its final name.
 
-        Parameters
-        ----------
-        ended : str
-            ``complete`` if the server ended the session; otherwise the reason why the file ends here.
+        ``ended``: ``complete`` if the server ended the session; otherwise the reason why the file ends here.
         """
         self._ticks.finish(now_ns)
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}

@@ -38,10 +38,7 @@ class Backfilled:
     def fill(self, ticks: Mapping[str, NDArray[Any]] | NDArray[Any]) -> None:
         """Fill in the known rendered forces and safeguards, in place.
 
-        Parameters
-        ----------
-        ticks : ndarray of TICK, or dict of its columns, shape (n,)
-            Ticks, changed in place; ``time_ns`` and each side's ``rendered`` and ``safeguards`` are required.
+        ``time_ns`` and each side's ``rendered`` and ``safeguards`` are required.
         """
         for side, rows in self._rows.items():
             unknown = np.flatnonzero(np.isnan(ticks[f"{side}_rendered"]))
@@ -65,15 +62,8 @@ class Backfilled:
 def unknown_ticks(rendered: NDArray[np.float64], within: NDArray[np.bool_] | None = None) -> int:
     """Count the ticks with an unknown rendered force, from the first known one on.
 
-    Parameters
-    ----------
-    rendered : ndarray, shape (n,)
-        Rendered force of one side at every tick, after `Backfilled.fill` [N].
-
-    Returns
-    -------
-    int
-        Number of ticks; before the first known force there was no agent yet [1].
+    ``rendered``: rendered force of one side at every tick, after `Backfilled.fill` [N]. Before the first known force
+    there was no agent yet.
     """
     unknown = np.isnan(rendered)
     began = int(np.argmin(unknown)) if not unknown.all() else unknown.size

@@ -142,10 +142,7 @@ class TickStream:
     def add(self, row: bytes, log_time_ns: int) -> None:
         """Add a tick.
 
-        Raises
-        ------
-        RecordingError
-            If the row has the wrong length: server and logger have different versions.
+        Raises `RecordingError` if the row has the wrong length: server and logger have different versions.
         """
         if len(row) != TICK.itemsize:
             raise RecordingError(

@@ -38,21 +38,13 @@ Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One value in a message.
-
-    Attributes
-    ----------
-    kind : str
-        ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``.
-    differences : int
-        Order of the differences that a batch stores instead of the values [1].
-    """
+    """One value in a message."""
 
     name: str
-    kind: str
+    kind: str  # ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``
     text: str
     unit: str
-    differences: int = 0
+    differences: int = 0  # order of the differences that a batch stores instead of the values
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON schema of the value; its description ends with the unit."""
@@ -69,13 +61,7 @@ _NUMPY = {"integer": "<i8", "number": "<f8"}
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One stream in a recording.
-
-    Attributes
-    ----------
-    columns : tuple of Field
-        Columns of the rows in a batch, in order; empty for other messages.
-    """
+    """One stream in a recording."""
 
     topic: str
     schema_name: str
@@ -83,7 +69,7 @@ class Channel:
     sequence: str
     publish_time: str
     fields: tuple[Field, ...]
-    columns: tuple[Field, ...] = ()
+    columns: tuple[Field, ...] = ()  # columns of the rows in a batch, in order; empty for other messages
 
     def schema(self) -> bytes:
         """Return the JSON schema of the messages; for a batch, ``columns`` lists its columns."""
@@ -337,17 +323,11 @@ def unpack(message: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Stamped:
-    """A record ready to be written: channel, time stamps and bytes.
-
-    Attributes
-    ----------
-    publish_time_ns : int
-        Time stamp of the source [ns].
-    """
+    """A record ready to be written: channel, time stamps and bytes."""
 
     topic: str
     sequence: int
-    publish_time_ns: int
+    publish_time_ns: int  # time stamp of the source [ns]
     data: bytes
 
 

@@ -35,16 +35,11 @@ _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
 class Entry(NamedTuple):
-    """One message in a chunk.
-
-    Attributes
-    ----------
-    log_time_ns, publish_time_ns : int
-        Time stamps of the logger and of the source [ns].
-    """
+    """One message in a chunk."""
 
     channel_id: int
     sequence: int
+    # Time stamps of the logger and of the source [ns].
     log_time_ns: int
     publish_time_ns: int
     data: bytes

@@ -37,16 +37,10 @@ _KEEP_SIZE = 1
 
 
 class Space(NamedTuple):
-    """Free space and how long it lasts.
-
-    Attributes
-    ----------
-    seconds : float
-        Time until the space is used up [s].
-    """
+    """Free space and how long it lasts."""
 
     free: int
-    seconds: float
+    seconds: float  # time until the space is used up [s]
 
     @property
     def low(self) -> bool:

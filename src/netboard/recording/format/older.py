@@ -32,10 +32,7 @@ def config_of(text: str, version: str) -> str:
 def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
     """Decode messages of the ``/tick`` channel into rows.
 
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        The rows, bit for bit as written; columns that the format lacks are 0.
+    They are bit for bit as written; columns that the format lacks are 0.
     """
     missing = _SINCE_2 if version == "1" else frozenset[str]()
     template, places, columns = _layout(missing)

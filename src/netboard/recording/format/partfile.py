@@ -67,10 +67,7 @@ def publish(part: Path, path: Path) -> None:
 class PartFile:
     """An unfinished MCAP file with netboard's channels.
 
-    Parameters
-    ----------
-    chunk_bytes : int
-        Maximum size of a chunk before compression, in bytes [1]. A longer message gets its own chunk.
+    ``chunk_bytes``: maximum size of a chunk before compression, in bytes. A longer message gets its own chunk.
     """
 
     def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
@@ -146,10 +143,7 @@ class PartFile:
     def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> int:
         """Add a message to the chunk in memory; first close the chunk if the message does not fit.
 
-        Returns
-        -------
-        int
-            File offset of the chunk that will hold the message, in bytes [1].
+        Returns the file offset of the chunk that will hold the message, in bytes.
         """
         size = _MESSAGE_HEAD + len(message.data)
         if self._pending and self._pending + size > self._chunk_bytes:
@@ -175,11 +169,8 @@ class PartFile:
     def sync(self) -> None:
         """Close the chunk in memory and make all written data survive a power cut.
 
-        Raises
-        ------
-        RecordingError
-            If the disk is gone: the file is then closed. Or if the disk is full, or the file was deleted or moved: the
-            file is then still open, and `finish` saves what was written.
+        Raises `RecordingError` if the disk is gone: the file is then closed. Or if the disk is full, or the file was
+        deleted or moved: the file is then still open, and `finish` saves what was written.
         """
         self.close_chunk()
         with self._writing():
@@ -191,10 +182,8 @@ class PartFile:
     def finish(self) -> None:
         """Write the index and give the file its final name.
 
-        Raises
-        ------
-        RecordingError
-            If the disk reports an error, a file with the final name has appeared meanwhile, or the file was moved.
+        Raises `RecordingError` if the disk reports an error, a file with the final name has appeared meanwhile, or the
+        file was moved.
         """
         self.close_chunk()
         astray = self._astray()

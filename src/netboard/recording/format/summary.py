@@ -38,15 +38,10 @@ def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Distribution of a duration.
-
-    Attributes
-    ----------
-    p50, p99, p999, largest : float
-        Percentiles 50, 99 and 99.9, and the largest value [s].
-    """
+    """Distribution of a duration."""
 
     count: int
+    # Percentiles 50, 99 and 99.9, and the largest value [s].
     p50: float
     p99: float
     p999: float
@@ -64,34 +59,20 @@ def spread(values_ns: NDArray[np.int64]) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One attempt at a trial, from the release of the ball.
+    """One attempt at a trial, from the release of the ball."""
 
-    Attributes
-    ----------
-    trial, attempt : int
-        Number of the trial in the block, and of the attempt at it, from 1 [1].
-    outcome : str
-        ``success``, ``fell``, ``timed_out``, or the cause from the operator or server in lower case; ``unfinished`` if
-        the recording ends first.
-    began : int
-        First tick of the preceding levelling phase; equal to `tick` if the recording lacks it [1].
-    tick : int
-        Tick at which the ball was released or the recording begins [1].
-    duration : float
-        Time from `tick` to the end, holding included [s].
-    completion : float
-        Completion time of a success, otherwise NaN [s].
-    """
-
+    # Number of the trial in the block, and of the attempt at it, from 1.
     trial: int
     attempt: int
     target: int
+    # ``success``, ``fell``, ``timed_out``, or the cause from the operator or server in lower case; ``unfinished`` if
+    # the recording ends first.
     outcome: str
-    began: int
-    tick: int
+    began: int  # first tick of the preceding levelling phase; equal to `tick` if the recording lacks it
+    tick: int  # tick at which the ball was released or the recording begins
     stop: int
-    duration: float
-    completion: float
+    duration: float  # time from `tick` to the end, holding included [s]
+    completion: float  # completion time of a success, otherwise NaN [s]
 
 
 _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out", Cause.LAST: "skip"}
@@ -164,31 +145,16 @@ def _levelled(before: NDArray[Any], release: Any) -> int:
 
 @dataclass(frozen=True, slots=True)
 class SideSummary:
-    """Summary of one side.
+    """Summary of one side."""
 
-    Attributes
-    ----------
-    loop : Spread
-        Sample-to-force latency: from reading the stylus to rendering the force computed from it [s].
-    largest_force : float
-        Largest magnitude of the known vertical rendered force; NaN if it is never known [N].
-    unknown_ticks : int
-        Ticks since the first sample with an unknown rendered force [1].
-    safeguards : dict of int
-        Number of ticks with each action of the safety chain, by its lower-case name; zero counts are left out [1].
-    limited_ticks : int
-        Ticks at which the force was clamped or slew-limited [1].
-    skipped_samples : int
-        Samples that no tick used, because a newer one had arrived or they were lost [1].
-    """
-
-    loop: Spread
-    largest_force: float
-    unknown_ticks: int
+    loop: Spread  # sample-to-force latency: from reading the stylus to rendering the force computed from it [s]
+    largest_force: float  # largest magnitude of the known vertical rendered force; NaN if it is never known [N]
+    unknown_ticks: int  # ticks since the first sample with an unknown rendered force
+    # Number of ticks with each action of the safety chain, by its lower-case name; zero counts are left out.
     safeguards: dict[str, int]
-    limited_ticks: int
+    limited_ticks: int  # ticks at which the force was clamped or slew-limited
     stale_ticks: int
-    skipped_samples: int
+    skipped_samples: int  # samples that no tick used, because a newer one had arrived or they were lost
 
 
 def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
@@ -217,41 +183,26 @@ def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True)
 class DisplaySummary:
-    """Summary of one station's display.
-
-    Attributes
-    ----------
-    dropped : int
-        Views replaced by a newer one before they were painted, or painted late [1].
-    """
+    """Summary of one station's display."""
 
     frames: int
-    dropped: int
+    dropped: int  # views replaced by a newer one before they were painted, or painted late
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Summary of a recording.
-
-    Attributes
-    ----------
-    duration : float
-        Time from the first to the last tick, both included [s].
-    lateness : Spread
-        Delay of the tick starts after their deadlines [s].
-    round_trips : dict of Spread
-        Round-trip time of the clock probes by kind of peer, without the peer's own processing time [s].
-    """
+    """Summary of a recording."""
 
     ticks: int
-    duration: float
+    duration: float  # time from the first to the last tick, both included [s]
     missing: tuple[Gap, ...]
     lost_records: int
     attempts: tuple[Attempt, ...]
     late_ticks: int
-    lateness: Spread
+    lateness: Spread  # delay of the tick starts after their deadlines [s]
     left: SideSummary
     right: SideSummary
+    # Round-trip time of the clock probes by kind of peer, without the peer's own processing time [s].
     round_trips: dict[str, Spread]
     displays: dict[str, DisplaySummary]
     events: int

@@ -96,20 +96,9 @@ def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
 def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
     """Map netboard's column names to those of a table.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Names of columns in the table, as ``column=theirs``; the other columns have netboard's names.
-
-    Returns
-    -------
-    dict of str
-        The table's name of each column found, by netboard's name.
-
-    Raises
-    ------
-    ConfigError
-        If a named column or a required one is missing, or two columns have the same name.
+    ``words``: names of columns in the table, as ``column=theirs``; the other columns have netboard's names. Returns the
+    table's name of each column found, by netboard's name. Raises `ConfigError` if a named column or a required one is
+    missing, or two columns have the same name.
     """
     said = _pairs("--map", words, "left_z=Height1")
     for name, theirs in said.items():
@@ -132,15 +121,8 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Seque
 def scales(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return the unit conversions.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Units of columns, as ``column=unit`` or ``column=-unit``; the other columns are in SI units.
-
-    Returns
-    -------
-    dict of (float, float)
-        Multiplier and divisor for each column [1].
+    ``words``: units of columns, as ``column=unit`` or ``column=-unit``; the other columns are in SI units. Returns a
+    multiplier and a divisor for each column.
     """
     found: dict[str, tuple[float, float]] = dict.fromkeys(COLUMNS, (1.0, 1.0))
     for name, unit in _pairs("--unit", words, "left_z=mm").items():

@@ -47,10 +47,8 @@ _ROWS_AT_ONCE = 20_000
 def read_hands(path: Path, gaps: str = "refuse") -> Hands:
     """Read a file of hand movements.
 
-    Parameters
-    ----------
-    gaps : str
-        "refuse" raises an error at gaps; "hold" extrapolates the last sample before each, as between any two samples.
+    ``gaps``: "refuse" raises an error at gaps; "hold" extrapolates the last sample before each, as between any two
+    samples.
     """
     try:
         table = _read_parquet(path) if path.suffix.lower() == ".parquet" else _read_csv(path)
@@ -248,15 +246,8 @@ def doubts(hands: Hands) -> list[str]:
 def find_inputs(words: Sequence[str]) -> list[Path]:
     """Return the input files.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Files, folders (all their .csv and .parquet files) and patterns such as ``hands/*.csv``.
-
-    Returns
-    -------
-    list of Path
-        Each file once, in the order of `words`, sorted by name within a folder or pattern.
+    ``words``: files, folders (all their .csv and .parquet files) and patterns such as ``hands/*.csv``. Each file comes
+    once, in the order of `words`, sorted by name within a folder or pattern.
     """
     paths: list[Path] = []
     for word in words:
@@ -279,11 +270,8 @@ def find_inputs(words: Sequence[str]) -> list[Path]:
 def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> dict[Path, Path]:
     """Determine the output file of each input, before the computation starts.
 
-    Parameters
-    ----------
-    output : str
-        A file, for one input; a folder, where outputs have the names of their inputs; or a name with ``{}`` in place of
-        the input's name without suffix.
+    ``output``: a file, for one input; a folder, where outputs have the names of their inputs; or a name with ``{}`` in
+    place of the input's name without suffix.
     """
     folder = not output.lower().endswith(KINDS)
     if folder and Path(output).suffix and not (Path(output).is_dir() or output.endswith("/")):
@@ -321,12 +309,8 @@ def write_table(
 ) -> None:
     """Write a table under a temporary name, then rename it.
 
-    Parameters
-    ----------
-    about : mapping of str to str
-        Provenance of the table; a Parquet file stores it in its metadata, under "netboard", as JSON.
-    force : bool
-        True: replace an existing file.
+    ``about``: provenance of the table; a Parquet file stores it in its metadata, under "netboard", as JSON. ``force``:
+    replace an existing file.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     write = _write_parquet if path.suffix.lower() == ".parquet" else _write_csv

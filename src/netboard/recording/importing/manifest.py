@@ -48,13 +48,7 @@ class Listed:
 
 
 class Manifest:
-    """A manifest after reading.
-
-    Parameters
-    ----------
-    path : Path
-        The manifest; table names are relative to its folder.
-    """
+    """A manifest after reading. Table names are relative to its folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -23,18 +23,12 @@ ROWS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Portion:
-    """A batch of rows, as stored in the file.
-
-    Attributes
-    ----------
-    cells : dict of sequences
-        Columns of text, or of any type in a Parquet file.
-    """
+    """A batch of rows, as stored in the file."""
 
     source: str
     what: str
     places: Sequence[int]
-    cells: dict[str, Any]
+    cells: dict[str, Any]  # columns of text, or of any type in a Parquet file
 
     def numbers(self, name: str, kind: type[np.generic] = np.float64) -> NDArray[Any]:
         """Return a column of numbers."""

@@ -30,17 +30,11 @@ Columns = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A range of samples without gaps.
-
-    Attributes
-    ----------
-    ticks : ndarray of int64, shape (n,)
-        Tick numbers of the range; the first sample of the data is at tick 0 [1].
-    """
+    """A range of samples without gaps."""
 
     first: int
     stop: int
-    ticks: NDArray[np.int64]
+    ticks: NDArray[np.int64]  # tick numbers of the range; the first sample of the data is at tick 0
     exact: bool
 
 
@@ -66,15 +60,8 @@ def segments(time: NDArray[np.float64], gap: float) -> list[Segment]:
 def resampled(time: NDArray[np.float64], columns: Columns, segment: Segment, kind: Interpolation) -> Columns:
     """Return the columns of a range at its ticks, with the velocities of positions.
 
-    Parameters
-    ----------
-    columns : mapping of ndarray, shape (n,)
-        The samples: int64 and strings keep the newest value, float64 is interpolated [SI].
-
-    Returns
-    -------
-    mapping of ndarray, shape (m,)
-        Columns at the ticks, with the `RATES` of all positions [SI].
+    ``columns``: the samples: int64 and strings keep the newest value, float64 is interpolated [SI]. Returns the columns
+    at the ticks, with the `RATES` of all positions [SI].
     """
     here = slice(segment.first, segment.stop)
     t = time[here]

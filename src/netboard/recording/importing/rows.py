@@ -53,15 +53,8 @@ def _samples(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
 def simulated(ticks: NDArray[np.int64], columns: Columns, config: Config) -> NDArray[Any]:
     """Simulate the experiment from the hand movements, with the stage that the server uses.
 
-    Parameters
-    ----------
-    columns : mapping of ndarray, shape (n,)
-        Stylus heights and velocities and other known columns at these ticks [SI].
-
-    Returns
-    -------
-    ndarray of TICK, shape (m,)
-        Every tick from first to last; gaps have no fresh samples, so the hands keep their position.
+    ``columns``: stylus heights and velocities and other known columns at these ticks [SI]. Returns every tick from
+    first to last; gaps have no fresh samples, so the hands keep their position.
     """
     every = np.arange(ticks[0], ticks[-1] + 1)
     newest = np.searchsorted(ticks, every, "right") - 1
@@ -80,10 +73,7 @@ def simulated(ticks: NDArray[np.int64], columns: Columns, config: Config) -> NDA
 def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
     """Fill ticks with measured columns.
 
-    Parameters
-    ----------
-    columns : mapping of ndarray, shape (n,)
-        Known columns at the ticks, by the names in `netboard.recording.importing.columns.COLUMNS` [SI].
+    ``columns``: known columns at the ticks, by the names in `netboard.recording.importing.columns.COLUMNS` [SI].
     """
     rows = _samples(ticks, columns)
     for name in (*_TAKEN, *_FORCES):

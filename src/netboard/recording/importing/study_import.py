@@ -121,13 +121,7 @@ def _is_there(job: Job) -> bool:
 def run(
     plan: Plan, folder: Path, workers: int, tell: Tell, work: Work | None = None
 ) -> tuple[list[Imported], list[str]]:
-    """Run the jobs of a plan.
-
-    Returns
-    -------
-    done : list of Imported
-        Imported tables, in the order of the manifest.
-    """
+    """Run the jobs of a plan. The imported tables come in the order of the manifest."""
     folder.mkdir(parents=True, exist_ok=True)
     done: dict[int, Imported] = {}
     failed: dict[int, str] = {}

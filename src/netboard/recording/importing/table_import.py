@@ -24,24 +24,15 @@ PIECE = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """Import options.
+    """Import options."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        Column names in the table, as ``column=theirs``, and their units, as ``column=unit``.
-    gap : float
-        Longest sample interval that is not a gap [s].
-    rate : float or None
-        Sample rate, which times are checked against and missing ones computed from [Hz].
-    """
-
+    # Column names in the table, as ``column=theirs``, and their units, as ``column=unit``.
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     simulate: bool = False
     interpolation: Interpolation = "cubic"
-    gap: float = 0.1
-    rate: float | None = None
+    gap: float = 0.1  # longest sample interval that is not a gap [s]
+    rate: float | None = None  # sample rate, which times are checked against and missing ones computed from [Hz]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +61,7 @@ def import_table(
 ) -> Imported:
     """Convert a table to a recording.
 
-    Parameters
-    ----------
-    config : Config
-        Configuration of the experiment; one stored beside an exported table of ticks takes precedence.
+    ``config``: configuration of the experiment; one stored beside an exported table of ticks takes precedence.
     """
     said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_own(path) and not wishes.names:

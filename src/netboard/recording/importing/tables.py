@@ -26,31 +26,17 @@ _RATE_ERROR = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Measured samples.
+    """Measured samples."""
 
-    Attributes
-    ----------
-    time : ndarray of float64, shape (n,)
-        Sample times, increasing [s].
-    columns : dict of ndarray, shape (n,)
-        Other columns by netboard's names: float64, int64, or strings [SI].
-    """
-
-    time: NDArray[np.float64]
-    columns: dict[str, NDArray[Any]]
+    time: NDArray[np.float64]  # sample times, increasing [s]
+    columns: dict[str, NDArray[Any]]  # other columns by netboard's names: float64, int64, or strings [SI]
     left_out: tuple[str, ...]
 
 
 def read_samples(
     path: Path, names: Sequence[str] = (), units: Sequence[str] = (), rate: float | None = None
 ) -> Samples:
-    """Read a table.
-
-    Parameters
-    ----------
-    rate : float or None
-        Sample rate that times must match; a table without times gets them from it [Hz].
-    """
+    """Read a table. ``rate``: sample rate that times must match; a table without times gets them from it [Hz]."""
     table = TableFile(path)
     parts: dict[str, list[NDArray[Any]]] = {}
     for portion in _portions(table, names, units, rate):
@@ -143,15 +129,7 @@ def is_own(path: Path) -> bool:
 def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
     """Read an exported table of ticks.
 
-    Parameters
-    ----------
-    path : Path
-        A .csv or .parquet file with all tick columns.
-
-    Yields
-    ------
-    ndarray of TICK, shape (n,)
-        The next rows, bit for bit (except NaN payloads in CSV).
+    The file is a .csv or .parquet file with all tick columns. Rows are bit for bit (except NaN payloads in CSV).
     """
     newest = -1
     for portion in TableFile(path).portions(TICK.names or ()):

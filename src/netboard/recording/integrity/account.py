@@ -29,17 +29,11 @@ _NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:
 
 
 class NumberRange(NamedTuple):
-    """A range of consecutive numbers.
-
-    Attributes
-    ----------
-    cause : str
-        Why the numbers are missing; empty for present ones, or if the cause is unknown.
-    """
+    """A range of consecutive numbers."""
 
     first: int
     last: int
-    cause: str = ""
+    cause: str = ""  # why the numbers are missing; empty for present ones, or if the cause is unknown
 
 
 class Pause(NamedTuple):
@@ -50,38 +44,26 @@ class Pause(NamedTuple):
 
 
 class Part(NamedTuple):
-    """One file of a session.
-
-    Attributes
-    ----------
-    first_record, next_record : int
-        Log-channel number of the first record, and of the one after the last [1].
-    ended : str
-        ``complete``, or why the file ends before its block; empty for a recovered file without an end record.
-    """
+    """One file of a session."""
 
     path: Path
+    # Log-channel number of the first record, and of the one after the last.
     first_record: int
     next_record: int
-    ended: str
+    ended: str  # ``complete``, or why the file ends before its block; empty for a recovered file without an end record
     damage: str
 
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """Account of all ticks of a session.
-
-    Attributes
-    ----------
-    lost_records : tuple of NumberRange
-        Records of any kind that no part holds, by their log-channel numbers, with causes.
-    """
+    """Account of all ticks of a session."""
 
     session: str
     parts: tuple[Part, ...]
     present: tuple[NumberRange, ...]
     lost: tuple[NumberRange, ...]
     unexplained: tuple[NumberRange, ...]
+    # Records of any kind that no part holds, by their log-channel numbers, with causes.
     lost_records: tuple[NumberRange, ...]
     unexplained_records: tuple[NumberRange, ...]
     pauses: tuple[Pause, ...]
@@ -128,10 +110,8 @@ class _Read(NamedTuple):
 def account_of(paths: Sequence[Path]) -> Account:
     """Account for every tick of a session.
 
-    Raises
-    ------
-    RecordingError
-        If a part is damaged or unfinished (recover it first), or the parts belong to different sessions.
+    Raises `RecordingError` if a part is damaged or unfinished (recover it first), or the parts belong to different
+    sessions.
     """
     read = sorted((_read(path) for path in paths), key=lambda found: found.part.first_record)
     sessions = {found.session for found in read}

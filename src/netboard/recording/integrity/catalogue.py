@@ -34,42 +34,27 @@ _UNREADABLE = (*UNSOUND, NetboardError, OSError, ValueError, EOFError, IndexErro
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Catalogue entry of one file.
-
-    Attributes
-    ----------
-    dyad, session, study : str
-        Pseudonymous id of the dyad, label of the session, name of the study; empty if unknown.
-    opened : str
-        Start time, UTC, in ISO 8601; empty if unknown.
-    block, blocks : int
-        Number of the block and number of blocks in the plan; 0 for none [1].
-    role : str
-        Purpose of its trials; empty for other files than recordings.
-    factors : dict of str
-        Level of each factor of the study, with value and unit.
-    done, trials : int
-        Trials done, and trials planned in the block; a journal has only the former [1].
-    duration : float or None
-        Time from start to end; None if either is unknown [s].
-    """
+    """Catalogue entry of one file."""
 
     path: Path
     kind: str
     size: int = 0
+    # Pseudonymous id of the dyad, label of the session, name of the study; empty if unknown.
     dyad: str = ""
     session: str = ""
     study: str = ""
     pilot: bool = False
-    opened: str = ""
+    opened: str = ""  # start time, UTC, in ISO 8601; empty if unknown
+    # Number of the block and number of blocks in the plan; 0 for none.
     block: int = 0
     blocks: int = 0
-    role: str = ""
-    factors: dict[str, str] = field(default_factory=dict)
+    role: str = ""  # purpose of its trials; empty for other files than recordings
+    factors: dict[str, str] = field(default_factory=dict)  # level of each factor of the study, with value and unit
     condition: str = ""
+    # Trials done, and trials planned in the block; a journal has only the former.
     done: int = 0
     trials: int = 0
-    duration: float | None = None
+    duration: float | None = None  # time from start to end; None if either is unknown [s]
     lost: int = 0
     verdict: str = RESULTS[Severity.SOUND]
     why: str = ""

@@ -36,36 +36,19 @@ Tell = Callable[[int], object]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One integrity check.
+    """One integrity check."""
 
-    Attributes
-    ----------
-    part : str
-        Name of the check in reports.
-    about : str
-        What it examines, for the documentation.
-    needs_config : bool
-        Whether it is left out where the configuration cannot be read.
-    """
-
-    part: str
-    about: str
+    part: str  # its name in reports
+    about: str  # what it examines, for the documentation
     findings: Callable[[Evidence], Iterable[Finding]]
-    needs_config: bool = False
+    needs_config: bool = False  # whether it is left out where the configuration cannot be read
 
 
 def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> Report:
     """Check one file.
 
-    Parameters
-    ----------
-    path : Path
-        A recording, an unfinished one (``.part``) or a server's spill (``.spill``).
-
-    Returns
-    -------
-    Report
-        The findings. A faulty file gives findings, never an exception.
+    It is a recording, an unfinished one (``.part``) or a server's spill (``.spill``). A faulty file gives findings,
+    never an exception.
     """
     try:
         with Recording(path) as recording:

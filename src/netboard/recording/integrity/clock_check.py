@@ -36,30 +36,16 @@ _LEAST_PROBES = 6
 
 
 class Fit(NamedTuple):
-    """A straight line through probes of a peer.
+    """A straight line through probes of a peer."""
 
-    Attributes
-    ----------
-    drift_ppm : float
-        Slope; NaN if the delays of the probes leave it undetermined [1e-6].
-    beyond : int
-        Number of estimates further from the line than their bound and the delays of its probes allow [1].
-    """
-
-    drift_ppm: float
-    beyond: int
+    drift_ppm: float  # slope; NaN if the delays of the probes leave it undetermined [1e-6]
+    beyond: int  # number of estimates further from the line than their bound and the delays of its probes allow
 
 
 def check_clocks(
     probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
 ) -> Iterator[Finding]:
-    """Check the clocks of all peers.
-
-    Parameters
-    ----------
-    bound_ms : float
-        Largest bound of an agent's clock offset during trials [ms].
-    """
+    """Check the clocks of all peers. ``bound_ms``: largest bound of an agent's clock offset during trials [ms]."""
     if not probes:
         yield Finding(Severity.SOUND, "no clock probes were recorded")
     for peer in sorted({probe.peer for probe in probes}):
@@ -72,10 +58,7 @@ def check_clocks(
 def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
     """Separate the connections whose probes an older server recorded under one name.
 
-    Returns
-    -------
-    list of list of ClockRecord
-        Probes of each connection. All are one connection if they can be, or if no interleaving explains their order.
+    All are one connection if they can be, or if no interleaving explains their order.
     """
     peer = probes[0].peer
     in_order = all(before.t3_ns <= later.t3_ns for before, later in pairwise(probes))

@@ -27,10 +27,7 @@ def judged(recording: Recording) -> tuple[Verdict, ...]:
 def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
     """Judge every completed attempt while the ticks are read for another purpose.
 
-    Parameters
-    ----------
-    portions : iterable of ndarray of TICK, shape (n,)
-        All ticks in order, with at least the fields in `netboard.task.trials.quality.SEEN`.
+    ``portions``: all ticks in order, with at least the fields in `netboard.task.trials.quality.SEEN`.
     """
     referee = Referee(config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))

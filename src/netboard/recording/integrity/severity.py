@@ -37,23 +37,13 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Report of the check of one file.
-
-    Attributes
-    ----------
-    ticks : int
-        Ticks in the file, or recoverable from it [1].
-    replay : Verification or None
-        Result of verifying every tick, if requested.
-    computing : float
-        Computing time of the verification, without reading [s].
-    """
+    """Report of the check of one file."""
 
     path: Path
     findings: tuple[Finding, ...]
-    ticks: int = 0
-    replay: Verification | None = None
-    computing: float = 0.0
+    ticks: int = 0  # ticks in the file, or recoverable from it
+    replay: Verification | None = None  # result of verifying every tick, if requested
+    computing: float = 0.0  # computing time of the verification, without reading [s]
 
     @property
     def severity(self) -> Severity:

@@ -23,22 +23,13 @@ SLICE = 2048
 
 @dataclass(frozen=True)
 class Verification:
-    """Result of a verification.
-
-    Attributes
-    ----------
-    gaps : int
-        Gaps of missing ticks, after each of which the comparison restarted [1].
-    tick : int or None
-        First tick that is not bit-identical; None if all are [1].
-    recorded, computed : float
-        Recorded and computed value of the differing field, in its own unit [SI].
-    """
+    """Result of a verification."""
 
     checked: int
-    gaps: int
-    tick: int | None = None
+    gaps: int  # gaps of missing ticks, after each of which the comparison restarted
+    tick: int | None = None  # first tick that is not bit-identical; None if all are
     field: str = ""
+    # Recorded and computed value of the differing field, in its own unit [SI].
     recorded: float = 0.0
     computed: float = 0.0
 
@@ -56,10 +47,7 @@ _PLACES = {name: place for place, name in enumerate(TICK.names or ())}
 def verify(stage: Stage, ticks: NDArray[Any]) -> Verification:
     """Run the stage over recorded inputs and compare every tick bit for bit.
 
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The recorded ticks, in order. After a gap the stage continues from the recorded state.
+    After a gap the stage continues from the recorded state.
     """
     return verify_portions(stage, (ticks,))
 
@@ -67,16 +55,8 @@ def verify(stage: Stage, ticks: NDArray[Any]) -> Verification:
 def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verification:
     """Verify ticks that arrive in batches.
 
-    Parameters
-    ----------
-    portions : iterable of ndarray of TICK
-        The recorded ticks, in order. After a gap, within or between batches, the stage continues from the recorded
-        state.
-
-    Returns
-    -------
-    Verification
-        Identical, or position and values of the first difference; later ticks are not compared.
+    ``portions``: in order. After a gap, within or between batches, the stage continues from the recorded state. Ticks
+    after the first difference are not compared.
     """
     verifier = Verifier(stage)
     for rows in portions:
@@ -139,13 +119,7 @@ def state_of(row: NDArray[Any]) -> NDArray[Any]:
 
 
 def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Split numbers into runs of consecutive ones.
-
-    Returns
-    -------
-    list of (int, int)
-        First index and end index of each run [1].
-    """
+    """Split numbers into runs of consecutive ones. Returns their first and end indices."""
     if len(numbers) == 0:
         return []
     breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
@@ -156,10 +130,7 @@ def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
 def as_words(rows: NDArray[Any]) -> NDArray[np.int64]:
     """View rows as 64-bit integers, so that NaN equals NaN and -0 differs from 0.
 
-    Returns
-    -------
-    ndarray of int64, shape (n, words)
-        View of the same memory if the rows are contiguous [1].
+    It is a view of the same memory if the rows are contiguous.
     """
     return np.ascontiguousarray(rows).view(np.int64).reshape(len(rows), -1)
 

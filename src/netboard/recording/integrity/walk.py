@@ -31,39 +31,23 @@ ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
 
 @dataclass
 class Walk:
-    """Results of the pass.
-
-    Attributes
-    ----------
-    disordered : list of int
-        Ticks whose number does not exceed the previous one [1].
-    jumps : list of (int, int)
-        Ticks whose time does not follow the previous one by one tick, and the excess [1, ns].
-    active_ns : (int, int) or None
-        Server time of the first and the last tick during trials [ns].
-    force_where_none : int
-        Ticks with a commanded force although the condition has none [1].
-    felt : float
-        Largest commanded force [N].
-    turns : list of ndarray of TICK
-        Rows at which a field of the trial changes, and the rows before them.
-    computing : float
-        Computing time of the verification [s].
-    """
+    """Results of the pass."""
 
     count: int = 0
     first: NDArray[Any] = field(default_factory=lambda: np.empty(0, TICK))
     last: NDArray[Any] = field(default_factory=lambda: np.empty(0, TICK))
     gaps: list[Gap] = field(default_factory=list)
     missing: int = 0
-    disordered: list[int] = field(default_factory=list)
+    disordered: list[int] = field(default_factory=list)  # ticks whose number does not exceed the previous one
+    # Ticks whose time does not follow the previous one by one tick, and the excess [1, ns].
     jumps: list[tuple[int, int]] = field(default_factory=list)
-    active_ns: tuple[int, int] | None = None
-    force_where_none: int = 0
-    felt: float = 0.0
+    active_ns: tuple[int, int] | None = None  # server time of the first and the last tick during trials [ns]
+    force_where_none: int = 0  # ticks with a commanded force although the condition has none
+    felt: float = 0.0  # largest commanded force [N]
+    # Rows at which a field of the trial changes, and the rows before them.
     turns: list[NDArray[Any]] = field(default_factory=list)
     verification: Verification | None = None
-    computing: float = 0.0
+    computing: float = 0.0  # computing time of the verification [s]
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Return every attempt at a trial, in order."""
@@ -72,17 +56,11 @@ class Walk:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the checks examine.
-
-    Attributes
-    ----------
-    parsed : Config or None
-        The configuration of the recording; None if it cannot be read.
-    """
+    """What the checks examine."""
 
     recording: Recording
     seen: Walk
-    parsed: Config | None
+    parsed: Config | None  # the configuration of the recording; None if it cannot be read
     events: tuple[EventRecord, ...]
     probes: tuple[ClockRecord, ...]
     remarks: tuple[EventRecord, ...]
@@ -113,12 +91,8 @@ class Evidence:
 def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:
     """Pass through the ticks.
 
-    Parameters
-    ----------
-    block : Block, optional
-        Configuration of the block, which tells where forces are off; None if it is lost.
-    stage : Stage, optional
-        Stage of the recording's configuration: recompute every tick and compare it bit for bit.
+    ``block``: configuration of the block, which tells where forces are off; None if it is lost. ``stage``: stage of the
+    recording's configuration: recompute every tick and compare it bit for bit.
     """
     seen = Walk()
     verifier = None if stage is None else Verifier(stage)

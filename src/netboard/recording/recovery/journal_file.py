@@ -38,20 +38,12 @@ def journal_path(directory: Path, config: Config) -> Path:
 
 
 class Journal:
-    """An open journal. Create it with `create` or `reopen`.
-
-    Attributes
-    ----------
-    durable : int
-        Number of entries on disk, without the header [1].
-    trouble : str
-        Error message of the disk if the newest entries are not written; otherwise empty.
-    """
+    """An open journal. Create it with `create` or `reopen`."""
 
     def __init__(self, path: Path, handle: int, end: int, durable: int) -> None:
         self.path = path
-        self.durable = durable
-        self.trouble = ""
+        self.durable = durable  # number of entries on disk, without the header
+        self.trouble = ""  # error message of the disk if the newest entries are not written; otherwise empty
         self._handle = handle
         self._end = end
         self._appended = durable
@@ -64,10 +56,7 @@ class Journal:
     def create(cls, path: Path, header: Header) -> Self:
         """Create a journal; on return its header and its directory entry are on disk.
 
-        Parameters
-        ----------
-        path : Path
-            Path of the journal; its folder is created if missing.
+        The folder of the path is created if missing.
         """
         line = line_of(header, _now())
         try:
@@ -84,10 +73,7 @@ class Journal:
     def reopen(cls, path: Path) -> tuple[Self, Header, tuple[Entry, ...], bytes]:
         """Reopen a journal; a torn last line stays until the next entry overwrites it.
 
-        Returns
-        -------
-        (Journal, Header, tuple of Entry, bytes)
-            The journal, its header and entries, and the torn line, empty if there is none.
+        Returns the journal, its header and entries, and the torn line, empty if there is none.
         """
         try:
             lines = read_lines(path.read_bytes(), str(path))

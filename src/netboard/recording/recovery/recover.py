@@ -98,10 +98,8 @@ def recovered_path(path: Path) -> Path:
 def recover(path: Path, output: Path | None = None) -> Report:
     """Write a complete recording with all valid data of an unfinished or damaged one.
 
-    Raises
-    ------
-    RecordingError
-        If the source is not MCAP or has another format version, or the output exists or cannot be written.
+    Raises `RecordingError` if the source is not MCAP or has another format version, or the output exists or cannot be
+    written.
     """
     target = output or recovered_path(path)
     with mapped(path) as data:

@@ -69,14 +69,8 @@ class _Block:
 class Spill:
     """Records in a file, in order, for loggers that connect later.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the file; created on demand, and never over an existing file.
-    welcome : Welcome
-        A fresh copy of the first message to the session's loggers; it is stored in the file.
-    most_bytes : int
-        Size limit of the file in bytes; 0 disables it [1].
+    The file is created on demand, and never over an existing file. ``welcome``: a fresh copy of the first message to
+    the session's loggers; it is stored in the file. ``most_bytes``: size limit of the file in bytes; 0 disables it.
     """
 
     def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
@@ -130,10 +124,7 @@ class Spill:
     def batch(self, cursor: int) -> LogBatch | None:
         """Return the next batch for a logger, or None if it must be read from disk first.
 
-        Parameters
-        ----------
-        cursor : int
-            Number of the first record not yet sent to the logger; less than `next` [1].
+        ``cursor``: number of the first record not yet sent to the logger; less than `next`.
         """
         while len(self._loaded) > MOST_LOADED:
             used = self._loaded.popleft()
@@ -166,10 +157,7 @@ class Spill:
     def close(self, rest: Iterable[LogBatch] | None = None) -> None:
         """Complete the file; no records may be stored or requested afterwards. `closed` tells when it is done.
 
-        Parameters
-        ----------
-        rest : iterable of LogBatch, optional
-            Last records to store; the thread takes them at its own pace.
+        ``rest``: last records to store; the thread takes them at its own pace.
         """
         if rest is not None and self._most_bytes:
             self._rest = rest
@@ -302,11 +290,8 @@ class Spill:
 def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]]:
     """Yield the blocks of a spill.
 
-    Yields
-    ------
-    (int, int, Message or None)
-        Start and end of the block, and its content: a `Welcome`, the event `OPENED`, then `LogBatch` messages; None for
-        a damaged block.
+    Start and end of each, and its content: a `Welcome`, the event `OPENED`, then `LogBatch` messages; None for a
+    damaged block.
     """
     position = len(MAGIC)
     while position < len(data):

@@ -36,15 +36,8 @@ from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
     """Recover an unfinished or damaged recording (`recover`), or a spill: one recording per block in it.
 
-    Parameters
-    ----------
-    output : Path, optional
-        Output file; by default `recovered_path`. For a spill it is the first block's.
-
-    Raises
-    ------
-    RecordingError
-        If nothing can be recovered, or an output exists or cannot be written; no output is left behind then.
+    ``output``: output file; by default `recovered_path`. For a spill it is the first block's. Raises `RecordingError`
+    if nothing can be recovered, or an output exists or cannot be written; no output is left behind then.
     """
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:

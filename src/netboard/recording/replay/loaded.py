@@ -37,17 +37,7 @@ class Material:
 
 
 class LoadedRecording:
-    """A recording ready for replay.
-
-    Attributes
-    ----------
-    times : ndarray, shape (n,)
-        Times of the ticks from the start [s].
-    begin : float
-        Start of the block, before which nothing happens; 0 if the recording began later [s].
-    length : float
-        Time of the last tick [s].
-    """
+    """A recording ready for replay. ``times``: times of the ticks from the start [s]."""
 
     def __init__(self, material: Material) -> None:
         self.name, self.text, ticks = material.name, material.config_text, material.ticks
@@ -59,8 +49,9 @@ class LoadedRecording:
         self.attempts: tuple[Attempt, ...] = find_attempts(ticks)
         self.gaps = find_gaps(ticks["tick"])
         self.marks: tuple[Mark, ...] = marks(ticks, self.attempts, self.gaps, material.events)
-        self.length = float(self.times[-1])
+        self.length = float(self.times[-1])  # time of the last tick [s]
         started = np.flatnonzero(ticks["event"] == Cause.START)
+        # Start of the block, before which nothing happens; 0 if the recording began later [s].
         self.begin = float(self.times[started[0]]) if len(started) else 0.0
         self._best = best_so_far(ticks)
         self._rest_until_ns = _rest_until_ns(material.events, self.config)
@@ -81,10 +72,7 @@ class LoadedRecording:
     def trial(self, number: int) -> tuple[float, float] | None:
         """Return the start of a trial (levelling before its first attempt) and the end of its last attempt [s].
 
-        Returns
-        -------
-        (float, float) or None
-            Times from the start; None without an attempt at the trial.
+        None without an attempt at the trial.
         """
         tries = [attempt for attempt in self.attempts if attempt.trial == number]
         return (self.time_of(tries[0].began), self.time_of(tries[-1].stop)) if tries else None

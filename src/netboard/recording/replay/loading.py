@@ -31,10 +31,7 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Loaded
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:
     """Replace missing values in drawn fields by 0; imported data may lack them.
 
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        The same array if board, ball and hands are all finite; otherwise a corrected copy.
+    Returns the same array if board, ball and hands are all finite; otherwise a corrected copy.
     """
     lost = [name for name in DRAWN if not np.isfinite(ticks[name]).all()]
     if lost:

@@ -39,15 +39,9 @@ _TOLD = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A mark on the time line.
+    """A mark on the time line."""
 
-    Attributes
-    ----------
-    time : float
-        Time from the start of the recording [s].
-    """
-
-    time: float
+    time: float  # time from the start of the recording [s]
     tick: int
     kind: str
     label: str
@@ -124,13 +118,7 @@ ANY = "mark"
 
 
 def near(found: Sequence[Mark], position: float, kind: str, *, back: bool) -> Mark | None:
-    """Find the next or previous mark.
-
-    Returns
-    -------
-    Mark or None
-        The nearest mark that is not the current position; None if there is none.
-    """
+    """Find the next or previous mark. The current position does not count; None if there is none."""
     alike = [mark for mark in found if kind in (ANY, mark.kind)]
     if back:
         return next((mark for mark in reversed(alike) if mark.time < position - JUST_NOW), None)

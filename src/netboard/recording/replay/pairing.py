@@ -21,18 +21,10 @@ Sync = Literal["time", "trial"]
 
 @dataclass(frozen=True, slots=True)
 class Pairing:
-    """One time line for several recordings.
+    """One time line for several recordings."""
 
-    Attributes
-    ----------
-    own : tuple of tuple of float
-        Common points of each recording, with its start and end [s].
-    common : tuple of float
-        The same points on the common time line [s].
-    """
-
-    own: tuple[tuple[float, ...], ...]
-    common: tuple[float, ...]
+    own: tuple[tuple[float, ...], ...]  # common points of each recording, with its start and end [s]
+    common: tuple[float, ...]  # the same points on the common time line [s]
 
     @property
     def length(self) -> float:
@@ -74,10 +66,7 @@ def pair(recordings: Sequence[LoadedRecording], sync: Sync) -> Pairing:
 def divide(own: Sequence[Sequence[float]]) -> Pairing:
     """Compute the common time line.
 
-    Parameters
-    ----------
-    own : sequence of sequence of float
-        Common points of each recording, with its start and end: at least three, increasing [s].
+    ``own``: common points of each recording, with its start and end: at least three, increasing [s].
     """
     spans = ([after - before for before, after in pairwise(divisions)] for divisions in own)
     longest = [max(parts) for parts in zip(*spans, strict=True)]

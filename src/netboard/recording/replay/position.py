@@ -14,26 +14,15 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 
 @dataclass(frozen=True, slots=True)
 class Playback:
-    """State of a replay at one time.
+    """State of a replay at one time."""
 
-    Attributes
-    ----------
-    length : float
-        Length of the recording [s].
-    position : float
-        Position in the recording [s].
-    since : float
-        Time at which the position was valid, on any monotonic clock [s].
-    loop : (float, float) or None
-        Loop limits: on reaching the second position the replay jumps to the first; from beyond, it continues to the end
-        [s].
-    """
-
-    length: float
-    position: float = 0.0
-    since: float = 0.0
+    length: float  # length of the recording [s]
+    position: float = 0.0  # position in the recording [s]
+    since: float = 0.0  # time at which the position was valid, on any monotonic clock [s]
     speed: float = 1.0
     playing: bool = False
+    # Loop limits: on reaching the second position the replay jumps to the first; from beyond, it continues to the end
+    # [s].
     loop: tuple[float, float] | None = None
 
     def at(self, now: float) -> float:

@@ -16,32 +16,22 @@ from netboard.base.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """All texts of a display.
-
-    Attributes
-    ----------
-    left_end, right_end : str
-        The two ends of the board, as the object of a sentence.
-    block, trial, next : str
-        The current block and trial, and the next block.
-    ready, wait, rest : str
-        Before a block: headline, what to do in the meantime, headline of a rest.
-    away, away_text : str
-        Headline and sentence for a participant who does not take part in a block.
-    task, task_board, felt, unfelt : str
-        Instructions: what to do with and without a ball, and what is felt with haptic feedback on and off.
-    """
+    """All texts of a display."""
 
     decimal: str
+    # The two ends of the board, as the object of a sentence.
     left_end: str
     right_end: str
     pilot: str
+    # The current block and trial, and the next block.
     block: str
     trial: str
     next: str
+    # Before a block: headline, what to do in the meantime, headline of a rest.
     ready: str
     wait: str
     rest: str
+    # Headline and sentence for a participant who does not take part in a block.
     away: str
     away_text: str
     level: str
@@ -63,6 +53,7 @@ class Words:
     who_dyadic: str
     who_still: str
     who_bimanual: str
+    # Instructions: what to do with and without a ball, and what is felt with haptic feedback on and off.
     task: str
     task_board: str
     felt: str
