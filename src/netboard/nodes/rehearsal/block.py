@@ -65,9 +65,9 @@ def _loop(
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
 
-    ``rows``, also as ``words`` and ``numbers`` of the same memory, are the last `KEPT` ticks and room for the next ones;
-    ``number`` is that of the first, ``last`` that at which the block is stopped; ``hands``: for each participant, the
-    hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
+    ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
+    ``number`` and ``last``: those of the first tick, and of that at which the block is stopped; ``hands``: for each
+    participant, the hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
