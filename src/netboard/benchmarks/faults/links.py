@@ -80,9 +80,14 @@ class Spaces:
 
 
 def _ip(words: str) -> None:
-    done = subprocess.run(["ip", *words.split()], capture_output=True, text=True, check=False)
+    system("ip", *words.split())
+
+
+def system(*command: str) -> None:
+    """Run a command, and raise what it says if it fails."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise NetboardError(f"ip {words}: {done.stderr.strip()}")
+        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")
 
 
 def _call(name: str, *arguments: int) -> None:
