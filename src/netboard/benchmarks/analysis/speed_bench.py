@@ -174,13 +174,7 @@ def _scaling(rows: Sequence[Row]) -> Part:
 
 
 def line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float]:
-    """Fit a straight line by least squares.
-
-    Returns
-    -------
-    tuple of float
-        Slope [y per x], value at 0 [y], and how much of the variance it explains, R2 [1].
-    """
+    """Fit a straight line by least squares: slope, value at 0, share of the variance explained, R2 [y per x, y, 1]."""
     places, values = np.asarray(x, float), np.asarray(y, float)
     slope, start = np.polyfit(places, values, 1)
     left = values - (start + slope * places)

@@ -132,13 +132,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
 
 
 def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> float:
-    """Return the largest stable stiffness in the simulated service, searched near the theoretical one.
-
-    Returns
-    -------
-    float
-        The stiffness; NaN if it is more than 10 % away [N/m].
-    """
+    """Return the largest stable stiffness in the simulated service; NaN if over 10 % from the theoretical one [N/m]."""
     stable, unstable = near * (1.0 - AGREED), near * (1.0 + AGREED)
     if not simulated_is_stable(case, stable, mode):
         stable, unstable = 0.9 * near, stable

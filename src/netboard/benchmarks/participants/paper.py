@@ -30,10 +30,7 @@ ENDS = 1 / 6
 class Sample:
     """The successful trials of some dyads.
 
-    Parameters
-    ----------
-    attempts : ndarray of ATTEMPT, shape (n,)
-        Their attempts, each dyad's in the order of the plan.
+    - `attempts` (array of ATTEMPT): theirs, each dyad's in the order of the plan.
     """
 
     def __init__(self, attempts: NDArray[Any]) -> None:

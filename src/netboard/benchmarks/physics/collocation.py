@@ -271,17 +271,12 @@ def prepare_collocation(
     every: int = 1,
     tolerance: float = TOLERANCE,
 ) -> Callable[[], Array]:
-    """Prepare a run of a scene by collocation: its tables are made, and room for its states.
+    """Prepare a run by collocation, with tables and room for its states; every call of it returns the same array.
 
     - `hands` (shape (n, nodes, 2)): drives of the left and of the right hand at the nodes
       (`netboard.physics.methods.phi.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
     - `tolerance`: sweeps end when what still changes of the accelerations would move nothing by more in a step [m,
       rad].
-
-    Returns
-    -------
-    callable
-        Does the run, and returns the states; every call returns the same array.
     """
     nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
     out = np.empty((len(hands) // every + 1, len(x)))

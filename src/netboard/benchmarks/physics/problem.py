@@ -120,16 +120,13 @@ def multiples(count: int, h: float) -> Array:
     return np.arange(count, dtype=np.float64) * h
 
 
-def styluses_at(times: Any) -> tuple[Array, Array]:
-    """Return where the hands are.
+def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
+    """Return heights and rates of the left and the right stylus, shape (..., 2) [m, m/s].
 
-    Returns
-    -------
-    z, vz : ndarray of float64, shape (..., 2)
-        Heights of the left and the right stylus, and their rates [m, m/s].
+    - `spread`: how many times as far as in the test problem they move against each other [1].
     """
     z, vz = np.zeros((*times.shape, 2)), np.zeros((*times.shape, 2))
-    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-1.0, 1.0))):
+    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
         for amplitude, frequency, phase in waves:
             rate = 2.0 * pi * frequency
             z += np.multiply.outer(amplitude * np.sin(rate * times + phase), signs)
@@ -140,10 +137,8 @@ def styluses_at(times: Any) -> tuple[Array, Array]:
 def drive_waves(physics: Physics) -> Array:
     """Return the drives of the hands as waves: ``k a sin + c a w cos`` is one sine, larger and earlier.
 
-    Returns
-    -------
-    ndarray of float64, shape (6, 3)
-        Amplitude, rate and phase: three waves of the sum of both drives, three of right minus left [N, rad/s, rad].
+    - returns (shape (6, 3)): amplitude, rate, phase: three waves of the drives' sum, three of right minus left [N,
+      rad/s, rad].
     """
     waves = np.empty((6, 3))
     for i, (amplitude, frequency, phase) in enumerate((*TOGETHER, *AGAINST)):

@@ -198,13 +198,7 @@ def whole_cost(row: Row) -> float:
 
 
 def dense_cost(row: Row) -> float:
-    """Return what a run costs that also keeps the states 2 ms apart, without evaluating the hands.
-
-    Returns
-    -------
-    float
-        For a second of simulated time; infinite if it cannot [us].
-    """
+    """Return what a run costs that keeps states 2 ms apart, hands not evaluated; infinite if it cannot [us per s]."""
     return row.dense
 
 
@@ -222,12 +216,9 @@ def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
 
 
 def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
-    """Return what an error costs with one method, between its settings by a straight line of logarithms.
+    """Return what an error costs with one method, between its settings by a straight line of logarithms [us].
 
-    Returns
-    -------
-    float
-        The cost; that of the cheapest if it is better than asked for, infinite if none is as good [us].
+    It is that of the cheapest if that is better than asked for, infinite if none is as good.
     """
     curve = frontier(rows, cost)
     if not curve or curve[-1].scaled > error:

@@ -95,13 +95,7 @@ def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
 
 
 def theoretical_step(physics: Physics, method: str) -> float:
-    """Return the largest stable step in theory.
-
-    Returns
-    -------
-    float
-        Infinite if there is none; for an exponential method, if there is none of those tried [s].
-    """
+    """Return the largest stable step in theory; infinite if none is, or, if exponential, none of those tried [s]."""
     level = board_matrix(physics)
     if method not in EXPONENTIAL:
         return largest_step(method, level)
