@@ -263,15 +263,21 @@ def errors_of(problem: Problem, reference: Reference, states: Array, stride: int
         return largest(states - reference.states[::stride], forces - reference.forces[::stride])
 
 
-def tight(problem: Problem) -> Array:
-    """Solve a problem by DOP853 with tight tolerances."""
+def new_rate(problem: Problem) -> Callable[[float, Array], Array]:
+    """Return the compiled right-hand side as scipy calls it, with a new array each time."""
     right_side = make_right_side(problem.parts)
+    waves, scene = problem.waves, problem.scene
 
     def rate(t: float, x: Array) -> Array:
         out = np.empty(6)
-        right_side(t, x, problem.waves, problem.scene, out)
+        right_side(t, x, waves, scene, out)
         return out
 
-    times = problem.times
+    return rate
+
+
+def tight(problem: Problem) -> Array:
+    """Solve a problem by DOP853 with tight tolerances."""
+    rate, times = new_rate(problem), problem.times
     solution = solve_ivp(rate, (0.0, times[-1]), problem.first, method="DOP853", t_eval=times, rtol=1e-13, atol=1e-15)
     return np.ascontiguousarray(solution.y.T)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from math import exp, inf, isnan, log
+from operator import attrgetter
 from statistics import median
 from time import perf_counter
 
@@ -187,26 +188,13 @@ def _row(
 # --- comparing ---------------------------------------------------------------------------------------------------
 
 
-def physics_cost(row: Row) -> float:
-    """Return what a run costs without evaluating the hands."""
-    return row.physics
+COSTS: dict[str, Cost] = {name: attrgetter(name) for name in ("physics", "whole", "dense")}
+"""Costs that are compared, by the name of the field."""
+
+PHYSICS = COSTS["physics"]
 
 
-def whole_cost(row: Row) -> float:
-    """Return what a run costs with evaluating the hands."""
-    return row.whole
-
-
-def dense_cost(row: Row) -> float:
-    """Return what a run costs that keeps states 2 ms apart, hands not evaluated; infinite if it cannot [us per s]."""
-    return row.dense
-
-
-COSTS: dict[str, Cost] = {"physics": physics_cost, "whole": whole_cost, "dense": dense_cost}
-"""Costs that are compared, by name."""
-
-
-def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
+def frontier(rows: Iterable[Row], cost: Cost = PHYSICS) -> list[Row]:
     """Return the runs that no other beats in both error and cost (Pareto)."""
     best: list[Row] = []
     for row in sorted(rows, key=lambda row: (cost(row), row.scaled)):
@@ -215,7 +203,7 @@ def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
     return best
 
 
-def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
+def cost_at(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
     """Return what an error costs with one method, between its settings by a straight line of logarithms [us].
 
     It is that of the cheapest if that is better than asked for, infinite if none is as good.
@@ -232,7 +220,7 @@ def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> flo
     return inf
 
 
-def least_cost(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
+def least_cost(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
     """Return what an error costs with the best of several methods."""
     ordered = sorted(rows, key=lambda row: (row.family, row.method))
     curves = (list(curve) for _, curve in groupby(ordered, key=lambda row: (row.family, row.method)))
