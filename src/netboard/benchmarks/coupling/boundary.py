@@ -81,10 +81,10 @@ class Case:
     way: int
 
 
-def physics_of(case: Case, k: float, hold: str = "zoh") -> Physics:
+def scene(at: At, end: str, k: float = Physics().k_h) -> Physics:
     """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness."""
-    plain = Physics(k_h=k, balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=case.at)  # type: ignore[arg-type]
-    return plain if case.end == "board" else replace(plain, board="hinged", I=1e9)
+    plain = Physics(k_h=k, balls=0, g=0.0, hold="zoh", method="etdrk4", substeps=1, coupling_at=at)
+    return plain if end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
@@ -113,7 +113,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
-    far = Far(Config(physics=physics_of(case, k), virtual=device), Distance(case.way, case.way))
+    far = Far(Config(physics=scene(case.at, case.end, k), virtual=device), Distance(case.way, case.way))
     far.get_ready()
     far.put(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
     period = 2.0 * math.pi / max(turning(loops_of(case, k)[mode]), SLOWEST)
