@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, filtfilt, sosfiltfilt
 
 from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.modern import MODERN
@@ -18,12 +20,11 @@ from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of
-from netboard.analysis.extraction.trials import Block, Take
+from netboard.analysis.extraction.trials import RATE, Block, Take
 from netboard.analysis.topics.delay import PERCENT
 from netboard.analysis.topics.groups import CLASSES
 from netboard.base.config import SIDES
 from netboard.benchmarks.analysis.disturbances import Disturbance
-from netboard.benchmarks.analysis.forms import Form, compared
 from netboard.recording.export.runs import Run
 from netboard.recording.files.reader import Recording
 
@@ -35,6 +36,30 @@ _NEEDED = tuple(
     if field.name in _PLACES or field.name == "cooperative" or "delay" in field.name or "truncated" in field.name
 )
 """Columns of movements from which a study's delays are estimated."""
+
+
+ORDERS = (2, 5, 10)
+"""Filter orders of one pass [1]."""
+
+CUTOFFS = (5.0, 20.0)
+"""The paper's [Hz]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A filter as a fraction of two polynomials.
+
+    - `cutoff`: its cutoff [Hz].
+    - `radius`: magnitude of its largest pole, as the polynomial has it: unstable above 1 [1].
+    - `gain`: what it makes of a constant: 1 if it is right [1].
+    - `error`: largest difference from the sections, on what was given [as given].
+    """
+
+    order: int
+    cutoff: float
+    radius: float
+    gain: float
+    error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +197,27 @@ def fulfil_all(
         for done, _ in enumerate(as_completed(asked), start=1):
             tell(done)
         yield from (answer.result() for answer in asked)
+
+
+# --- why filters are second-order sections always: the same ones as a fraction of two polynomials ---------------------
+
+
+def compared(values: NDArray[np.float64], breaks: NDArray[np.int64]) -> tuple[Form, ...]:
+    """Compare both forms on the longest piece of a signal."""
+    bounds = np.concatenate([[0], breaks, [values.size]])
+    longest = int(np.argmax(np.diff(bounds)))
+    return tuple(_forms(values[bounds[longest] : bounds[longest + 1]]))
+
+
+def _forms(piece: NDArray[np.float64]) -> Iterator[Form]:
+    """Yield each order and cutoff."""
+    for order in ORDERS:
+        for cutoff in CUTOFFS:
+            above, below = butter(order, cutoff, fs=RATE)
+            sections = butter(order, cutoff, fs=RATE, output="sos")
+            pad = min(round(RATE), piece.size - 1)
+            right = sosfiltfilt(sections, piece, padlen=pad)
+            with np.errstate(over="ignore", invalid="ignore"):  # an unstable filter leaves the range of numbers
+                error = np.abs(filtfilt(above, below, piece, padlen=pad) - right).max(initial=0.0)
+            radius = float(np.abs(np.roots(below)).max())
+            yield Form(order, cutoff, radius, float(above.sum() / below.sum()), float(error))

@@ -103,10 +103,7 @@ def settings() -> tuple[Setting, ...]:
 def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
     """Simulate studies, and test both terms by every method without and with an effect.
 
-    Returns
-    -------
-    ndarray of float64, shape (2, len(TERMS), len(METHODS), studies)
-        p values: without an effect, then with `EFFECT`; NaN where a model has none [1].
+    - returns (shape (2, terms, methods, studies)): p without an effect, then with `EFFECT`; NaN if it has none [1].
     """
     rng = np.random.default_rng(seed)
     p = np.full((2, len(TERMS), len(METHODS), studies), np.nan)
@@ -123,13 +120,7 @@ def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
 
 
 def differences_alone(dyads: int, errors: str, studies: int, seed: tuple[int, ...]) -> Array:
-    """Test differences of dyads that are drawn from one distribution each, without any trials.
-
-    Returns
-    -------
-    ndarray of float64, shape (2, studies)
-        p of the paired t test and of the permutation test [1].
-    """
+    """Return p of the t and the permutation test of drawn differences of dyads, shape (2, studies) [1]."""
     gaps = ERRORS[errors](np.random.default_rng(seed), (studies, dyads))
     return np.array([_paired(gaps), permutation_p(gaps)])
 

@@ -83,13 +83,7 @@ def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, see
 
 
 def held(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
-    """Count on how many paths each of the paper's statements holds.
-
-    Returns
-    -------
-    list of tuple of int
-        For each of `STATEMENTS`: on how many it holds, of how many that tell [1].
-    """
+    """Return on how many paths each of `STATEMENTS` holds, and of how many that tell [1]."""
     found = []
     for statement in STATEMENTS:
         gaps = np.array([statement.gap(one) for one in paths])

@@ -43,15 +43,10 @@ Numbers = dict[str, Number]
 
 
 def numbers(study: Study, like: Numbers | None = None) -> Numbers:
-    """Compute all of them.
+    """Compute all of them, in an order that is the same for studies with the same conditions.
 
     - `like`: those of the same study by other readings: where these leave a condition without a trial, its numbers are
       NaN.
-
-    Returns
-    -------
-    dict of Number
-        In a fixed order; the names are the same for studies with the same conditions.
     """
     found: Numbers = {name: replace(one, value=nan) for name, one in (like or {}).items()}
     for part in (_learning, _dyads, _shares, _delays, _strategies, _spreads):

@@ -34,13 +34,7 @@ def values_of(found: Numbers) -> dict[str, float]:
 
 
 def change(before: float, after: float) -> float:
-    """Return how far a number has moved, as a share of what it was.
-
-    Returns
-    -------
-    float
-        The change; NaN if it is not known, and infinite from 0 [1].
-    """
+    """Return how far a number moved, as a share of what it was; NaN if that is not known, infinite from 0 [1]."""
     if math.isnan(before) and math.isnan(after):
         return 0.0
     if before == after:

@@ -5,6 +5,8 @@ the same files alone, in as many processes and in the same run: machines differ,
 differs less than time by the clock where others use the machine too, so straight lines are fitted to it.
 """
 
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from netboard.analysis.extraction.workers import cores
-from netboard.benchmarks.analysis.apart import Took, apart
+from netboard.benchmarks.analysis.apart import Took, Watch, apart
 from netboard.benchmarks.analysis.making import Measurement, tables
 from netboard.benchmarks.analysis.reading import reading
 from netboard.benchmarks.analysis.remainder import remainder
-from netboard.benchmarks.analysis.repeated import twice
 from netboard.benchmarks.analysis.specimen import make_study
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder
 from netboard.benchmarks.harness.running import Tell, run
@@ -174,13 +175,7 @@ def _scaling(rows: Sequence[Row]) -> Part:
 
 
 def line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float]:
-    """Fit a straight line by least squares.
-
-    Returns
-    -------
-    tuple of float
-        Slope [y per x], value at 0 [y], and how much of the variance it explains, R2 [1].
-    """
+    """Fit a straight line by least squares: slope, value at 0, share of the variance explained, R2 [y per x, y, 1]."""
     places, values = np.asarray(x, float), np.asarray(y, float)
     slope, start = np.polyfit(places, values, 1)
     left = values - (start + slope * places)
@@ -241,3 +236,24 @@ def _again(first: Took, again: Took) -> Part:
         [("first", first.seconds, first.cores), ("again", again.seconds, again.cores)],
         [Verdict(f"the second run takes at most {AGAIN:.0%} of the first's", share <= AGAIN, f"{share:.1%} of cores")],
     )
+
+
+# --- the command, twice: the first time nothing is kept, the second time all of it is --------------------------------
+
+COMMAND = (sys.executable, "-m", "netboard.services.cli", "analyse")
+
+
+def twice(recordings: Sequence[Path], workers: int, folder: Path) -> tuple[Took, Took]:
+    """Analyse recordings twice, each time in a process of its own.
+
+    - `folder`: a new folder, for both analyses and for what is kept.
+    """
+    folder.mkdir()
+    options = ("--workers", str(workers), "--cache", str(folder / "kept"))
+    found = []
+    for name in ("first", "again"):
+        watch = Watch()
+        words = [*COMMAND, *map(str, recordings), "-o", str(folder / name), *options]
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+        found.append(watch.read())
+    return found[0], found[1]

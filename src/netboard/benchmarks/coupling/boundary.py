@@ -81,10 +81,10 @@ class Case:
     way: int
 
 
-def physics_of(case: Case, k: float, hold: str = "zoh") -> Physics:
+def scene(at: At, end: str, k: float = Physics().k_h) -> Physics:
     """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness."""
-    plain = Physics(k_h=k, balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=case.at)  # type: ignore[arg-type]
-    return plain if case.end == "board" else replace(plain, board="hinged", I=1e9)
+    plain = Physics(k_h=k, balls=0, g=0.0, hold="zoh", method="etdrk4", substeps=1, coupling_at=at)
+    return plain if end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
@@ -113,7 +113,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
-    far = Far(Config(physics=physics_of(case, k), virtual=device), Distance(case.way, case.way))
+    far = Far(Config(physics=scene(case.at, case.end, k), virtual=device), Distance(case.way, case.way))
     far.get_ready()
     far.put(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
     period = 2.0 * math.pi / max(turning(loops_of(case, k)[mode]), SLOWEST)
@@ -132,13 +132,7 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
 
 
 def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> float:
-    """Return the largest stable stiffness in the simulated service, searched near the theoretical one.
-
-    Returns
-    -------
-    float
-        The stiffness; NaN if it is more than 10 % away [N/m].
-    """
+    """Return the largest stable stiffness in the simulated service; NaN if over 10 % from the theoretical one [N/m]."""
     stable, unstable = near * (1.0 - AGREED), near * (1.0 + AGREED)
     if not simulated_is_stable(case, stable, mode):
         stable, unstable = 0.9 * near, stable

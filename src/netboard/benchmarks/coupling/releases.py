@@ -4,7 +4,7 @@ Friction damps a small motion but not a large one, so a loop that is stable for 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -13,12 +13,12 @@ from netboard.base.config import Config
 from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
-from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of
+from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of, scene
 from netboard.benchmarks.coupling.far import Distance, Far
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.participants.device_models import resolved
-from netboard.physics.stability.delayed_coupling import At, is_stable
+from netboard.physics.stability.delayed_coupling import is_stable
 
 RELEASED = 0.010
 """Distance from rest at the release [m]."""
@@ -103,12 +103,6 @@ def smooth(share: float) -> float:
     """Return how much of a smooth movement is done after a share of its time, from 0 to 1 [1]."""
     s = min(max(share, 0.0), 1.0)
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
-
-
-def scene(at: At, end: str, hold: str = "zoh") -> Physics:
-    """Return the paper's couplings at a fixed end, or on the paper's board, without weights."""
-    plain = Physics(balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=at)  # type: ignore[arg-type]
-    return plain if end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:

@@ -18,8 +18,9 @@ from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
+from netboard.benchmarks.coupling.boundary import scene
 from netboard.benchmarks.coupling.far import Distance, Far, prepared
-from netboard.benchmarks.coupling.releases import FRICTION, Loop, lead, let_go, scene, smooth
+from netboard.benchmarks.coupling.releases import FRICTION, Loop, lead, let_go, smooth
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.simulated.virtual import VirtualTouch

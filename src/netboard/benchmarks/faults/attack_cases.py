@@ -60,11 +60,11 @@ OPEN_DYAD = Setup("one dyad, attacked", settings=("network.curve=off",))
 KEYED_DYAD = Setup("one dyad with keys, attacked", settings=("network.curve=on",), keyed=True)
 
 
-def attack(name: str, seconds: float = SECONDS) -> Act:
+def attack(name: str) -> Act:
     """Return an act that runs an attacker for a while [s], first at a sink and then at the server."""
 
     def act(site: Site) -> Facts:
-        span = QUICK_SECONDS if site.quick else seconds
+        span = QUICK_SECONDS if site.quick else SECONDS
         before_ns = now_ns()
         time.sleep(span / 4)
         calm_ns = now_ns()
@@ -79,11 +79,11 @@ def attack(name: str, seconds: float = SECONDS) -> Act:
     return act
 
 
-def join_during(name: str, seconds: float = SECONDS) -> Act:
+def join_during(name: str) -> Act:
     """Return an act in which strangers knock for a while [s] while consoles with a good key join, as before."""
 
     def act(site: Site) -> Facts:
-        span = 3 * QUICK_SECONDS if site.quick else seconds
+        span = 3 * QUICK_SECONDS if site.quick else SECONDS
         joins = QUICK_JOINS if site.quick else JOINS
         calm_ns = now_ns()
         calm = [_join(site) for _ in range(joins)]
@@ -187,13 +187,9 @@ def _join(site: Site) -> float:
 class Toll:
     """Deadline misses in some stretches of a run.
 
-    Attributes
-    ----------
-    variance : float
-        Variance of the number of misses, if stalls come by chance: when the machine stands still for 19 ms, 19 ticks
-        in a row are late, so it is the sum of the squares of such runs (compound Poisson) [1].
-    latest : float
-        The latest one [ms].
+    - `variance`: of the number of misses, if stalls come by chance: when the machine stands still for 19 ms, 19 ticks
+      in a row are late, so it is the sum of the squares of such runs (compound Poisson) [1].
+    - `latest`: the latest one [ms].
     """
 
     ticks: int
@@ -308,7 +304,6 @@ def _case(what: str, *, keyed: bool) -> Case:
         setup,
         attack(what),
         checks,
-        quick=not keyed and what in ("display", "stranger"),
     )
 
 
@@ -321,7 +316,6 @@ def _knock(channel: str) -> Case:
         KEYED_DYAD,
         join_during(f"knock-{channel}"),
         (unmoved, unpaused, joined, noted("refused", "its key is not known here"), nothing_lost()),
-        quick=channel == "motion",
     )
 
 

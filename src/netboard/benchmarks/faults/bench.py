@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 
 from rich.console import Console
@@ -125,7 +126,10 @@ def list_cases() -> int:
 
 def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
     """Play cases, grouped by the site that they need."""
-    together = {setup: list(group) for setup, group in groupby(sorted(cases, key=_setup_name), lambda case: case.setup)}
+    together = {
+        setup: list(group)
+        for setup, group in groupby(sorted(cases, key=attrgetter("setup.name")), lambda case: case.setup)
+    }
     for setup, group in together.items():
         if refusal := setup.refusal():
             yield from (Outcome(case, refusal=refusal) for case in group)
@@ -156,10 +160,6 @@ def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
         else:
             kept.append(replace(outcome, again=outcome.again + again[name]))
     return kept
-
-
-def _setup_name(case: Case) -> str:
-    return case.setup.name
 
 
 def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:

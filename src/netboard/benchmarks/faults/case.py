@@ -61,7 +61,6 @@ class Case:
     checks: tuple[Check, ...]
     cut: Side | None = None
     alone: bool = False
-    quick: bool = True
 
     @property
     def all_checks(self) -> tuple[Check, ...]:

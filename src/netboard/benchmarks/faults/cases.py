@@ -12,10 +12,19 @@ from netboard.benchmarks.faults.process_cases import PROCESSES
 CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *ATTACKS)
 """All fault cases."""
 
+QUICK = (
+    *("agent-killed", "no-hello", "device-jumps"),
+    *("line-held-200ms", "line-cut-20ms"),
+    "server-killed",
+    "logger-killed",
+)
+"""Cases of the short form: processes, links, peers and devices, in as few sites as possible, for most of the
+time goes into starting them."""
+
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
     """Find cases by name."""
     there = {case.name: case for case in CASES}
     if unknown := [name for name in names if name not in there]:
         raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")
-    return [there[name] for name in names] or [case for case in CASES if case.quick or not quick]
+    return [there[name] for name in names] or [case for case in CASES if case.name in QUICK or not quick]

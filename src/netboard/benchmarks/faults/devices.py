@@ -142,13 +142,7 @@ def trace_file(folder: Path, side: Side, process_id: int) -> Path:
 
 
 def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
-    """Read what was handed to all devices of a side.
-
-    Returns
-    -------
-    list of ndarray of TRACE
-        One for each agent that was started, the first one first.
-    """
+    """Read what was handed to all devices of a side: a trace for each agent that was started, the first one first."""
     traces = [read_trace(path) for path in folder.glob(f"{side}-*.trace")]
     return sorted((trace for trace in traces if trace.size), key=lambda trace: int(trace["time_ns"][0]))
 

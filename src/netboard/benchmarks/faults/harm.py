@@ -19,7 +19,8 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.benchmarks.faults.devices import Trick, play_trick, read_trace, trace_file
-from netboard.benchmarks.faults.relay import FAIR, Weather
+from netboard.benchmarks.faults.links import Spaces
+from netboard.benchmarks.faults.relay import FAIR, Relay, Weather
 from netboard.benchmarks.faults.rigs import PATIENCE
 from netboard.benchmarks.faults.sites import START_S, Site, side_of
 from netboard.network.protocol.codec import decode, encode
@@ -34,25 +35,38 @@ Facts: TypeAlias = Mapping[str, str]
 Act: TypeAlias = Callable[[Site], Facts]
 
 ANSWER_SECONDS = 5.0
+FLOOD_SECONDS, QUICK_FLOOD_SECONDS = 3.0, 1.5
 AWAY = 1.0
 """Time from killing a process to its restart [s]."""
 
 STRANGER = Hello("agent", "left", PROTOCOL_VERSION, "stranger:1", "0", {})
 SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
 
-# --- processes ---------------------------------------------------------------------------------------------------
 
-
-def stand_still(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Return an act that suspends a process for a while [s]."""
+def _for_a_while(
+    begin: Callable[[Site], object], end: Callable[[Site], object], seconds: float, quick: float | None = None
+) -> Act:
+    """Return an act that begins something, and ends it after a while, `quick` in the short form [s]."""
 
     def act(site: Site) -> Facts:
-        site.rig.send_signal(process, signal.SIGSTOP)
+        begin(site)
         site.sleep(seconds, quick)
-        site.rig.send_signal(process, signal.SIGCONT)
+        end(site)
         return {}
 
     return act
+
+
+# --- processes ---------------------------------------------------------------------------------------------------
+
+
+def stand_still(process: str, seconds: float) -> Act:
+    """Return an act that suspends a process for a while [s]."""
+    return _for_a_while(
+        lambda site: site.rig.send_signal(process, signal.SIGSTOP),
+        lambda site: site.rig.send_signal(process, signal.SIGCONT),
+        seconds,
+    )
 
 
 def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act:
@@ -107,73 +121,50 @@ def together(*acts: Act) -> Act:
 
 def hold(process: str, seconds: float, quick: float | None = None) -> Act:
     """Return an act that holds all bytes on a process's line for a while [s]."""
-
-    def act(site: Site) -> Facts:
-        site.relays[process].hold()
-        site.sleep(seconds, quick)
-        site.relays[process].mend()
-        return {}
-
-    return act
+    return _for_a_while(
+        lambda site: site.relays[process].hold(),
+        lambda site: site.relays[process].mend(),
+        *(seconds, quick),
+    )
 
 
-def cut(process: str, seconds: float, quick: float | None = None) -> Act:
+def cut(process: str, seconds: float) -> Act:
     """Return an act that resets a process's connections and refuses new ones for a while [s]."""
-
-    def act(site: Site) -> Facts:
-        site.relays[process].cut()
-        site.sleep(seconds, quick)
-        site.relays[process].mend()
-        return {}
-
-    return act
+    return _for_a_while(lambda site: site.relays[process].cut(), lambda site: site.relays[process].mend(), seconds)
 
 
 def swallow(process: str, seconds: float) -> Act:
     """Return an act that resets a process's connections and accepts new ones that pass nothing for a while [s]."""
 
-    def act(site: Site) -> Facts:
-        line = site.relays[process]
-        line.cut()
-        time.sleep(0.01)
-        line.mend()
-        line.hold()
-        time.sleep(seconds)
-        line.mend()
-        return {}
+    def begin(site: Site) -> None:
+        _reset(site.relays[process])
+        site.relays[process].hold()
 
-    return act
+    return _for_a_while(begin, lambda site: site.relays[process].mend(), seconds)
 
 
-def blow(process: str, up: Weather = FAIR, down: Weather = FAIR, seconds: float = 3.0, quick: float = 1.0) -> Act:
-    """Return an act that degrades a process's line for a while [s]."""
-
-    def act(site: Site) -> Facts:
-        site.relays[process].weather(up, down)
-        site.sleep(seconds, quick)
-        site.relays[process].weather()
-        return {}
-
-    return act
+def blow(process: str, up: Weather = FAIR, down: Weather = FAIR) -> Act:
+    """Return an act that degrades a process's line for 3 s, or 1 s in the short form."""
+    return _for_a_while(
+        lambda site: site.relays[process].weather(up, down), lambda site: site.relays[process].weather(), 3.0, 1.0
+    )
 
 
-def double(process: str, seconds: float = 2.0) -> Act:
-    """Return an act that resets a process's connections and duplicates the new ones for a while [s]."""
+def double(process: str) -> Act:
+    """Return an act that resets a process's connections and duplicates the new ones for 2 s."""
 
-    def act(site: Site) -> Facts:
-        line = site.relays[process]
-        line.double(True)
-        line.cut()
-        time.sleep(0.01)
-        line.mend()
-        time.sleep(seconds)
-        line.double(False)
-        line.cut()
-        time.sleep(0.01)
-        line.mend()
-        return {}
+    def duplicate(site: Site, on: bool) -> None:
+        site.relays[process].double(on)
+        _reset(site.relays[process])
 
-    return act
+    return _for_a_while(lambda site: duplicate(site, True), lambda site: duplicate(site, False), 2.0)
+
+
+def _reset(line: Relay) -> None:
+    """Reset the connections of a line, and let new ones be made."""
+    line.cut()
+    time.sleep(0.01)
+    line.mend()
 
 
 def distrust(process: str, weather: Weather) -> Act:
@@ -190,18 +181,16 @@ def distrust(process: str, weather: Weather) -> Act:
     return act
 
 
-def pull_cable(process: str, seconds: float, quick: float | None = None) -> Act:
+def pull_cable(process: str, seconds: float) -> Act:
     """Return an act that sets a station's real link down for a while [s]."""
+    side = side_of(process)
+    return _for_a_while(lambda site: _cables(site).pull(side), lambda site: _cables(site).plug(side), seconds)
 
-    def act(site: Site) -> Facts:
-        if site.spaces is None:
-            raise ValueError("there are no cables at this site")
-        site.spaces.pull(side_of(process))
-        site.sleep(seconds, quick)
-        site.spaces.plug(side_of(process))
-        return {}
 
-    return act
+def _cables(site: Site) -> Spaces:
+    if site.spaces is None:
+        raise ValueError("there are no cables at this site")
+    return site.spaces
 
 
 # --- peers that do not belong --------------------------------------------------------------------------------------
@@ -251,27 +240,24 @@ def _words(frame: bytes | None) -> str:
     return message.reason if isinstance(message, Refusal) else str(message)
 
 
-def flood(seconds: float = 3.0, quick: float = 1.5) -> Act:
-    """Return an act that sends nonsense and greetings on every channel at full rate and keeps opening connections."""
-
-    def act(site: Site) -> Facts:
-        sent = connections = 0
-        frames = (b"nonsense", b"\xc1" * 2000, encode(STRANGER), encode(SAMPLE), encode(replace(STRANGER, side="")))
-        until = time.monotonic() + (quick if site.quick else seconds)
-        with sockets.open_context() as context:
-            where = _reach(site)
-            floods = [
-                sockets.motion_agent(context, where.reach(channels.MOTION), "flood"),
-                sockets.control_client(context, where.reach(channels.CONTROL), "flood"),
-                sockets.log_client(context, where.reach(channels.LOG), "flood"),
-            ]
-            while time.monotonic() < until:
-                for _ in range(200):
-                    sent += sum(sockets.send(socket, frames[sent % len(frames)]) for socket in floods)
-                connections += _knock(site)
-        return {"flood": f"{sent} frames, {connections} connections in {quick if site.quick else seconds:g} s"}
-
-    return act
+def flood(site: Site) -> Facts:
+    """Send nonsense and greetings on every channel at full rate, and keep opening connections."""
+    sent = connections = 0
+    frames = (b"nonsense", b"\xc1" * 2000, encode(STRANGER), encode(SAMPLE), encode(replace(STRANGER, side="")))
+    seconds = QUICK_FLOOD_SECONDS if site.quick else FLOOD_SECONDS
+    until = time.monotonic() + seconds
+    with sockets.open_context() as context:
+        where = _reach(site)
+        floods = [
+            sockets.motion_agent(context, where.reach(channels.MOTION), "flood"),
+            sockets.control_client(context, where.reach(channels.CONTROL), "flood"),
+            sockets.log_client(context, where.reach(channels.LOG), "flood"),
+        ]
+        while time.monotonic() < until:
+            for _ in range(200):
+                sent += sum(sockets.send(socket, frames[sent % len(frames)]) for socket in floods)
+            connections += _knock(site)
+    return {"flood": f"{sent} frames, {connections} connections in {seconds:g} s"}
 
 
 def _knock(site: Site) -> int:
@@ -292,14 +278,12 @@ def _reach(site: Site) -> channels.Addresses:
 
 def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
     """Return an act that makes an agent's device fail for a while [s]."""
-
-    def act(site: Site) -> Facts:
-        play_trick(site.rig.folder, side_of(process), what)
-        time.sleep(seconds)
-        play_trick(site.rig.folder, side_of(process), "none")
-        return {}
-
-    return act
+    side = side_of(process)
+    return _for_a_while(
+        lambda site: play_trick(site.rig.folder, side, what),
+        lambda site: play_trick(site.rig.folder, side, "none"),
+        seconds,
+    )
 
 
 def trick_and_restart(process: str, what: Trick) -> Act:
@@ -351,17 +335,12 @@ def fill_disk(left: int) -> Act:
 
     def act(site: Site) -> Facts:
         place = Path(site.rig.config.recording.directory)
-        _fill(place, left)
+        spare = shutil.disk_usage(place).free - left
+        with (place / "filler").open("wb") as filler:  # in one step, before a process can react to a partial fill
+            os.posix_fallocate(filler.fileno(), 0, spare)
         return _next_logger(site)
 
     return act
-
-
-def _fill(place: Path, left: int) -> None:
-    """Fill the disk in one step, before a process can react to a partial fill."""
-    spare = shutil.disk_usage(place).free - left
-    with (place / "filler").open("wb") as filler:
-        os.posix_fallocate(filler.fileno(), 0, spare)
 
 
 def remove_directory(site: Site) -> Facts:

@@ -33,22 +33,18 @@ _GONE = (falls("left"), paused(*OUTAGE), rendered_known("left"))
 _ANY = f"the trial goes on, or is {PAUSED}"
 
 
-def _case(
-    name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = RELAYED, quick: bool = True
-) -> Case:
-    return Case(name, "links", done, expected, setup, act, checks, quick=quick)
+def _case(name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = RELAYED) -> Case:
+    return Case(name, "links", done, expected, setup, act, checks)
 
 
-def _blown(
-    name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR, quick: bool = True
-) -> Case:
+def _blown(name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR) -> Case:
     """Return a case that degrades the left agent's line for 3 s."""
-    return _case(name, done, expected, blow(LEFT, up, down), *checks, quick=quick)
+    return _case(name, done, expected, blow(LEFT, up, down), *checks)
 
 
-def _delayed(name: str, done: str, delay: float, *, quick: bool) -> Case:
+def _delayed(name: str, done: str, delay: float) -> Case:
     """Return a case with the same delay [s] in both directions, under which a trial continues."""
-    return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay), quick=quick)
+    return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay))
 
 
 LINKS = (
@@ -60,16 +56,13 @@ LINKS = (
         *(falls("left", to_zero=False), either(*OUTAGE)),
     ),
     _case("line-held-200ms", "the same for 200 ms", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 0.2), *_GONE),
-    _case(
-        "line-held-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 5.0), *_GONE, quick=False
-    ),
+    _case("line-held-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 5.0), *_GONE),
     _case(
         "lines-held-200ms",
         "the same on the lines of both agents for 200 ms",
         FALLS + PAUSED,
         together(hold(LEFT, 0.2), hold(RIGHT, 0.2)),
         *(falls(*SIDES), paused("agent", "not armed")),
-        quick=False,
     ),
     _case(
         "line-cut-20ms",
@@ -84,11 +77,8 @@ LINKS = (
         f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
         cut(LEFT, 0.2),
         *_GONE,
-        quick=False,
     ),
-    _case(
-        "line-cut-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", cut(LEFT, 5.0), *_GONE, quick=False
-    ),
+    _case("line-cut-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", cut(LEFT, 5.0), *_GONE),
     _case(
         "black-hole",
         "an agent's connections are reset; new ones are accepted and swallow everything for 2 s",
@@ -103,8 +93,8 @@ LINKS = (
         double(LEFT),
         *_GONE,
     ),
-    _delayed("delay-1ms", "1 ms each way on an agent's line for 3 s", 0.001, quick=False),
-    _delayed("delay-10ms", "10 ms each way", 0.01, quick=True),
+    _delayed("delay-1ms", "1 ms each way on an agent's line for 3 s", 0.001),
+    _delayed("delay-10ms", "10 ms each way", 0.01),
     _blown("delay-20ms-up", "20 ms from agent to server only", _ANY, either(*OUTAGE), up=Weather(0.02)),
     _blown(
         "delay-20ms-down",
@@ -112,7 +102,6 @@ LINKS = (
         f"the left force begins to fall where the delay begins; {_ANY}",
         *(falls("left", to_zero=False), either(*OUTAGE)),
         down=Weather(0.02),
-        quick=False,
     ),
     _blown(
         "delay-50ms",
@@ -137,7 +126,6 @@ LINKS = (
         either(*OUTAGE),
         up=Weather(stalls=1.0),
         down=Weather(stalls=1.0),
-        quick=False,
     ),
     _blown(
         "throttled",
@@ -145,7 +133,6 @@ LINKS = (
         f"{PAUSED}: samples that had to wait do not count",
         paused(*OUTAGE),
         up=Weather(rate=5e4),
-        quick=False,
     ),
     _case(
         "clock-unknown",
@@ -178,7 +165,6 @@ LINKS = (
         pull_cable(LEFT, 5.0),
         *_GONE,
         setup=CABLED,
-        quick=False,
     ),
 )
 """Link cases."""

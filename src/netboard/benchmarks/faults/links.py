@@ -11,7 +11,6 @@ import shutil
 import subprocess
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from netboard.base.config import SIDES, Side
@@ -51,7 +50,7 @@ class Spaces:
             self._stack = self._stack.pop_all()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._stack.close()
 
     def way(self, side: Side, port: int) -> Way:
@@ -80,9 +79,14 @@ class Spaces:
 
 
 def _ip(words: str) -> None:
-    done = subprocess.run(["ip", *words.split()], capture_output=True, text=True, check=False)
+    system("ip", *words.split())
+
+
+def system(*command: str) -> None:
+    """Run a command, and raise what it says if it fails."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise NetboardError(f"ip {words}: {done.stderr.strip()}")
+        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")
 
 
 def _call(name: str, *arguments: int) -> None:

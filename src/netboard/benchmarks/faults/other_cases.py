@@ -77,7 +77,7 @@ PEERS = (
         "flood",
         "nonsense, greetings and samples on every channel as fast as they go, and connections that are no ZeroMQ",
         _REFUSED,
-        flood(),
+        flood,
         *(noted("refused"), told("flood", "frames")),
     ),
 )
@@ -153,7 +153,6 @@ MACHINES = (
         fill_disk(100_000_000),
         (*_LEFT_RECORDING, told("warning", "only"), noted("logger_left", "free")),
         alone=True,
-        quick=False,
     ),
     Case(
         "disk-full",

@@ -38,16 +38,16 @@ _STOOD_STILL = (paused("stalled"), noted("stood_still"))
 _UNSEEN = (*UNNOTICED, shown("left"))
 
 
-def _case(name: str, setup: Setup, done: str, expected: str, act: Act, *checks: Check, quick: bool = True) -> Case:
-    return Case(name, "processes", done, expected, setup, act, checks, quick=quick)
+def _case(name: str, setup: Setup, done: str, expected: str, act: Act, *checks: Check) -> Case:
+    return Case(name, "processes", done, expected, setup, act, checks)
 
 
 def _stopped(process: str, name: str, seconds: float, setup: Setup, expected: str, *checks: Check) -> Case:
-    """Return a case that suspends a process for a while [s]; the short form keeps the 1 s cases."""
+    """Return a case that suspends a process for a while [s]."""
     time = f"{seconds:g} s" if seconds >= 1.0 else f"{seconds * 1e3:g} ms"
     done = f"SIGSTOP of {_ARTICLES[process]} {name} for {time}"
     act = stand_still(process, seconds)
-    return _case(f"{name}-stopped-{time.replace(' ', '')}", setup, done, expected, act, *checks, quick=seconds == 1.0)
+    return _case(f"{name}-stopped-{time.replace(' ', '')}", setup, done, expected, act, *checks)
 
 
 PROCESSES = (

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
-from types import TracebackType
 from typing import Self, TypeAlias
 
 from netboard.base.clock import now_ns
@@ -139,15 +138,12 @@ class Connection:
 
 
 class Relay:
-    """The line of one peer.
+    """The line of one peer; it listens on this machine, at as many ports from `port` on as it has targets."""
 
-    - `host`: where the relay listens, at as many ports from `port` on.
-    """
-
-    def __init__(self, targets: Sequence[Place], host: str = "127.0.0.1") -> None:
+    def __init__(self, targets: Sequence[Place]) -> None:
         self.port = free_port()
         self._targets = targets
-        self._listeners = [_listen((host, self.port + channel)) for channel in range(len(targets))]
+        self._listeners = [_listen(("127.0.0.1", self.port + channel)) for channel in range(len(targets))]
         self._connections: list[Connection] = []
         self._up = self._down = FAIR
         self._holding = self._cutting = self._doubling = self._ending = False
@@ -159,7 +155,7 @@ class Relay:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._ending = True
         self._wake()
         self._thread.join()

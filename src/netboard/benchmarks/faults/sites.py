@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import cast
 
 from netboard.base.config import SIDES, Side
-from netboard.base.errors import NetboardError
 from netboard.benchmarks.faults import links, wall_clock
 from netboard.benchmarks.faults.relay import Relay, between
 from netboard.benchmarks.faults.rigs import Rig, Way, tampered
@@ -191,20 +190,14 @@ def side_of(process: str) -> Side:
 def _mounted(place: Path) -> Iterator[None]:
     """Mount a small disk in memory."""
     place.mkdir()
-    _system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
+    links.system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
     try:
         yield
     finally:
-        _system("umount", "-l", str(place))
+        links.system("umount", "-l", str(place))
 
 
 def _disk_refusal() -> str:
     """Return why no small disk can be mounted here, or an empty string."""
     tried = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
     return "disks cannot be mounted here" if tried.returncode else ""
-
-
-def _system(*command: str) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")

@@ -111,13 +111,7 @@ class Line:
 
 
 def streams(seed: int) -> Iterator[Stream]:
-    """Make what one connection after the other says: none of it is what it should be.
-
-    Yields
-    ------
-    tuple of bytes
-        All that is said in one connection, with a pause between.
-    """
+    """Make what one connection after the other says, in parts with pauses between: none of it is as it should be."""
     chance = random.Random(seed)
     while True:
         yield chance.choice(_STREAMS)(chance)

@@ -31,13 +31,7 @@ class Study(Protocol):
 def run_named(
     name: str, study: Study, output: Path | None, json: Path | None, *, quick: bool, force: bool
 ) -> list[Verdict]:
-    """Run a study as a command does.
-
-    Returns
-    -------
-    list of Verdict
-        Every checked claim; one that fails is a result, not an error.
-    """
+    """Run a study as a command does; return every checked claim: one that fails is a result, not an error."""
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)
     return run(folder, {"study": name, "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
 
@@ -51,17 +45,12 @@ def run(
     lines: Iterable[str] = (),
     bar: bool = True,
 ) -> list[Verdict]:
-    """Run a study: describe the machine, show and write each part, copy the JSON file, and count the claims that hold.
+    """Run a study: describe the machine, show and write each part, copy the JSON file, and return the claims.
 
     - `settings`: head of the results: ``study``, its name, and how it was run; it is read anew for each part.
     - `lines`: further lines below the description of the machine.
     - `bar`: show progress as a bar; else as lines, for studies that measure in this process, which redrawing would
       disturb.
-
-    Returns
-    -------
-    list of Verdict
-        Every checked claim; one that fails is a result, not an error.
     """
     console = Console(highlight=False, markup=False)
     console.width = max(console.width, WIDTH)

@@ -75,13 +75,7 @@ def peer(socket: sockets.Socket, order: Order) -> Order:
 
 
 def timer(order: Order) -> Order:
-    """Wake every millisecond.
-
-    Returns
-    -------
-    dict
-        ``late_ns``: delay of each wake-up after its deadline [ns]; ``moved_ns``: shift of all deadlines in total [ns].
-    """
+    """Wake each ms: ``late_ns``, delays after deadlines; ``moved_ns``, shift of all deadlines in total [ns]."""
     pacer, late = Pacer(order["start_ns"]), []
     for _ in range(order["count"]):
         late.append(pacer.wait())

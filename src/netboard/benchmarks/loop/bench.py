@@ -90,15 +90,10 @@ def loop(
     skips: bool,
     force: bool,
 ) -> int:
-    """Run ``netboard bench loop``.
+    """Run ``netboard bench loop``; the exit code is 0, also if claims fail, since that is a result.
 
     - `seconds`: duration of each measurement; None for the default [s].
     - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if claims fail, since that is a result.
     """
     seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))

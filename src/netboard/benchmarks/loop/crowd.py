@@ -229,16 +229,12 @@ class LightLogger:
 
 
 def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
-    """Run all loggers and displays.
+    """Run all loggers and displays, and count the frames they receive.
 
     - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``loggers``, ``displays``: whether there are
       any.
-
-    Returns
-    -------
-    dict
-        ``counts``: received frames. With loggers, of all later ticks: ``late_ns``: start after the deadline [ns];
-        ``passed_over``: skipped ticks [1]; ``active``: share in a trial [1].
+    - returns ``counts``; with loggers, of all later ticks: ``late_ns``: start after the deadline [ns]; ``passed_over``:
+      skipped ticks [1]; ``active``: share in a trial [1].
     """
     configs = list(configs)
     loggers = [LightLogger(config, context) for config in configs if order["loggers"]]

@@ -166,13 +166,7 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
 
 
 def lateness(shown: Shown) -> tuple[float, float]:
-    """The delay that best explains what was painted, and the remaining error.
-
-    Returns
-    -------
-    (float, float)
-        Delay by least squares [s], root mean square of the distance at the end of the painting [m].
-    """
+    """Delay that best explains what was painted, by least squares, and the rms distance left at the end [s, m]."""
     truth = np.array([height_at(int(at)) for at in shown.painted])
     off = truth[:, 0] - shown.heights
     return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from netboard.base.clock import now_ns
@@ -81,9 +80,7 @@ class Rig:
                 self._start(name, "display", "--station", station, "--offscreen", "-c", str(file))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.go_on()
         self._launcher.stop(*self._launcher.running())
 

@@ -8,8 +8,7 @@ import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -60,23 +59,13 @@ class Served:
     peers_late_ns: Times
 
 
-class Crowd:
+class Crowd(Workers):
     """The two processes that are all peers of a server; on leaving, they are ended."""
 
     def __init__(self, folder: Path) -> None:
+        super().__init__()
         self._folder = folder
-        self._workers = Workers()
-        self._agents, self._watchers = (
-            self._workers.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers")
-        )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._workers.__exit__(kind, error, trace)
+        self._agents, self._watchers = (self.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers"))
 
     def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
         """Run a server of some dyads, with these as its peers."""

@@ -46,14 +46,9 @@ BUSY = {False: "", True: ", busy thread"}
 def main(
     library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
 ) -> int:
-    """Run the study.
+    """Run the study; the exit code is 0, also if claims fail, since that is a result.
 
     - `seconds`: duration of each measurement; None for the default [s].
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if claims fail, since that is a result.
     """
     load(library)
     shim()

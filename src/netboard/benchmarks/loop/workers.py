@@ -8,9 +8,9 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
 from netboard.base.errors import NetboardError
 
@@ -69,26 +69,14 @@ class Worker:
         return NetboardError(f"the {self._name} ended: {words[-1] if words else 'it said nothing'}")
 
 
-class Workers:
-    """Some workers by name; on leaving, all are ended."""
-
-    def __init__(self) -> None:
-        self.all: dict[str, Worker] = {}
+class Workers(ExitStack):
+    """Some workers; on leaving, all are ended."""
 
     def start(self, name: str, module: str, *arguments: str, folder: Path) -> Worker:
         """Start one more."""
         worker = Worker(module, *arguments, said=folder / f"{name.replace(' ', '-')}.log")
-        self.all[name] = worker
+        self.callback(worker.stop)
         return worker
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for worker in self.all.values():
-            worker.stop()
 
 
 def serve(carry_out: Callable[[dict[str, Any]], dict[str, Any]]) -> None:

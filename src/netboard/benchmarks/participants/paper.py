@@ -30,10 +30,7 @@ ENDS = 1 / 6
 class Sample:
     """The successful trials of some dyads.
 
-    Parameters
-    ----------
-    attempts : ndarray of ATTEMPT, shape (n,)
-        Their attempts, each dyad's in the order of the plan.
+    - `attempts` (array of ATTEMPT): theirs, each dyad's in the order of the plan.
     """
 
     def __init__(self, attempts: NDArray[Any]) -> None:
@@ -147,22 +144,13 @@ def _ends() -> list[Statement]:
     return found
 
 
-def _deviation(values: NDArray[np.float64]) -> float:
-    return float(np.std(values, ddof=1))
-
-
-def _mean(values: NDArray[np.float64]) -> float:
-    return float(np.mean(values))
+_deviation = partial(np.std, ddof=1)
 
 
 def _end(
-    sample: Sample,
-    name: str,
-    configuration: Configuration,
-    which: End,
-    summary: Callable[[NDArray[np.float64]], float] = _mean,
+    sample: Sample, name: str, configuration: Configuration, which: End, summary: Callable[..., Any] = np.mean
 ) -> float:
-    return summary(sample.end(name, configuration, which))
+    return float(summary(sample.end(name, configuration, which)))
 
 
 def _learned(sample: Sample, name: str, configuration: Configuration) -> float:

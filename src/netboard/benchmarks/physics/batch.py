@@ -148,13 +148,7 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
 
 
 def in_blocks(values: Array) -> Array:
-    """Return values for each simulation as the kernels here take them.
-
-    Returns
-    -------
-    ndarray of float64, shape (n / LANES, k, LANES)
-        The same, each of the k contiguous within a block [SI].
-    """
+    """Return values for each simulation as the kernels here take them, shape (n / LANES, k, LANES), contiguous [SI]."""
     return np.ascontiguousarray(values.reshape(-1, LANES, values.shape[1]).transpose(0, 2, 1))
 
 

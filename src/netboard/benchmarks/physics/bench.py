@@ -88,11 +88,6 @@ def main(
     """Run the study, print it and write it into a folder.
 
     - `peers`: libraries under comparison; None for all that are installed and fast enough.
-
-    Raises
-    ------
-    ConfigError
-        If a library is unknown or not installed, or the folder already exists.
     """
     problems = [Problem(one, start) for one in MODELS if model in (None, one) for start in STARTS]
     wanted = Wanted(

@@ -31,7 +31,7 @@ from netboard.physics.scene.parameters import Parts
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-15
-"""Default tolerance of the sweeps [m, rad]."""
+"""Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad]."""
 
 ROUNDING = 5e-17
 """Rounding error of an acceleration over the largest element of A: the last digits of the state [m, rad]."""
@@ -263,31 +263,18 @@ def _continued(nodes: Sequence[Decimal]) -> Array:
 
 
 def prepare_collocation(
-    x: State,
-    hands: Array,
-    h: float,
-    parts: Parts,
-    scene: NDArray[Any],
-    every: int = 1,
-    tolerance: float = TOLERANCE,
+    x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
 ) -> Callable[[], Array]:
-    """Prepare a run of a scene by collocation: its tables are made, and room for its states.
+    """Prepare a run by collocation, with tables and room for its states; every call of it returns the same array.
 
     - `hands` (shape (n, nodes, 2)): drives of the left and of the right hand at the nodes
       (`netboard.physics.methods.phi.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
-    - `tolerance`: sweeps end when what still changes of the accelerations would move nothing by more in a step [m,
-      rad].
-
-    Returns
-    -------
-    callable
-        Does the run, and returns the states; every call returns the same array.
     """
     nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
     out = np.empty((len(hands) // every + 1, len(x)))
     tables = make_tables(parts, scene[0], len(x), h, nodes)
     march = make_collocation(parts, len(x), nodes)
-    bound = max(tolerance / (h * h), ROUNDING * float(np.abs(tables.a).max()))
+    bound = max(TOLERANCE / (h * h), ROUNDING * float(np.abs(tables.a).max()))
 
     def run() -> Array:
         march(x, hands, bound, *vars(tables).values(), scene, every, out)

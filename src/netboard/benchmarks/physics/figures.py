@@ -12,7 +12,7 @@ from typing import Any
 from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.problem import SIGNALS
 from netboard.benchmarks.physics.solver import OURS
-from netboard.benchmarks.physics.work_precision import Row, frontier, physics_cost, whole_cost
+from netboard.benchmarks.physics.work_precision import COSTS, PHYSICS, Row, frontier
 
 UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
 
@@ -55,7 +55,7 @@ def _overview(rows: Sequence[Row], problem: str) -> Any:
     """Draw E against the cost of the physics, and against the whole."""
     figure, axes = _figure(15.0, 7.0, 2, 1)
     for ax, cost, title in zip(
-        axes, (physics_cost, whole_cost), ("physics alone", "with evaluating the hands"), strict=True
+        axes, (PHYSICS, COSTS["whole"]), ("physics alone", "with evaluating the hands"), strict=True
     ):
         _curves(ax, rows, lambda row: row.scaled, cost)
         best = frontier(rows, cost)
@@ -71,7 +71,7 @@ def _signals(rows: Sequence[Row], problem: str) -> Any:
     """Draw each signal's error."""
     figure, axes = _figure(13.0, 10.0, 2, 2)
     for i, (ax, signal) in enumerate(zip(axes, SIGNALS, strict=True)):
-        _curves(ax, rows, _error_of(i), physics_cost)
+        _curves(ax, rows, _error_of(i), PHYSICS)
         ax.set_xlabel(f"largest error of {signal} [{UNITS[signal]}]")
         ax.set_ylabel("cost of a second of simulated time, physics alone [us]")
     figure.suptitle(problem)

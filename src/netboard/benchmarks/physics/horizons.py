@@ -67,14 +67,9 @@ def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
 def sampled_run(
     problem: Problem, hold: Hold, method: str, substeps: int = 1, age: float = 0.0, nudge: float = 0.0
 ) -> tuple[Array, Array]:
-    """Run a problem from samples of its hands.
+    """Run a problem from samples of its hands; return states, and forces that a server would have sent [SI, N].
 
     - `nudge`: the ball starts so far from where the problem has it [m].
-
-    Returns
-    -------
-    forces : ndarray of float64, shape (n, 2)
-        That a server would have sent then, on the board [N].
     """
     z, vz, theta, omega, p, vp = problem.first
     hands, first = sampled_hands(problem, hold, age), (z, vz, theta, omega, p + nudge, vp)
@@ -134,14 +129,7 @@ def left_out(problem: Problem) -> list[Expectation]:
 
 
 def growth(problem: Problem) -> list[tuple[float, float, float]]:
-    """Return how a ball put a little elsewhere gets away, beside what the saddle alone would make of it.
-
-    Returns
-    -------
-    list of tuple of float
-        For each horizon: the horizon, how many times further away the ball is, and ``cosh`` of the pole's exponent
-        [s, 1, 1].
-    """
+    """Return horizons, how many times further a displaced ball is by then, and what the saddle predicts [s, 1, 1]."""
     here, _ = sampled_run(problem, "hermite", "dop853", 2)
     there, _ = sampled_run(problem, "hermite", "dop853", 2, nudge=NUDGE)
     pole = abs(ball_poles(1, problem.parts, problem.scene[0])[0])
@@ -153,15 +141,7 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
 
 
 def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
-    """Return the tables of expected errors.
-
-    - `problem`: the problem; the effects that the equations neglect are listed for the paper's model only.
-
-    Returns
-    -------
-    list of Part
-        Errors by way and horizon, differences between models, and how the ball gets away.
-    """
+    """Return errors by way and horizon, what the paper's model leaves out, and how the ball gets away."""
     head = ("horizon [s]", "z [m]", "theta [rad]", "p [m]", "force [N]")
     errors: list[tuple[Value, ...]] = [
         (found.name, found.horizon, *found.errors) for found in expectations(problem, reference)

@@ -199,15 +199,10 @@ def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) 
 def prepare_multistep(
     name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
 ) -> Callable[[], Array]:
-    """Prepare a run of a scene by a multistep method: its tables are made, and room for its states.
+    """Prepare a run by a multistep method: tables, and room for its states; every call of it returns the same array.
 
     - `hands` (shape (n + 1, 2)): drives of the left and of the right hand at the ends of the steps, the first at the
       start [N].
-
-    Returns
-    -------
-    callable
-        Does the run, and returns the states; every call returns the same array.
     """
     method = next(m for m in MULTISTEP if m.name == name)
     if parts.stops:

@@ -152,13 +152,7 @@ WHAT = {
 
 
 def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
-    """Return the ratio of each library's lowest cost to ours at equal error.
-
-    Returns
-    -------
-    list of Part
-        One for each cost; claims for the physics alone, and for dense states.
-    """
+    """Return each library's lowest cost over ours at equal error; claims for the physics alone and dense states."""
     parts = []
     for what, meaning in WHAT.items():
         mine = [one for one in comparisons if one.what == what]

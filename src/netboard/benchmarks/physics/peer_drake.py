@@ -74,13 +74,7 @@ class Run:
         self._simulator.AdvanceTo(self._problem.duration)
 
     def solve(self) -> Solution:
-        """Run without a stop, to count; and with stops, to see.
-
-        Returns
-        -------
-        Solution
-            The states, and what it took to run without a stop.
-        """
+        """Run without a stop, to count, and with stops, for the states."""
         self.bare()
         steps, calls = self._integrator.get_num_steps_taken(), self._integrator.get_num_derivative_evaluations()
         context = self._rewind(self._problem.first)

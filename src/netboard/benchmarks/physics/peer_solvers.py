@@ -19,6 +19,7 @@ from netboard.benchmarks.physics.problem import (
     derivatives,
     drive_waves,
     make_right_side,
+    new_rate,
     push_and_turn,
 )
 from netboard.benchmarks.physics.solver import Contender, Solution, installed, timed
@@ -48,7 +49,7 @@ _EVALUATIONS = 10_000
 
 def scipy_contenders(problem: Problem, coarse: bool) -> list[Contender]:
     """Return the settings of scipy that take part."""
-    rate = _new_rate(problem)
+    rate = new_rate(problem)
     solve = partial(_solve_scipy, problem, rate)
     chosen = COARSE if coarse else SCIPY
     return [
@@ -100,19 +101,6 @@ def _contender(family: str, method: str, tolerance: float, solve: Callable[[str,
         partial(solve, method, tolerance, False),
         inputs=True,
     )
-
-
-def _new_rate(problem: Problem) -> Callable[[float, Array], Array]:
-    """Return the compiled right-hand side as scipy calls it, with a new array each time."""
-    right_side = make_right_side(problem.parts)
-    waves, scene = problem.waves, problem.scene
-
-    def rate(t: float, x: Array) -> Array:
-        out = np.empty(6)
-        right_side(t, x, waves, scene, out)
-        return out
-
-    return rate
 
 
 def _solve_scipy(problem: Problem, rate: Any, method: str, tolerance: float, keep: bool) -> Solution | None:

@@ -120,16 +120,13 @@ def multiples(count: int, h: float) -> Array:
     return np.arange(count, dtype=np.float64) * h
 
 
-def styluses_at(times: Any) -> tuple[Array, Array]:
-    """Return where the hands are.
+def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
+    """Return heights and rates of the left and the right stylus, shape (..., 2) [m, m/s].
 
-    Returns
-    -------
-    z, vz : ndarray of float64, shape (..., 2)
-        Heights of the left and the right stylus, and their rates [m, m/s].
+    - `spread`: how many times as far as in the test problem they move against each other [1].
     """
     z, vz = np.zeros((*times.shape, 2)), np.zeros((*times.shape, 2))
-    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-1.0, 1.0))):
+    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
         for amplitude, frequency, phase in waves:
             rate = 2.0 * pi * frequency
             z += np.multiply.outer(amplitude * np.sin(rate * times + phase), signs)
@@ -140,10 +137,8 @@ def styluses_at(times: Any) -> tuple[Array, Array]:
 def drive_waves(physics: Physics) -> Array:
     """Return the drives of the hands as waves: ``k a sin + c a w cos`` is one sine, larger and earlier.
 
-    Returns
-    -------
-    ndarray of float64, shape (6, 3)
-        Amplitude, rate and phase: three waves of the sum of both drives, three of right minus left [N, rad/s, rad].
+    - returns (shape (6, 3)): amplitude, rate, phase: three waves of the drives' sum, three of right minus left [N,
+      rad/s, rad].
     """
     waves = np.empty((6, 3))
     for i, (amplitude, frequency, phase) in enumerate((*TOGETHER, *AGAINST)):
@@ -268,15 +263,21 @@ def errors_of(problem: Problem, reference: Reference, states: Array, stride: int
         return largest(states - reference.states[::stride], forces - reference.forces[::stride])
 
 
-def tight(problem: Problem) -> Array:
-    """Solve a problem by DOP853 with tight tolerances."""
+def new_rate(problem: Problem) -> Callable[[float, Array], Array]:
+    """Return the compiled right-hand side as scipy calls it, with a new array each time."""
     right_side = make_right_side(problem.parts)
+    waves, scene = problem.waves, problem.scene
 
     def rate(t: float, x: Array) -> Array:
         out = np.empty(6)
-        right_side(t, x, problem.waves, problem.scene, out)
+        right_side(t, x, waves, scene, out)
         return out
 
-    times = problem.times
+    return rate
+
+
+def tight(problem: Problem) -> Array:
+    """Solve a problem by DOP853 with tight tolerances."""
+    rate, times = new_rate(problem), problem.times
     solution = solve_ivp(rate, (0.0, times[-1]), problem.first, method="DOP853", t_eval=times, rtol=1e-13, atol=1e-15)
     return np.ascontiguousarray(solution.y.T)

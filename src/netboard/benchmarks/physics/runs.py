@@ -50,13 +50,7 @@ class Offline:
     chained: bool = False
 
     def times(self, n: int, h: float) -> Array:
-        """Return the times at which it needs the hands.
-
-        Returns
-        -------
-        ndarray of float64, shape (n, nodes) or (n + 1,)
-            Times since the start; `prepare` takes an array with the drives of both hands for each [s].
-        """
+        """Return when it needs the hands, shape (n, nodes) or (n + 1,), for the drives that `prepare` takes [s]."""
         starts = np.arange(n + 1, dtype=np.float64)
         return np.asarray(h * (starts if self.chained else starts[:-1, np.newaxis] + self.nodes), np.float64)
 

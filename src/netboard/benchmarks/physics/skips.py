@@ -159,13 +159,7 @@ def _make_inert(PARTS: Parts, LEFT: bool, RIGHT: bool, CARRIED: bool) -> Callabl
 
 
 def samples_of(ticks: int) -> Array:
-    """Return what the hands of the test problem do, as a live tick knows it.
-
-    Returns
-    -------
-    ndarray of float64, shape (ticks, 6)
-        Height, rate and acceleration of the left stylus, then of the right one [m, m/s, m/s2].
-    """
+    """Return height, rate, acceleration of left and right stylus as a tick knows them, shape (ticks, 6) [SI]."""
     times = np.arange(-1, ticks) * TICK_SECONDS
     z, vz = styluses_at(times)
     az = np.diff(vz, axis=0) / TICK_SECONDS
@@ -217,13 +211,7 @@ def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
 
 
 def difference(model: Model, skip: Skip) -> float:
-    """Return the largest difference between a lesser scene and the full one in which that part does nothing.
-
-    Returns
-    -------
-    float
-        Of any height, tilt, place of the ball or force [SI].
-    """
+    """Return the largest difference of a place or force from the full scene in which that part does nothing [SI]."""
     length = state_length(Physics(model=model, **skip.scene))
     states, forces = np.empty((skip.ticks, length)), np.zeros((skip.ticks, 2))
     full_states, full_forces = np.empty((skip.ticks, 6)), np.zeros((skip.ticks, 2))

@@ -240,13 +240,7 @@ def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
 
 
 def live_run(problem: Problem, hold: str) -> tuple[Array, Array]:
-    """Run a problem through the server's own ticks, from samples at 1 kHz.
-
-    Returns
-    -------
-    forces : ndarray of float64, shape (n, 2)
-        Of the left and the right hand on the board, as sent [N].
-    """
+    """Run a problem through the server's own ticks, from samples at 1 kHz; return states and forces as sent [SI, N]."""
     stage, rows = live_stage(problem, hold), live_rows(problem)
     stage.advance(live_state(stage, problem), rows, 0, len(rows))
     states = np.stack([rows[name] for name in ("z", "vz", "theta", "omega", "p", "vp")], axis=1)

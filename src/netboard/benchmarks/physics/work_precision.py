@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from math import exp, inf, isnan, log
+from operator import attrgetter
 from statistics import median
 from time import perf_counter
 
@@ -187,32 +188,13 @@ def _row(
 # --- comparing ---------------------------------------------------------------------------------------------------
 
 
-def physics_cost(row: Row) -> float:
-    """Return what a run costs without evaluating the hands."""
-    return row.physics
+COSTS: dict[str, Cost] = {name: attrgetter(name) for name in ("physics", "whole", "dense")}
+"""Costs that are compared, by the name of the field."""
+
+PHYSICS = COSTS["physics"]
 
 
-def whole_cost(row: Row) -> float:
-    """Return what a run costs with evaluating the hands."""
-    return row.whole
-
-
-def dense_cost(row: Row) -> float:
-    """Return what a run costs that also keeps the states 2 ms apart, without evaluating the hands.
-
-    Returns
-    -------
-    float
-        For a second of simulated time; infinite if it cannot [us].
-    """
-    return row.dense
-
-
-COSTS: dict[str, Cost] = {"physics": physics_cost, "whole": whole_cost, "dense": dense_cost}
-"""Costs that are compared, by name."""
-
-
-def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
+def frontier(rows: Iterable[Row], cost: Cost = PHYSICS) -> list[Row]:
     """Return the runs that no other beats in both error and cost (Pareto)."""
     best: list[Row] = []
     for row in sorted(rows, key=lambda row: (cost(row), row.scaled)):
@@ -221,13 +203,10 @@ def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
     return best
 
 
-def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
-    """Return what an error costs with one method, between its settings by a straight line of logarithms.
+def cost_at(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
+    """Return what an error costs with one method, between its settings by a straight line of logarithms [us].
 
-    Returns
-    -------
-    float
-        The cost; that of the cheapest if it is better than asked for, infinite if none is as good [us].
+    It is that of the cheapest if that is better than asked for, infinite if none is as good.
     """
     curve = frontier(rows, cost)
     if not curve or curve[-1].scaled > error:
@@ -241,7 +220,7 @@ def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> flo
     return inf
 
 
-def least_cost(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
+def least_cost(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
     """Return what an error costs with the best of several methods."""
     ordered = sorted(rows, key=lambda row: (row.family, row.method))
     curves = (list(curve) for _, curve in groupby(ordered, key=lambda row: (row.family, row.method)))

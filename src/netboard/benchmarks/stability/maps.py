@@ -95,13 +95,7 @@ def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
 
 
 def theoretical_step(physics: Physics, method: str) -> float:
-    """Return the largest stable step in theory.
-
-    Returns
-    -------
-    float
-        Infinite if there is none; for an exponential method, if there is none of those tried [s].
-    """
+    """Return the largest stable step in theory; infinite if none is, or, if exponential, none of those tried [s]."""
     level = board_matrix(physics)
     if method not in EXPONENTIAL:
         return largest_step(method, level)
@@ -202,19 +196,11 @@ def largest_scale(stable: Callable[[float], bool]) -> float:
     return math.inf
 
 
-def _stiffer(scale: float) -> dict[str, float]:
-    return {"k_h": scale}
-
-
-def _more_damped(scale: float) -> dict[str, float]:
-    return {"c_h": scale}
-
-
-def _alike(scale: float) -> dict[str, float]:
-    return {"k_h": scale, "c_h": math.sqrt(scale)}
-
-
-WAYS = {"k_h alone": _stiffer, "c_h alone": _more_damped, "k_h, and c_h by its root": _alike}
+WAYS: dict[str, Callable[[float], dict[str, float]]] = {
+    "k_h alone": lambda scale: {"k_h": scale},
+    "c_h alone": lambda scale: {"c_h": scale},
+    "k_h, and c_h by its root": lambda scale: {"k_h": scale, "c_h": math.sqrt(scale)},
+}
 
 
 def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:

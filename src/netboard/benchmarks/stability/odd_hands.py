@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from netboard.base.config import Config
 from netboard.base.tick import OUTPUT, STATE, TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
-from netboard.benchmarks.stability.runs import waves_at
+from netboard.benchmarks.physics.problem import styluses_at
 from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
@@ -44,7 +44,7 @@ def smooth_rows() -> Rows:
     times = (rows["tick"] - REST) * TICK_SECONDS - AGE_NS * 1e-9
     start = np.clip(times / 0.5, 0.0, 1.0)
     share, rate = start**2 * (3.0 - 2.0 * start), 6.0 * start * (1.0 - start) / 0.5
-    z, vz = waves_at(times)
+    z, vz = styluses_at(times)
     for i, side in enumerate(("left", "right")):
         rows[f"{side}_live"] = 1
         rows[f"{side}_seq"] = rows["tick"]

@@ -12,8 +12,9 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.physics.problem import styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
-from netboard.benchmarks.stability.runs import STUDIED, polynomials, waves_at
+from netboard.benchmarks.stability.runs import STUDIED, polynomials
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march, run
@@ -38,13 +39,7 @@ KEPT = 0.02
 
 
 def energies(method: str, start: State, steps: int) -> Array:
-    """Return the energy of an undamped board between hands at rest.
-
-    Returns
-    -------
-    ndarray of float64, shape (steps / 100 + 1,)
-        After every hundred steps; not finite where it grew beyond all bounds [J].
-    """
+    """Return energies of an undamped board between resting hands every 100 steps; not finite where it diverged [J]."""
     count = steps // 100
     parts, scene = parts_of(UNDAMPED), pack_scene(UNDAMPED)
     lengths, counts = np.full(count, 100 * TICK_SECONDS), np.full(count, 100, np.int64)
@@ -124,7 +119,7 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS
-    moving, still = polynomials(physics, times, *waves_at(times)), np.zeros((steps, 8))
+    moving, still = polynomials(physics, times, *styluses_at(times)), np.zeros((steps, 8))
     rows: list[tuple[Value, ...]] = []
     found, slowest = 0, 0.0
     for i, method in enumerate(methods):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.physics.problem import AGAINST, BALL, TOGETHER
+from netboard.benchmarks.physics.problem import BALL, styluses_at
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import METHODS
 from netboard.physics.methods.march import forces_along, make_grid, run
@@ -84,25 +84,6 @@ def scaled(physics: Physics, **factors: float) -> Physics:
     return replace(physics, **{name: getattr(physics, name) * factor for name, factor in factors.items()})
 
 
-def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
-    """Return where the hands are.
-
-    - `spread`: how many times as far as in the test problem they move against each other [1].
-
-    Returns
-    -------
-    z, vz : ndarray of float64, shape (n, 2)
-        Heights of the left and the right stylus, and their rates [m, m/s].
-    """
-    z, vz = np.zeros((len(times), 2)), np.zeros((len(times), 2))
-    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
-        for amplitude, frequency, phase in waves:
-            rate = 2.0 * math.pi * frequency
-            z += np.multiply.outer(amplitude * np.sin(rate * times + phase), signs)
-            vz += np.multiply.outer(amplitude * rate * np.cos(rate * times + phase), signs)
-    return z, vz
-
-
 def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
     """Return the drives of hands that move on cubics between times (`netboard.physics.hands.extrapolation.between`).
 
@@ -130,19 +111,14 @@ def make_run(
     spread: float = 1.0,
     free: bool = True,
 ) -> Run:
-    """Run the test motion.
+    """Run the test motion; states are at the ends of intervals: single steps, or as many as fit into a tick.
 
     - `duration`: length of the run; it is as many whole intervals as fit [s].
-
-    Returns
-    -------
-    Run
-        The states at the ends of intervals: single steps, or as many as fit into a tick.
     """
     steps = max(1, math.floor(TICK_SECONDS / h + 1e-9))
     count = max(1, math.floor(duration / (steps * h) + 1e-9))
     times: Array = start + np.arange(count + 1, dtype=np.float64) * (steps * h)
-    z, vz = waves_at(times, spread)
+    z, vz = styluses_at(times, spread)
     parts, scene = parts_of(physics, free), pack_scene(physics)
     lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
     grid = make_grid(method, lengths, counts, parts, len(x), scene)
@@ -182,13 +158,7 @@ def telling_duration(method: str, a: Array, h: float) -> float:
 
 
 def largest_bounded(physics: Physics, method: str, guess: float, duration: float = DURATION) -> float:
-    """Return the largest step with which a run is bounded, looked for around a guess.
-
-    Returns
-    -------
-    float
-        The step; infinite if none was found, up to `LONGEST` or beyond `WIDE` times the guess [s].
-    """
+    """Return the largest bounded step near a guess; infinite if none up to `LONGEST` or `WIDE` times the guess [s]."""
 
     def holds(h: float) -> bool:
         return is_bounded(physics, method, h, duration)

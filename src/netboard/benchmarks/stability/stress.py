@@ -15,9 +15,9 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.physics.problem import BALL, MODELS
+from netboard.benchmarks.physics.problem import BALL, MODELS, styluses_at
 from netboard.benchmarks.stability.maps import board_matrix
-from netboard.benchmarks.stability.runs import DURATION, FIXED_PLACE, make_run, scaled, waves_at
+from netboard.benchmarks.stability.runs import DURATION, FIXED_PLACE, make_run, scaled
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.scene.energy import stored_along, work_along
 from netboard.physics.scene.parameters import pack_scene, parts_of
@@ -121,7 +121,7 @@ def _list(wrong: Sequence[str]) -> str:
 def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text, share: None) -> Part:
     """Compare rk4 and etdrk4, which solves the level board, where the board tilts far."""
     physics = Physics()
-    z, _ = waves_at(np.arange(0.0, DURATION, TICK_SECONDS))
+    z, _ = styluses_at(np.arange(0.0, DURATION, TICK_SECONDS))
     reach = float(np.abs(z[:, 1] - z[:, 0]).max()) / 2
     first: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
     rows: list[tuple[Value, ...]] = []
@@ -163,7 +163,7 @@ def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) 
         tell(f"ball at the ends: {model}, restitution {share:g}", i / len(kinds))
         physics = replace(Physics(), model=model, ball_stop=0.3, restitution=share)
         run_ = make_run(physics, "rk4", TICK_SECONDS, duration)
-        z, vz = waves_at(run_.times)
+        z, vz = styluses_at(run_.times)
         hands = np.stack([z[:, 0], vz[:, 0], z[:, 1], vz[:, 1]], axis=1)
         parts, scene = parts_of(physics), pack_scene(physics)
         energy = stored_along(run_.states, hands, parts, scene).sum(axis=1)

@@ -95,13 +95,7 @@ def radius_of(loop: Loop, kind: str, delay: int) -> float:
 
 
 def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
-    """Let the mass go, with the estimator itself and places in encoder steps, and see whether it comes to rest.
-
-    Returns
-    -------
-    bool
-        Whether it swings less in the last quarter of the time than when it was let go.
-    """
+    """Return whether the mass, let go, swings less in the last quarter, with the estimator itself and encoder steps."""
     meter = KINDS[kind](TOUCH.resolution) if kind != IDEAL else None
     ((_, xv), (_, vv)), (xf, vf) = (part.tolist() for part in loop.step())
     x, v, largest = START, 0.0, 0.0
