@@ -1,12 +1,14 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
-``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. The
-seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. `some`
+draws from what one test runs together. The seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws
+the same cases again.
 """
 
 import os
 import random
 from collections import defaultdict
+from collections.abc import Iterable
 from datetime import UTC, datetime
 
 import pytest
@@ -18,6 +20,12 @@ ALL = os.environ.get("NETBOARD_TEST_ALL", "") not in ("", "0")
 def chance(name: str) -> random.Random:
     """Return today's random numbers for a test."""
     return random.Random(f"{SEED} {name}")
+
+
+def some(name: str, cases: Iterable[str], count: int) -> list[str]:
+    """Draw today's cases of what one test runs together."""
+    every = list(cases)
+    return every if ALL else chance(name).sample(every, count)
 
 
 def left_out(items: list[pytest.Item]) -> set[pytest.Item]:

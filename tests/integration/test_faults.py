@@ -51,7 +51,7 @@ def all_hold(cases: list[Case], folder: Path) -> None:
 
 
 def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
-    names = WITH_RELAYS if daily.ALL else daily.chance("faults").sample(WITH_RELAYS, DAILY)
+    names = daily.some("faults", WITH_RELAYS, DAILY)
     all_hold([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
