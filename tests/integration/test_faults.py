@@ -26,7 +26,7 @@ OF_THE_SERVER = ("server-stopped-1s", "server-killed")
 OF_THE_RECORDING = ("directory-removed",)
 
 
-DAILY = 7
+DAILY = 5
 """Cases with relays that are played in a day [1]."""
 
 TRIES = 3
