@@ -1,5 +1,7 @@
 """Makes ``tests/*.py`` importable, lets no test of properties fail by the clock, and prints the seed of slow tests."""
 
+import gc
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -16,6 +18,15 @@ def pytest_report_header() -> str:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    quiet = [item.nodeid for item in items if item.get_closest_marker("quiet")]
+    if lost := [name for name in quiet if not name.startswith("tests/integration/")]:
+        raise pytest.UsageError(f"make test looks for quiet tests in tests/integration only, and would not run {lost}")
     if out := daily.left_out(items):
         config.hook.pytest_deselected(items=sorted(out, key=items.index))
         items[:] = [item for item in items if item not in out]
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector pass over what was imported and collected: it stays, and is most of what there is."""
+    gc.collect()
+    gc.freeze()

@@ -1,12 +1,14 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
-``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. The
-seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name; with
+``part="NAME"``, tests that give this name too, and share what is costly, are one of these. `some` draws from what one
+test runs together. The seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
 """
 
 import os
 import random
 from collections import defaultdict
+from collections.abc import Iterable
 from datetime import UTC, datetime
 
 import pytest
@@ -20,20 +22,27 @@ def chance(name: str) -> random.Random:
     return random.Random(f"{SEED} {name}")
 
 
+def some(name: str, cases: Iterable[str], count: int) -> list[str]:
+    """Draw today's cases of what one test runs together."""
+    every = list(cases)
+    return every if ALL else chance(name).sample(every, count)
+
+
 def left_out(items: list[pytest.Item]) -> set[pytest.Item]:
     """Draw the cases that are not run today."""
-    groups: dict[str, list[pytest.Item]] = defaultdict(list)
+    groups: dict[str, dict[str, list[pytest.Item]]] = defaultdict(lambda: defaultdict(list))
     most: dict[str, int] = {}
     for item in items:
         if (mark := item.get_closest_marker("daily")) is not None:
             name = mark.kwargs.get("of", item.nodeid.partition("[")[0])
-            groups[name].append(item)
+            groups[name][mark.kwargs.get("part", item.nodeid)].append(item)
             most[name] = mark.args[0]
     return {item for name, cases in groups.items() for item in _drawn(name, cases, len(cases) - most[name])}
 
 
-def _drawn(name: str, cases: list[pytest.Item], count: int) -> list[pytest.Item]:
-    return chance(name).sample(cases, count) if count > 0 and not ALL else []
+def _drawn(name: str, cases: dict[str, list[pytest.Item]], count: int) -> list[pytest.Item]:
+    drawn = chance(name).sample(list(cases), count) if count > 0 and not ALL else []
+    return [item for case in drawn for item in cases[case]]
 
 
 def header() -> str:

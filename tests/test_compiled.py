@@ -1,5 +1,6 @@
 """Kept kernels are never older than their source, and each is its own."""
 
+import ast
 import os
 import re
 import shutil
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import netboard
-from netboard.base.compiled import STRICT, borrowed, fast, inlined, kernel, machine_code
+from netboard.base.compiled import STRICT, borrowed, fast, inlined, kernel, machine_code, sources
 
 SCRIPT = """
 import numpy as np
@@ -24,6 +25,9 @@ print(repr(float(run("euler", (0.0,) * 6, np.zeros((3, 8)), grid, parts, scene)[
 """
 
 
+FOLDER = "from netboard.base import compiled; print(compiled.folder())"
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path: Path) -> None:
@@ -33,33 +37,60 @@ def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path:
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["PYTHONPATH"] = str(tmp_path)
 
-    def height() -> float:
-        run = subprocess.run(
-            [sys.executable, "-c", SCRIPT], env=environment, capture_output=True, check=True, text=True
-        )
-        return float(run.stdout)
+    def said(script: str) -> str:
+        command = [sys.executable, "-c", script]
+        return subprocess.run(command, env=environment, capture_output=True, check=True, text=True).stdout.strip()
 
-    before = height()
-    assert height() == before
-    models = package / "physics" / "scene" / "models.py"
+    before, old = said(SCRIPT), Path(said(FOLDER))
+    assert list((package / "__pycache__").glob("kernels-*")) == [old]
+    models, elsewhere = (
+        package / "physics" / "scene" / "models.py",
+        package / "analysis" / "measures" / "performance.py",
+    )
+    elsewhere.write_text(elsewhere.read_text() + "\nX = 1\n")
+    assert said(FOLDER) == str(old)  # no kernel knows of it
     text = models.read_text()
     assert text.count('scene["M"] * scene["g"]') == 1
     models.write_text(text.replace('scene["M"] * scene["g"]', '0.0 * scene["g"]'))
-    (old,) = (package / "__pycache__").glob("kernels-*")
-    assert height() != before
+    assert said(SCRIPT) != before
     assert old.exists()  # a process that was started before may still need it
+    models.write_text(text)
+    assert said(SCRIPT) == before
     os.utime(old, (0.0, 0.0))
     models.write_text(text + "\n")
-    assert height() == before
+    assert said(FOLDER) != str(old)
     assert not old.exists()
-    assert len(list((package / "__pycache__").glob("kernels-*"))) == 2
+
+
+def imported(text: str) -> set[str]:
+    """What a module imports, and what it may: names after a from can be modules."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            found |= {str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found | {".".join(name.split(".")[:n]) for name in found for n in range(1, name.count(".") + 1)}
+
+
+def test_a_folder_is_of_all_source_that_a_kernel_may_be_made_of() -> None:
+    """Modules that can make kernels, and whatever they import, found here by Python's own parser."""
+    package = Path(netboard.__file__).parent
+    paths = {".".join(path.relative_to(package.parent).with_suffix("").parts): path for path in package.rglob("*.py")}
+    paths = {name.removesuffix(".__init__"): path for name, path in paths.items()}
+    imports = {name: imported(path.read_text(encoding="utf-8")) & paths.keys() for name, path in paths.items()}
+    reached = {name for name, others in imports.items() if "netboard.base.compiled" in others}
+    while more := set().union(*(imports[name] for name in reached)) - reached:
+        reached |= more
+    assert sources(package) == sorted(paths[name] for name in reached)
+    assert len(reached) < len(paths) / 2
 
 
 def test_a_service_of_systemd_keeps_its_kernels_in_its_cache(tmp_path: Path) -> None:
-    script = "from netboard.base import compiled; print(compiled.folder())"
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["CACHE_DIRECTORY"] = f"{tmp_path}:/elsewhere"
-    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, check=True, text=True)
+    run = subprocess.run([sys.executable, "-c", FOLDER], env=environment, capture_output=True, check=True, text=True)
     folder = Path(run.stdout.strip())
     assert folder.parent == tmp_path
     assert folder.name.startswith("kernels-")

@@ -148,6 +148,7 @@ LAGRANGIAN = Physics(model="lagrangian")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.daily(1)
 def test_smooth_hands_are_within_a_millionth_at_any_rate(seed: int) -> None:
     waves = waving(seed)
     expected = truth(waves, T, Physics(), COLD)
@@ -162,6 +163,7 @@ def test_smooth_hands_are_within_a_millionth_at_any_rate(seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.daily(1)
 def test_reaches_are_within_a_millionth_although_their_jerk_jumps_between_samples(seed: int) -> None:
     hands = reaching(seed)
     expected = truth(hands, T, Physics(), COLD, breaks=hands.breaks())
@@ -181,6 +183,7 @@ def test_reaches_are_within_a_millionth_although_their_jerk_jumps_between_sample
     ],
     ids=["lagrangian", "lagrangian fixed", "fixed", "heavier", "hardly damped", "stiff"],
 )
+@pytest.mark.daily(3)
 def test_other_scenes_are_within_a_millionth(physics: Physics, free: bool) -> None:
     waves, t = waving(7), T[:1001]
     expected = truth(waves, t, physics, COLD, free)

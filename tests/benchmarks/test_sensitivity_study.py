@@ -24,6 +24,8 @@ from netboard.services.sensitivity import QUICK
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
+whole = pytest.mark.daily(1, of="whole analyses", part="sensitivity")
+
 
 def test_what_is_rehearsed_for_the_short_form_has_each_condition_twice() -> None:
     dyads, most, trials = QUICK
@@ -54,6 +56,7 @@ def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> d
 
 
 @pytest.mark.slow
+@whole
 def test_every_question_has_a_row_for_each_answer(parts: dict[str, Part]) -> None:
     rows = [(row[0], row[3]) for row in parts["readings"].rows]
     expected = [(one.name, other.name) for one in AMBIGUITIES for other in one.alternatives]
@@ -62,6 +65,7 @@ def test_every_question_has_a_row_for_each_answer(parts: dict[str, Part]) -> Non
 
 
 @pytest.mark.slow
+@whole
 def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
     assert parts["readings"].holds
     moved = {(row[0], row[2]): (row[4], row[5]) for row in parts["moved"].rows}
@@ -77,6 +81,7 @@ def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
 
 
 @pytest.mark.slow
+@whole
 def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
     names = [row[0] for row in parts["numbers"].rows]
     assert {name for name, _, _ in HEADLINES} <= set(names)
@@ -87,6 +92,7 @@ def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
 
 
 @pytest.mark.slow
+@whole
 def test_two_answers_add_up_with_their_interaction(parts: dict[str, Part]) -> None:
     assert parts["pairs"].rows
     for _, _, base, one, other, both, joint in parts["pairs"].rows:
@@ -94,6 +100,7 @@ def test_two_answers_add_up_with_their_interaction(parts: dict[str, Part]) -> No
 
 
 @pytest.mark.slow
+@whole
 def test_paths_and_statements_are_of_all_paths(parts: dict[str, Part]) -> None:
     assert [row[-1] for row in parts["paths"].rows[:2]] == [16, 16]
     for _, _, least, low, middle, high, most, _, _ in parts["paths"].rows:
@@ -102,6 +109,7 @@ def test_paths_and_statements_are_of_all_paths(parts: dict[str, Part]) -> None:
 
 
 @pytest.mark.slow
+@whole
 def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str, Part]) -> None:
     rows = {(row[0], row[1]): row[2:] for row in parts["disturbances"].rows}
     assert len(rows) == len(DISTURBANCES) + 1

@@ -72,5 +72,8 @@ def test_for_the_same_block_nobody_begins_anew(config: Config, live: Callable[[S
 
 def test_the_nerve_of_one_bimanual_block_is_that_of_the_next(config: Config, live: Callable[[Side], Life]) -> None:
     life = live("left")
+    nerves = set()
     for number in range(1, 30):
         life.begin(block(config, number, "bimanual" if number % 5 else "dyadic"))
+        nerves |= {life._nerve} - {None}
+    assert len(nerves) == 1

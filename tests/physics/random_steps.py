@@ -1,10 +1,11 @@
-"""A test's subprocess: print a digest of the bits of thousands of steps, and what the disk cache did.
+"""A test's subprocess: print digests of the bits of many steps of the named scenes, and what the disk cache did.
 
 Run in another way (without compilation, for another processor) it must print the same digest.
 """
 
 import hashlib
 import json
+import sys
 from typing import Any
 
 import numpy as np
@@ -54,11 +55,12 @@ def path_of(scene: Scene, rows: list[list[float]]) -> Any:
     return run("rk4", start, np.array([drives_of(row) for row in rows]), grid, scene.parts, scene.packed)
 
 
-def digests(rounds: int) -> dict[str, str]:
-    """Hash of every result of so many rounds, for each scene."""
+def digests(names: list[str], rounds: int = 1000) -> dict[str, str]:
+    """Hash of every result of so many rounds, for each of these scenes."""
     rows = np.random.default_rng(7).uniform(-1, 1, (rounds, 10)).tolist()
     found = {"sincos": hashlib.sha256(np.array([sincos(1e4 * row[2]) for row in rows]).tobytes()).hexdigest()}
-    for name, scene in SCENES.items():
+    for name in names:
+        scene = SCENES[name]
         path = path_of(scene, rows)
         hands = np.array(rows + rows[:1])[:, :4]
         work = work_along(np.arange(rounds + 1) * 1e-3, path, hands, scene.parts, scene.packed)
@@ -72,12 +74,12 @@ def digests(rounds: int) -> dict[str, str]:
     return found
 
 
-def cache_counts() -> list[tuple[int, int]]:
-    """Hits and misses of the disk cache, for each scene's march; nothing when nothing is compiled."""
-    marches: list[Any] = [make_march(NUMBER["rk4"], scene.parts) for scene in SCENES.values()]
+def cache_counts(names: list[str]) -> list[tuple[int, int]]:
+    """Hits and misses of the disk cache, for the march of each scene; nothing when nothing is compiled."""
+    marches: list[Any] = [make_march(NUMBER["rk4"], scene.parts) for scene in map(SCENES.__getitem__, names)]
     stats = [march.stats for march in marches if hasattr(march, "stats")]
     return [(sum(each.cache_hits.values()), sum(each.cache_misses.values())) for each in stats]
 
 
 if __name__ == "__main__":
-    print(json.dumps({"digests": digests(1000), "cache": cache_counts()}))  # noqa: T201
+    print(json.dumps({"digests": digests(sys.argv[1:]), "cache": cache_counts(sys.argv[1:])}))  # noqa: T201

@@ -10,12 +10,13 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from exponential_bits import digests
+from exponential_bits import CASES, digests
 from independent import rates as independent_rates
 from independent import solution, waving
 from scipy.linalg import expm
 from trajectories import Scene, changed, drive, falling, scene_of, trajectory
 
+import daily
 from netboard.physics.methods.catalogue import METHODS, NUMBER
 from netboard.physics.methods.exponential import etdrk4, exact_tables
 from netboard.physics.methods.march import make_grid, run
@@ -23,6 +24,7 @@ from netboard.physics.methods.semilinear import remainder
 from netboard.physics.scene.linear import scene_matrix
 
 SCRIPT = Path(__file__).with_name("exponential_bits.py")
+BITS = daily.some("bits of exponential methods", CASES, 5)
 KINDS: dict[str, dict[str, Any]] = {
     "both hands": {},
     "one hand, two balls, friction": {"coupling": "left", "balls": 2, "b_z": 0.3, "b_theta": 0.001},
@@ -50,7 +52,7 @@ def start_of(scene: Scene) -> tuple[float, ...]:
     ("kind", "free"), [*((kind, True) for kind in KINDS), ("both hands", False), ("lagrangian", False)]
 )
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
-@pytest.mark.daily(4)
+@pytest.mark.daily(3)
 def test_the_error_falls_with_the_order_of_the_method(method: str, kind: str, free: bool) -> None:
     scene = scene_of(free, **KINDS[kind])
     start = start_of(scene)
@@ -174,7 +176,7 @@ def test_however_stiff_the_board_stays_with_the_hands(h: float, k: float, c: flo
 def elsewhere(**environment: str) -> Any:
     """What the script prints in a fresh process."""
     done = subprocess.run(
-        [sys.executable, str(SCRIPT)], env=os.environ | environment, capture_output=True, text=True, check=True
+        [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
     return json.loads(done.stdout)
 
@@ -183,7 +185,7 @@ def elsewhere(**environment: str) -> Any:
 @pytest.mark.timeout(300)
 @pytest.mark.daily(1, of="plain Python")
 def test_plain_python_gives_the_same_bits() -> None:
-    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests()
+    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -193,4 +195,4 @@ def test_plain_python_gives_the_same_bits() -> None:
 def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
     """One without AVX or fused multiply-add, where this one has them."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == digests()
+    assert elsewhere(**plain) == digests(BITS)

@@ -9,15 +9,18 @@ from typing import Any
 
 import numba
 import pytest
-from method_bits import digests
+from method_bits import CLASSICAL, digests
+
+import daily
 
 SCRIPT = Path(__file__).with_name("method_bits.py")
+BITS = daily.some("bits of classical methods", CLASSICAL, 4)
 
 
 def elsewhere(**environment: str) -> Any:
     """What the script prints in a fresh process."""
     done = subprocess.run(
-        [sys.executable, str(SCRIPT)], env=os.environ | environment, capture_output=True, text=True, check=True
+        [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
     return json.loads(done.stdout)
 
@@ -25,7 +28,7 @@ def elsewhere(**environment: str) -> Any:
 @pytest.mark.slow
 @pytest.mark.daily(1, of="plain Python")
 def test_plain_python_makes_the_same_steps() -> None:
-    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests()
+    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -34,4 +37,4 @@ def test_plain_python_makes_the_same_steps() -> None:
 def test_another_processor_makes_the_same_steps(tmp_path: Path) -> None:
     """One without AVX or fused multiply-add, where this one has them."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == digests()
+    assert elsewhere(**plain) == digests(BITS)

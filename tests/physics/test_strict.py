@@ -15,24 +15,26 @@ import pytest
 from random_steps import SCENES, digests
 from trajectories import Scene, scene_of
 
+import daily
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_march
 
 SCRIPT = Path(__file__).with_name("random_steps.py")
+BITS = daily.some("bits of scenes", SCENES, 3)
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 
 def elsewhere(**environment: str) -> Any:
     """What the script prints in a fresh process."""
     done = subprocess.run(
-        [sys.executable, str(SCRIPT)], env=os.environ | environment, capture_output=True, text=True, check=True
+        [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
     return json.loads(done.stdout)
 
 
 @pytest.fixture(scope="module")
 def here() -> dict[str, str]:
-    return digests(1000)
+    return digests(BITS)
 
 
 @pytest.mark.slow
@@ -50,8 +52,8 @@ def test_another_processor_gives_the_same_bits_and_a_second_process_finds_it_com
 ) -> None:
     """A processor without AVX or fused multiply-add, where this one has them."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == {"digests": here, "cache": [[0, 1]] * len(SCENES)}
-    assert elsewhere(**plain) == {"digests": here, "cache": [[1, 0]] * len(SCENES)}
+    assert elsewhere(**plain) == {"digests": here, "cache": [[0, 1]] * len(BITS)}
+    assert elsewhere(**plain) == {"digests": here, "cache": [[1, 0]] * len(BITS)}
 
 
 def compiled(scene: Scene) -> str:

@@ -53,7 +53,10 @@ def test_nothing_is_started_that_would_join_the_session_of_another_server(transp
 
 
 def test_a_place_that_is_no_place_is_left_to_the_server() -> None:
-    up.require_free(parse("", "test", ("network.bind=192.0.2.7",)).network)
+    network = parse("", "test", ("network.bind=192.0.2.7",)).network
+    up.require_free(network)
+    with sockets.open_context() as context, pytest.raises(NetboardError, match=r"cannot listen on .*192\.0\.2\.7"):
+        sockets.motion_server(context, channels.addresses(network).listen(channels.MOTION))
 
 
 @pytest.mark.slow

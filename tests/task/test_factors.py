@@ -71,8 +71,11 @@ def test_factors_of_an_older_recording_are_read_from_its_label() -> None:
 
 
 def test_any_label_of_an_older_recording_can_be_read() -> None:
-    for label in ("", ",", "mass  light", "a, b c d, e f", "übung, x y"):
-        factors_of(Config(session=Session(study="s"), block=Block(label=label)))
+    """After the kind of block, each pair of words is a factor and its level; what else there is says nothing."""
+    labels = {"": [], ",": [], "mass  light": [], "a, b c d, e f": [("e", "f")], "übung, x y": [("x", "y")]}
+    for label, expected in labels.items():
+        found = factors_of(Config(session=Session(study="s"), block=Block(label=label)))
+        assert [(one.name, one.level()) for one in found] == expected
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,8 @@ def test_one_wrong_byte_raises_nothing_else(seed: int, place: int, data: st.Data
     whole[place % len(whole)] = data.draw(st.integers(0, 255))
     with suppress(RecordingError):
         lines = read_lines(bytes(whole), SOURCE)
-        progress_of(lines.header, lines.entries, PLAN, SOURCE)
+        assert len(lines.entries) <= len(entries)
+        assert progress_of(lines.header, lines.entries, PLAN, SOURCE).block <= progress_of(HEADER, entries, PLAN).block
 
 
 # --- progress --------------------------------------------------------------------------------------------------------

@@ -141,7 +141,9 @@ def test_an_unplayed_picture_is_as_it_was(app, board):
 
 def test_it_closes_twice(rig):
     rig.client.close()
+    assert rig.client._views.closed
     rig.client.close()
+    assert rig.client._views.closed
 
 
 def test_two_players_share_the_screen(app):

@@ -4,13 +4,16 @@ Strict means IEEE arithmetic as written: no contraction, no reordering, so that 
 every machine and with the compiler switched off.
 
 Numba recompiles a cached kernel when its own file has changed, but not when a kernel that it calls has changed in
-another file; it would silently run the old code. Therefore each version of the package's source has its own cache
-folder. Folders of other versions are removed after a day, because a running process may still use one.
+another file; it would silently run the old code. Therefore each version of the source that kernels depend on has its
+own cache folder: that of the modules that import this one, and of all that these import. A kernel is made of the text
+of such modules, of constants that they import, and of constants in its closure, which are in its name. Folders of
+other versions are removed after a day, because a running process may still use one.
 """
 
 import hashlib
 import inspect
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -32,11 +35,47 @@ UNUSED_S = 24 * 3600.0
 """Age at which an unchanged cache folder of another source version is removed [s]."""
 
 
+_IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+(netboard[\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
+
+
+def sources(package: Path) -> list[Path]:
+    """Return the files of a copy of the package on which the machine code of its kernels may depend.
+
+    Parameters
+    ----------
+    package : Path
+        Folder of the package.
+    """
+    paths = {_module(path, package): path for path in package.rglob("*.py")}
+    texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
+    left = [name for name, text in texts.items() if "compiled" in text and "netboard.base.compiled" in _imports(text)]
+    found: set[str] = set()
+    while left:
+        if (name := left.pop()) not in found:
+            found.add(name)
+            left += texts.keys() & _imports(texts[name])
+    return sorted(paths[name] for name in found)
+
+
+def _module(path: Path, package: Path) -> str:
+    return ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imports(text: str) -> set[str]:
+    """Return the modules that a text may import from the package; what follows a from may be a module or a name."""
+    found = set()
+    for module, names in _IMPORT.findall(text):
+        parts = module.split(".")
+        found |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
+        found |= {f"{module}.{name}" for name in re.findall(r"\w+", names)}
+    return found
+
+
 def _choose_folder() -> None:
     """Set Numba's cache folder for this process and its children, unless the user has set one."""
     package = Path(__file__).parents[1]
     state = hashlib.sha256()
-    for source in sorted(package.rglob("*.py")):
+    for source in sources(package):
         state.update(source.read_bytes())
     # A systemd service has its own cache (CacheDirectory=), and may not write into the package.
     given = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
@@ -58,8 +97,9 @@ def folder() -> Path:
     return Path(os.environ["NUMBA_CACHE_DIR"])
 
 
-STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False}
-"""IEEE arithmetic as written; it never raises: x / 0 is infinite.
+STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False, "no_cfunc_wrapper": True}
+"""IEEE arithmetic as written; it never raises: x / 0 is infinite. No entry for C code, which none has: it is an eighth
+of the time that compilation takes.
 
 A kernel inherits unset options from the first caller that it is compiled for, and Numba keeps that version for all
 callers. Therefore each option is set.
