@@ -195,7 +195,7 @@ def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
             plan[kept] = plan[i]
             kept += 1
     s["moves"] = kept
-    return min(max(asked, -bound), bound)
+    return float(min(max(asked, -bound), bound))
 
 
 @inlined
