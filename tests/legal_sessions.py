@@ -69,14 +69,14 @@ class Operated(Rehearsal):
         """All ticks, once."""
         return np.concatenate([rows.copy() for rows in self.pieces(200)])
 
-    def _prepare(self, rows: NDArray[Any]) -> None:
-        super()._prepare(rows)
-        first = int(rows["tick"][0])
+    def _command(self, commands: NDArray[np.int64]) -> None:
+        super()._command(commands)
+        first = self._ticks
         if self._chance is not None and first > START_TICK:
-            rows["command"][self._chance.randrange(20)] = self._wish(self._chance)
+            commands[self._chance.randrange(20)] = self._wish(self._chance)
         for tick, cause in self._given.items():
-            if first <= tick < first + len(rows):
-                rows["command"][tick - first] = cause
+            if first <= tick < first + len(commands):
+                commands[tick - first] = cause
 
     def _wish(self, chance: random.Random) -> Cause:
         state = self._state[0]

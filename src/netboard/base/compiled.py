@@ -117,14 +117,14 @@ LOOSE: dict[str, Any] = {**FAST, "forceinline": True}
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function on its first call, or load it from the cache. It never raises: x / 0 is infinite.
+    """Compile a function on its first call, or load it from the cache. Arithmetic never raises: x / 0 is infinite.
 
     Numbers and named tuples in the closure of a function are compile-time constants, and dead code is removed.
 
     Parameters
     ----------
     function : callable
-        Of scalars, arrays and records, in the part of Python that numba knows; it also runs as it stands, with
+        Of scalars, arrays and records, in numba's subset of Python; it also runs as it stands, with
         NUMBA_DISABLE_JIT=1.
     """
     compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(_told_apart(function))
@@ -257,9 +257,9 @@ def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Call
 
 
 def borrowed(value: A) -> A:
-    """Return an array, or tuples of arrays, without reference counting inside a kernel; it costs more than a step.
+    """Return an array, or tuples of arrays, whose references a kernel does not count.
 
-    Every tuple with an array, and every call with that tuple, would update the count, 5 ns each.
+    Counting takes 5 ns for each tuple with an array and each call with it, more than an integration step.
 
     Parameters
     ----------

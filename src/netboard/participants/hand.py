@@ -1,10 +1,10 @@
-"""Simulated hand on a stylus: mechanics of arm and device, integrated in steps of 0.25 ms; muscles and tremor, of 1 ms.
+"""Simulated hand on a stylus: mechanics of arm and device, integrated at 4 kHz; muscles and tremor at 1 kHz.
 
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
 force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
-white noise is an argument, so the kernel is deterministic. The reflexes of the arm yield to a force on the hand that
-is not expected.
+white noise is an argument, so the kernel is deterministic. An optional response shifts the equilibrium point along an
+unexpected force.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -45,13 +45,13 @@ FOREARM = 0.30
 """Distance from elbow to stylus: a hand at height z is nearer to the body by about z^2 / (2 FOREARM) [m]."""
 
 GRASP = 0.002
-"""Standard deviation of the stylus' rest position along x and y, across its vertical path [m]."""
+"""Standard deviation of the lateral rest position, along x and y [m]."""
 
 BEYOND = 0.02
 """Largest distance beyond a mechanical stop at which a hand aims; aiming farther would not move it [m]."""
 
 PURPOSE = 0.005
-"""Speed of the equilibrium point at which friction compensation is complete [m/s]."""
+"""Friction compensation rises with the speed of the equilibrium point, and is full at this speed [m/s]."""
 
 RECALL = 128
 """Updates for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
@@ -61,7 +61,7 @@ ARM = np.dtype(
         ("mass", "<f8"),  # mass of arm and device [kg]
         ("stiffness", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
         ("damping", "<f8"),  # damping of arm and device [N s/m]
-        ("friction", "<f8"),  # Coulomb friction of each axis, without what the arm compensates at rest [N]
+        ("friction", "<f8"),  # Coulomb friction of each axis, minus the part that the arm compensates at rest [N]
         ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]
         ("grip", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
         ("glide", "<f8"),  # factor of the velocity by damping in a step [1]
@@ -230,7 +230,7 @@ def tense(
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
     when : float
-        Time in the middle until the next update, on the clock of the submovements [s].
+        Middle of the interval until the next update, on the clock of the submovements [s].
     force : float
         Vertical motor force on the hand [N].
     white_x, white_y, white_z : float
@@ -465,7 +465,13 @@ class Hand:
         return self._white[start : self._drawn]
 
     def draw(self, white: NDArray[np.float64]) -> None:
-        """Fill an array of shape (n, 3) with the next normal numbers, as `noise` returns them for n updates."""
+        """Fill an array with the next normal numbers, as `noise` returns them.
+
+        Parameters
+        ----------
+        white : ndarray, shape (n, 3)
+            Output: standard normal numbers that drive the tremor, a row for each update [1].
+        """
         self._rng.standard_normal(out=white)
 
     @property

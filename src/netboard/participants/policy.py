@@ -1,4 +1,4 @@
-"""A policy: what decides for a hand that no person moves.
+"""A policy: the controller of a hand that no person moves.
 
 The same policy runs in an agent beside a person's, in the server as a robot partner, and in a rehearsal. It gets what
 its seat may know, at its own interval, and answers with movements. Its identity is recorded, so that anybody can say

@@ -1,12 +1,12 @@
 """Power, false-positive rate and precision of paired contrasts, against the number of dyads.
 
-The virtual studies of a cohort are divided into studies of fewer dyads: consecutive dyads, so that each such study is
-counterbalanced as a real one, and none in two of them, so that they are independent. Each is tested as a real study is:
-paired t test and permutation test of the dyads' differences. Dyads are independent draws, so this is legitimate.
+The virtual studies of a cohort are divided into studies of fewer, consecutive dyads. No dyad belongs to two of them, so
+they are independent; each keeps the counterbalancing. Each is tested as a real study is: paired t test and permutation
+test of the dyads' differences.
 
 The false-positive rate is that of the same differences minus the cohort's mean difference: there is no effect by
-construction, and spread and skewness are those of the simulated dyads. It equals one minus the coverage of the
-confidence interval.
+construction, and spread and skewness are those of the simulated dyads. For the t test it equals one minus the coverage
+of the confidence interval.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

@@ -10,7 +10,7 @@ from typing import Any
 
 from netboard.analysis.cohort.figure import draw
 from netboard.analysis.cohort.participants import SHOWN
-from netboard.analysis.cohort.power import T_TEST, Power
+from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Power
 from netboard.analysis.topics.figure import as_bytes
 from netboard.base.errors import RecordingError
 
@@ -136,11 +136,13 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
     for name, title, cell in kinds:
         rows = []
         for (measure, contrast, test, trials), own in by_test(found).items():
+            if name == "precision" and test == PERMUTATION:
+                continue  # it has no interval of its own
             cells = {one.dyads: str(cell(one)) for one in own}
             unit = "" if own[0].unit == "1" else f" {own[0].unit}"
             head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
-        columns = ["measure", "contrast", "test", "trials", "effect", *(f"{size} dyads" for size in sizes)]
+        columns = ["measure", "contrast", "test", "trials", "ratio or difference", *(f"{size} dyads" for size in sizes)]
         tables.append({"name": name, "title": title, "columns": columns, "rows": rows})
     return [{**table, "verdicts": []} for table in tables]
 

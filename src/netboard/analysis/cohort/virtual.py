@@ -1,4 +1,4 @@
-"""One virtual study: its dyads are drawn, do their plan, and are measured; a pure function of design and number.
+"""One virtual study: draws its dyads, simulates their plan and measures them; a pure function of design and number.
 
 Virtual study k of a cohort with seed S has the seed ``S * SPACING + k`` for its plans, participants and ticks, so no
 two studies share one, in one cohort or in two. ``netboard session rehearse --seed`` with that number records the same
@@ -26,7 +26,7 @@ from netboard.recording.format.channels import Field
 from netboard.task.studies.study import Study
 
 SPACING = 1_000_000
-"""Difference of the seeds of equal studies of two cohorts whose seeds differ by one: the largest cohort [1]."""
+"""Number of seeds reserved for each cohort; a cohort must be smaller [1]."""
 
 LAST_SEED = (2**31 - 1) // SPACING - 1
 """Largest seed of a cohort [1]."""
@@ -76,7 +76,7 @@ def check(design: Design, studies: int) -> None:
             block = job.config.block
             where = f"{design.study.name}: dyad {dyad}, block {block.number} ({block.label})"
             if job.config.physics.balls == 0:
-                raise ConfigError(f"{where}: [physics] balls: found 0, expected 1 or more: without a ball no trials")
+                raise ConfigError(f"{where}: [physics] balls: found 0, expected 1 or more: a trial needs a ball")
             if block.force == "unrelated":
                 raise ConfigError(f'{where}: [block] force: found "unrelated", which takes recorded forces')
 
@@ -116,7 +116,7 @@ def simulate(design: Design, number: int) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """Unpacked tables of a virtual study.
+    """Tables of a virtual study, read back from its file.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ def predictions_part(found: Sequence[Prediction], played: Sequence[Played], tria
         value = "-" if statement.value is None else statement.value
         direction = "-" if not statement.sense else "above 0" if statement.sense > 0 else "below 0"
         probability = "-" if one.probability is None else f"{one.probability:.2f}"
-        use = "fitted" if statement.fitted else "predicted"
+        use = "fitted" if statement.fitted else "not fitted"
         rows.append((statement.name, use, value, direction, middle, low, high, probability, one.reproduced))
     failures = sum(int((~one.attempts["success"]).sum()) for one in played)
     successes = sum(int(one.attempts["success"].sum()) for one in played)
@@ -105,7 +105,7 @@ def predictions_part(found: Sequence[Prediction], played: Sequence[Played], tria
     verdicts = [*_verdicts(found)]
     verdicts.append(
         Verdict(
-            "nobody is screened out, and nobody fails to finish a block",
+            "no simulated participant is excluded, and all blocks are completed",
             given_up == 0,
             f"{len(played)} dyads: {given_up} blocks given up; {failures} falls of the ball in {successes} trials",
         )
@@ -114,19 +114,19 @@ def predictions_part(found: Sequence[Prediction], played: Sequence[Played], tria
 
 
 def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
-    """Count the held-out results that the model reproduces."""
-    held_out = [one for one in found if not one.statement.fitted]
-    values = [one for one in held_out if one.inside is not None]
-    directions = [one for one in held_out if one.probability is not None]
+    """Count the results that were not fitted and that the model reproduces."""
+    others = [one for one in found if not one.statement.fitted]
+    values = [one for one in others if one.inside is not None]
+    directions = [one for one in others if one.probability is not None]
     inside = sum(bool(one.inside) for one in values)
     likely = sum(one.reproduced == "yes" for one in directions)
     yield Verdict(
-        "every held-out value of the paper lies in its 95 % predictive interval",
+        "every value of the paper that was not fitted lies in its 95 % predictive interval",
         inside == len(values),
         f"{inside} of {len(values)}",
     )
     yield Verdict(
-        f"every held-out direction of the paper appears in at least {LIKELY:.0%} of the virtual studies",
+        f"every direction of the paper that was not fitted appears in at least {LIKELY:.0%} of the virtual studies",
         likely == len(directions),
         f"{likely} of {len(directions)}",
     )

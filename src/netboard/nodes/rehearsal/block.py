@@ -6,7 +6,7 @@ later. The block starts as soon as a live one would. Rests before blocks are lef
 not get tired.
 
 Rule 1: the ticks depend only on the configuration and the participants, not on how many are run in one piece.
-Rule 2: the rows are those of a recording: inputs, state and outputs, and what the server would have noted beside them.
+Rule 2: the rows are those of a recording: inputs, state and outputs, and the diagnostics that a server records.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -31,15 +31,15 @@ PIECE = 1000
 """Default number of ticks in a piece [1]."""
 
 START_TICK = 500
-"""Tick at which a block starts: as long as the server wants everything to have been ready [1]."""
+"""Tick at which a block starts: a live server waits for this time after everything is ready [1]."""
 
 PATIENCE = 120.0
-"""Mean duration of a trial from which a block is stopped, because its participants cannot do it [s]."""
+"""A block is stopped after this time for each planned trial: its participants cannot do it [s]."""
 
 KEPT = THINK_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
-_FINISHED, _START, _STOP = int(Phase.FINISHED), int(Cause.START), int(Cause.STOP)
+_FINISHED = int(Phase.FINISHED)
 _TICK, _TIME, _LATE, _COMMAND = ((TICK.names or ()).index(name) for name in ("tick", "time_ns", "late_ns", "command"))
 
 
@@ -54,7 +54,7 @@ def _loop(
     words: NDArray[np.int64],
     numbers: NDArray[np.float64],
     number: int,
-    last: int,
+    commands: NDArray[np.int64],
     book: Any,
     tables: Any,
     bodies: Any,
@@ -66,17 +66,17 @@ def _loop(
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number`` and ``last``: those of the first tick, and of that at which the block is stopped; ``hands``: for each
-    participant, the hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
+    ``number``: that of the first tick; ``hands``: for each participant, the hand whose force it feels, 0 left, 1 right.
+    Returns how many ticks were run.
     """
     count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, coming = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(coming)
-    white, minds, hands = borrowed(white), borrowed(minds), borrowed(hands)
+    white, minds, hands, commands = borrowed(white), borrowed(minds), borrowed(hands), borrowed(commands)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
-        words[place, _COMMAND] = _START if tick == START_TICK else _STOP if tick == last else 0
+        words[place, _COMMAND] = commands[k]
         for side in range(2):
             advance(bodies, side, white, k, words, numbers, place)
         for side in range(2):
@@ -87,7 +87,7 @@ def _loop(
         if tick % THINK_TICKS == 0:
             for which in range(len(hands)):
                 late = tick - newest_seen(minds[which], tick)
-                if late <= min(tick, THINK_TICKS):  # else it has seen that view already
+                if late <= min(tick, THINK_TICKS):  # otherwise the view is not new
                     see(minds[which], words[place - late], numbers[place - late])
                 felt = bodies[hands[which]]["device"]["wanted"]
                 begun = think(minds[which], words[place], felt)
@@ -165,14 +165,15 @@ class Rehearsal:
         """Run the block. Yields at most `size` ticks at a time, valid until the next are asked for."""
         rows = np.zeros(KEPT + size, TICK)
         words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
-        white = np.zeros((len(SIDES), size, 3))
+        white, commands = np.zeros((len(SIDES), size, 3)), np.zeros(size, np.int64)
         over = False
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
+            self._command(commands)
             for hand, own in zip(self._tremor, white, strict=True):
                 hand.draw(own)
             before = int(self._state["successes"][0])
-            count = self._run(rows, words, numbers, white)
+            count = self._run(rows, words, numbers, commands, white)
             self._ticks += count
             done = rows[KEPT : KEPT + count]
             if self._state["successes"][0] != before:
@@ -184,12 +185,24 @@ class Rehearsal:
             self._given_up = bool(done["event"][-1] == Cause.STOP)
             yield done
 
+    def _command(self, commands: NDArray[np.int64]) -> None:
+        """Write the commands of the next ticks: the block starts, and is stopped if it takes too long."""
+        commands[:] = Cause.NONE
+        for tick, command in ((START_TICK, Cause.START), (self._last_tick, Cause.STOP)):
+            if self._ticks <= tick < self._ticks + len(commands):
+                commands[tick - self._ticks] = command
+
     def _run(
-        self, rows: NDArray[Any], words: NDArray[np.int64], numbers: NDArray[np.float64], white: NDArray[np.float64]
+        self,
+        rows: NDArray[Any],
+        words: NDArray[np.int64],
+        numbers: NDArray[np.float64],
+        commands: NDArray[np.int64],
+        white: NDArray[np.float64],
     ) -> int:
         """Run the next ticks; return their number."""
         stage = self._stage
-        parts = (self._state, rows, words, numbers, self._ticks, self._last_tick, stage.book, stage.tables)
+        parts = (self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables)
         seats = (self._bodies, self._coming, white, self._minds, self._hands)
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)

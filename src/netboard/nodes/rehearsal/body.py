@@ -1,4 +1,4 @@
-"""A simulated hand on its virtual device, a tick at a time: what its agent would send the server.
+"""A simulated hand on its virtual device, a tick at a time: the samples that its agent would send to the server.
 
 Its milliseconds are those of an agent that follows the server's ticks: the stylus is read `LEAD_NS` before the deadline
 of a tick, and the force computed in that tick acts from the deadline on. Hand, encoder, velocity, fixture and the
@@ -151,9 +151,9 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
 
 @inlined
 def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
-    """Put position and velocity, as the encoders tell them, into a tick's row.
+    """Put position and velocity, as read by the encoders, into a tick's row.
 
-    Both hands are advanced before either is read, because a processor can then do both at the same time.
+    Both hands are advanced before either is read, so that the processor can overlap the two computations.
     """
     body = bodies[side]
     d = body["device"]
