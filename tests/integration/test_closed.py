@@ -373,7 +373,7 @@ def test_a_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
     ("channel", "reason", "key_is_known"),
     [
         ("motion", "it has no key, or closed the connection", False),
-        ("motion", "it does not know this server's key, or repeated what another one said", False),
+        ("motion", "it has a wrong server key, or replayed a handshake", False),
         ("motion", "its key is not known here", True),
         ("motion", "the key of display.left is not for this channel", True),
         ("motion", "it calls itself agent.left@intruder", False),

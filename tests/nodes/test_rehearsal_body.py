@@ -28,7 +28,7 @@ def lived(config: Config, forces: list[float], move: Submovement) -> list[np.voi
         rows[k]["tick"], rows[k]["time_ns"], rows[k]["phase"] = k, T0 + k * TICK_NS, Phase.RUNNING
         body.fill(words[k])
         rows[k]["right_force"] = force
-        body.tell(words[k])
+        body.apply_force(words[k])
     return list(rows)
 
 
@@ -66,7 +66,7 @@ def test_nothing_acts_outside_a_trial() -> None:
     row = np.zeros(1, TICK)
     row["left_force"], row["phase"] = 0.5, Phase.PAUSED
     words = row.view(np.int64)
-    assert body.tell(words) == 0.0
+    assert body.apply_force(words) == 0.0
     row["phase"] = Phase.HOLDING
-    assert body.tell(words) == 0.5
+    assert body.apply_force(words) == 0.5
     assert body.wanted == 0.5

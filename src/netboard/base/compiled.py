@@ -1,7 +1,8 @@
 """Compilation of kernels: `kernel` compiles a scalar function to strict machine code and caches it between runs.
 
 Strict means IEEE arithmetic as written: no contraction, no reordering, so that the same input gives the same bits on
-every machine and with the compiler switched off.
+every machine and with the compiler switched off. That holds for kernels of + - * /, square roots and the functions of
+`netboard.physics.arithmetic`; `exp` and `log1p`, which simulated participants use, come from the machine's C library.
 
 Numba recompiles a cached kernel when its own file has changed, but not when a kernel that it calls has changed in
 another file; it would silently run the old code. Therefore each version of the source that kernels depend on has its

@@ -96,10 +96,10 @@ class Power:
     deviation : float
         Standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
     power, false_positives : Rate
-        Share of studies that reject no effect, with the effect and without it.
+        Share of studies that reject the null hypothesis, with the effect and with the effect removed.
     width, width_error : float
-        Mean width of the confidence interval; for a ratio the geometric mean of its upper limit over its lower one. And
-        the Monte Carlo standard error of that [unit].
+        Mean width of the confidence interval, for a ratio the geometric mean of its upper limit over its lower one; and
+        its Monte Carlo standard error [unit].
     """
 
     measure: str

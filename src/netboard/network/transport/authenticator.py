@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
 MOST_HANDSHAKES = 3
-"""Handshakes answered, and failed ones read on a channel, at once, so that unknown peers cannot hold up a tick [1]."""
+"""Handshakes answered, and failures read of a channel, in one call; it limits what unknown peers take of a tick [1]."""
 MOST_FULL = 20
 """Consecutive full readings of failed handshakes after which a channel is not read for a while [1]."""
 DEAF_NS = 10_000_000_000
@@ -109,7 +109,7 @@ class Authenticator:
     def answer_handshakes(self) -> None:
         """Answer waiting handshakes, a few at a time, in the context of each channel.
 
-        Nobody gets in unless this is called; the session calls it a thousand times a second.
+        No peer can connect unless this is called; the session calls it a thousand times a second.
         """
         for handler in self._handlers:
             handler.answer()
@@ -213,7 +213,7 @@ class _HandshakeMonitor:
         self._socket.monitor(None, 0)
         self._monitor.close()
         self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
-        yield "more handshakes fail here than can be told of"
+        yield "more handshakes fail here than can be reported; none is for 10 s"
 
     def _open(self) -> Socket:
         """Start the monitor. Its queue has no bound, because a full one would hold up libzmq's own thread."""
@@ -230,9 +230,9 @@ NO_KEY = "it has no key, or closed the connection during the handshake"
 """A peer without a key may learn first that the server requires one, and hang up."""
 FAILURES: dict[int, str] = {
     int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
-    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
+    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it has a wrong server key, or replayed a handshake",
 }
-NO_HANDSHAKE = "it broke the rules of the handshake"
+NO_HANDSHAKE = "protocol error in the handshake"
 
 
 class Context(zmq.Context["zmq.Socket[bytes]"]):

@@ -22,7 +22,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
-from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, pack_body, plan, read, tell
+from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, apply_force, pack_body, plan, read
 from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -83,7 +83,7 @@ def _loop(
             read(bodies, side, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
-            tell(bodies, side, coming, words, numbers, place)
+            apply_force(bodies, side, coming, words, numbers, place)
         if tick % THINK_TICKS == 0:
             for which in range(len(hands)):
                 late = tick - newest_seen(minds[which], tick)

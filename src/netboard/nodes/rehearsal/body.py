@@ -78,7 +78,7 @@ _DEVICE = np.dtype(
         ("wanted", "<f8"),  # vertical force to act next [N]
         ("count", "<i8"),  # positions from which the velocity is computed [1]
         ("told", "<i8"),  # forces received [1]
-        ("held", "<i8"),  # 0: nobody moves it, it is at rest at height 0
+        ("moved", "<i8"),  # 1: a simulated hand moves it; 0: it is at rest at height 0
     ]
 )
 """A device as the kernels see it."""
@@ -134,7 +134,7 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
     words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
     words[place, _GUARDS[side]] = _ARMED
     numbers[place, _RENDERED[side]] = 0.0
-    if d["held"] == 0:
+    if d["moved"] == 0:
         return
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
     wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
@@ -157,7 +157,7 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
     """
     body = bodies[side]
     d = body["device"]
-    if d["held"] == 0:
+    if d["moved"] == 0:
         return
     stamp_ns = words[place, _TIME] - LEAD_NS
     x, y, z = encoder_position(body["hand"], d["resolution"])
@@ -169,7 +169,7 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
 
 
 @inlined
-def tell(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: int) -> float:
+def apply_force(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     Parameters
@@ -243,7 +243,7 @@ def pack_body(
     device = body["device"]
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
     device["limit"] = min(own.max_force, config.safety.max_force)
-    device["resolution"], device["held"] = own.resolution, person is not None
+    device["resolution"], device["moved"] = own.resolution, person is not None
     return hand
 
 
@@ -274,7 +274,7 @@ class Body:
         """Compile or load the kernels by running a tick of this body, which changes its state."""
         words = np.zeros(len(_AT), np.int64)
         self.fill(words)
-        self.tell(words)
+        self.apply_force(words)
 
     def fill(self, words: NDArray[np.int64]) -> None:
         """Advance by a millisecond, and put the stylus into a tick's row."""
@@ -284,10 +284,10 @@ class Body:
         advance(self.bodies, self._place, self._white, 0, row, numbers, 0)
         read(self.bodies, self._place, row, numbers, 0)
 
-    def tell(self, words: NDArray[np.int64]) -> float:
+    def apply_force(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
         row = words.reshape(1, -1)
-        return tell(self.bodies, self._place, self._coming, row, row.view(np.float64), 0)
+        return apply_force(self.bodies, self._place, self._coming, row, row.view(np.float64), 0)
 
 
 def refuse_flaws(config: Config) -> None:

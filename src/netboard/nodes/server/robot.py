@@ -46,7 +46,7 @@ class Robot:
         """Take what the hand sees and feels in a finished tick, and perhaps begin a movement."""
         if self._mind is None:
             return
-        told = self._body.tell(words)
+        told = self._body.apply_force(words)
         tick = int(words[_TICK])
         if tick % THINK_TICKS == 0:
             moves = self._mind.think(words, told)
