@@ -133,7 +133,7 @@ class Attempts:
         """Who does not know the server's key cannot be sure to whom he speaks, and is not heard."""
         lock = replace(self.own("agent.left"), server=authenticator.new_keys()[0])
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
-        who.until_told("channel=motion reason=it does not know this server's key", hello("agent", "left"))
+        who.until_told("channel=motion reason=it has a wrong server key", hello("agent", "left"))
         return who
 
     def wrong_key(self) -> Intruder:
