@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.base.clock import now_ns
+from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Welcome
@@ -28,12 +29,16 @@ class Pair:
         self.router = sockets.motion_server(context, here)
         self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
         self.link.warm()
-        self.link.send(0, now_ns())
+        self.send(0, now_ns())
         received = self.router.receive()
         assert received is not None
         self.agent, frame = received
         assert decode(frame) == HELLO
         self.say(Welcome("session", PROTOCOL_VERSION, 0, ""))
+
+    def send(self, seq: int, stamp_ns: int) -> None:
+        """Send a sample of a stylus at rest."""
+        self.link.send(seq, Reading(stamp_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True), 0, 0.0)
 
     def say(self, message: Message) -> bool:
         """Let the server say something; whether the link takes it."""
@@ -52,14 +57,14 @@ def force(tick: int, seq: int) -> Force:
 
 
 def test_an_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
-    pair.link.send(1, now_ns())
+    pair.send(1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.received_ns == pair.link.heard_ns > 0
 
 
 def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
-    pair.link.send(1, now_ns() - TIMEOUT_NS)
+    pair.send(1, now_ns() - TIMEOUT_NS)
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.heard_ns > 0
@@ -67,13 +72,13 @@ def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
 
 
 def test_an_answer_to_a_sample_long_forgotten_is_not_fresh(pair: Pair) -> None:
-    pair.link.send(REMEMBERED + 1, now_ns())
+    pair.send(REMEMBERED + 1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.received_ns is None
 
 
 def test_a_point_counts_as_a_force_does_in_either_form(pair: Pair) -> None:
-    pair.link.send(1, now_ns() - 5_000_000)
+    pair.send(1, now_ns() - 5_000_000)
     point = Point(1, 0, 1, 7, 0.01, -0.5, 200.0, 2.0, 300_000)
     assert pair.say(point)
     assert pair.link.newest == point
@@ -94,14 +99,14 @@ def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:
 
 
 def test_what_is_older_than_the_newest_is_not_taken(pair: Pair) -> None:
-    pair.link.send(1, now_ns())
+    pair.send(1, now_ns())
     assert pair.say(force(2, 1))
     assert not pair.say(force(1, 1))
     assert pair.link.newest == force(2, 1)
 
 
 def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
-    pair.link.send(1, now_ns())
+    pair.send(1, now_ns())
     assert pair.say(force(5, 1))
     assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
     assert pair.link.newest is None
@@ -109,7 +114,7 @@ def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
 
 
 def test_an_empty_frame_is_nonsense_and_changes_nothing(pair: Pair) -> None:
-    pair.link.send(1, now_ns())
+    pair.send(1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.router.send(pair.agent, b"")
     assert not pair.link.receive()

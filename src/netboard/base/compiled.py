@@ -132,6 +132,12 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return compiled
 
 
+def waiting(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that may sleep: as `kernel` does, and other threads of Python run meanwhile."""
+    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, **STRICT)(_told_apart(function))
+    return compiled
+
+
 def _told_apart(function: Callable[P, R]) -> Callable[P, R]:
     """Add a digest of its closure to the name of a function.
 

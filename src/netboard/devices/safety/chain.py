@@ -1,5 +1,8 @@
 """The safety chain between each requested force and the motor. Pure; time is an argument.
 
+The chain is compiled: it lies between the arrival of a force and the motor, in a loop that sleeps most of the time, and
+a step in plain Python takes 30 us there. ``tests/devices/reference_chain.py`` is the same chain in plain Python.
+
 The chain does not rely on the server, the network, the device's readings or the caller. Its state is a `Guard`, its
 transitions are the edges of `TABLE`, and only three states let a force through. After arming, the arming gate holds the
 force at zero until the requested vertical force is below `arm_gate`.
@@ -19,9 +22,12 @@ Rule 6: the gate requires only a small vertical force. The lateral force is a sp
 """
 
 from enum import IntEnum
-from math import hypot, isfinite
-from typing import NamedTuple
+from math import inf, isfinite, sqrt
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.rig import Safety as Limits
 from netboard.network.protocol.motion import Safeguard
 
@@ -34,12 +40,8 @@ MEAN_TIME = 10.0
 MARGIN = 0.1
 """The clamp decreases while the mean is within this fraction of its limit [1]."""
 
-# Plain integers: arithmetic with enum flags costs more than the rest of a step.
-_NONE = 0
-_ARMED, _RAMPING, _CLAMPED, _SLEWED = map(
-    int, (Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED)
-)
-_STALE, _TOO_FAST, _WORN = map(int, (Safeguard.STALE, Safeguard.TOO_FAST, Safeguard.WORN))
+NEVER_NS = -(2**62)
+"""Reception time of a force that never came [ns]."""
 
 Vector = tuple[float, float, float]
 
@@ -108,6 +110,198 @@ LIVE = (Guard.RAMPING, Guard.ARMED, Guard.HOLDING)
 """States in which a wanted force reaches the motor."""
 
 
+CHAIN = np.dtype(
+    [
+        ("guard", "<i8"),
+        ("cause", "<i8"),  # safeguard bits of the fault that ended the force
+        ("now_ns", "<i8"),  # time of the last step, or NEVER_NS
+        ("vertical_gain", "<f8"),
+        ("lateral_gain", "<f8"),
+        ("fx", "<f8"),  # force of the last step [N]
+        ("fy", "<f8"),
+        ("fz", "<f8"),
+        ("mean", "<f8"),  # mean force [N]
+        ("clamp", "<f8"),  # limits; those not explained here as in netboard.base.tables.rig.Safety
+        ("lasting", "<f8"),  # limit of the mean force [N]
+        ("max_slew", "<f8"),
+        ("max_speed", "<f8"),
+        ("stale_after_ms", "<f8"),
+        ("fade_ms", "<f8"),
+        ("disarm_after_ms", "<f8"),
+        ("hold_damping", "<f8"),
+        ("arm_time", "<f8"),
+        ("arm_gate", "<f8"),
+    ]
+)
+"""State and limits of a chain, as its kernels see them."""
+
+_LIMITS = [
+    "max_slew",
+    "max_speed",
+    "stale_after_ms",
+    "fade_ms",
+    "disarm_after_ms",
+    "hold_damping",
+    "arm_time",
+    "arm_gate",
+]
+
+_NEXT = np.array([[TABLE[guard].get(trip, -1) for trip in Trip] for guard in Guard])
+"""`TABLE` as the kernels see it: the next state for each state and trigger, -1 for none."""
+
+_IS_LIVE = np.array([guard in LIVE for guard in Guard])
+
+# Plain integers, which numba folds into the kernels below as constants.
+_DISARMED, _RAMPS, _HOLDS, _FAILED = map(int, (Guard.DISARMED, Guard.RAMPING, Guard.HOLDING, Guard.FAULT))
+_FAIL, _TRIP_TOO_FAST, _EXPIRE = int(Trip.FAULT), int(Trip.TOO_FAST), int(Trip.EXPIRED)
+_GO_STALE, _FRESHEN, _CALM, _FULL, _GO = map(int, (Trip.STALE, Trip.FRESH, Trip.CALM, Trip.FULL, Trip.GONE))
+_ARMED, _RAMPING, _CLAMPED, _SLEWED = map(
+    int, (Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED)
+)
+_STALE, _TOO_FAST, _WORN, _NOT_FINITE = map(
+    int, (Safeguard.STALE, Safeguard.TOO_FAST, Safeguard.WORN, Safeguard.NOT_FINITE)
+)
+
+
+@inlined
+def _size(x: float, y: float, z: float) -> float:
+    """Return the length of a vector."""
+    return sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def trip(chain: Any, trigger: int) -> bool:
+    """Follow the edge of the table for a trigger, if there is one; return True if there is."""
+    c = chain[0]
+    then = _NEXT[c["guard"], trigger]
+    if then < 0:
+        return False
+    c["guard"] = then
+    if not _IS_LIVE[then]:
+        c["vertical_gain"] = c["lateral_gain"] = 0.0
+    if then == _DISARMED:
+        c["cause"] = 0
+    return True
+
+
+@kernel
+def fail(chain: Any, cause: int) -> None:
+    """Enter the fault state with zero force at once."""
+    c = chain[0]
+    c["cause"] |= cause
+    trip(chain, _FAIL)
+    c["fx"] = c["fy"] = c["fz"] = 0.0
+
+
+@kernel
+def _watch(chain: Any, age_ms: float, too_fast: bool, fz: float) -> bool:
+    """Follow the first edge of the table that the current conditions trigger; return False if there is none."""
+    c = chain[0]
+    stale, expired = age_ms > c["stale_after_ms"], age_ms > c["disarm_after_ms"]
+    grown = min(c["vertical_gain"], c["lateral_gain"]) >= 1.0
+    gone = c["fx"] == 0.0 and c["fy"] == 0.0 and c["fz"] == 0.0
+    # In order of priority: a step follows one edge at most.
+    return (
+        (too_fast and trip(chain, _TRIP_TOO_FAST))
+        or (expired and trip(chain, _EXPIRE))
+        or (trip(chain, _GO_STALE) if stale else trip(chain, _FRESHEN))
+        or (grown and trip(chain, _FULL))
+        or (gone and trip(chain, _GO))
+        or (gone and not stale and not too_fast and abs(fz) < c["arm_gate"] and trip(chain, _CALM))
+    )
+
+
+@inlined
+def _most(c: Any) -> float:
+    """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
+    if c["mean"] <= (1.0 - MARGIN) * c["lasting"]:
+        return float(c["clamp"])
+    share = max(c["lasting"] - c["mean"], 0.0) / (MARGIN * c["lasting"]) if c["lasting"] > 0.0 else 0.0
+    return float(c["lasting"] + (c["clamp"] - c["lasting"]) * share)
+
+
+@inlined
+def _fade_or_grow(c: Any, dt: float) -> None:
+    """Update the gains: decrease the vertical gain while stale, otherwise increase both."""
+    if c["guard"] == _HOLDS:
+        c["vertical_gain"] = max(0.0, c["vertical_gain"] - dt / (c["fade_ms"] * 1e-3))
+        return
+    growth = min(dt, LONGEST_STEP_NS * 1e-9) / c["arm_time"]
+    c["vertical_gain"] = min(1.0, c["vertical_gain"] + growth)
+    c["lateral_gain"] = min(1.0, c["lateral_gain"] + growth)
+
+
+@inlined
+def _damped(c: Any, fz: float, vz: float) -> float:
+    """Add damping to a vertical force that fades.
+
+    The damping never exceeds the force that it accompanies. So it adds no force where there was none, and both end
+    together.
+    """
+    most = abs(fz)
+    return float(fz - min(max(c["hold_damping"] * vz, -most), most))
+
+
+@kernel
+def _aim(chain: Any, dt: float, fx: float, fy: float, fz: float, vz: float) -> tuple[float, float, float, int]:
+    """Return the wanted force under gains and limits, and the safeguards that this takes; only in a live state."""
+    c = chain[0]
+    bits = _ARMED | (_RAMPING if c["guard"] == _RAMPS else 0)
+    _fade_or_grow(c, dt)
+    fx, fy, fz = c["lateral_gain"] * fx, c["lateral_gain"] * fy, c["vertical_gain"] * fz
+    if c["guard"] == _HOLDS:
+        fz = _damped(c, fz, vz)
+    size, most = _size(fx, fy, fz), _most(c)
+    if size > most:
+        share = most / size
+        fx, fy, fz = share * fx, share * fy, share * fz
+        bits |= (_CLAMPED if size > c["clamp"] else 0) | (_WORN if most < c["clamp"] else 0)
+    return fx, fy, fz, bits
+
+
+@kernel
+def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
+    """Move the force towards the target, within the slew limit."""
+    c = chain[0]
+    most = c["max_slew"] * min(dt, LONGEST_STEP_NS * 1e-9)
+    dx, dy, dz = fx - c["fx"], fy - c["fy"], fz - c["fz"]
+    size = _size(dx, dy, dz)
+    if size <= most:
+        c["fx"], c["fy"], c["fz"] = fx, fy, fz
+        return 0
+    share = most / size
+    c["fx"] += share * dx
+    c["fy"] += share * dy
+    c["fz"] += share * dz
+    return _SLEWED
+
+
+@kernel
+def limit(
+    chain: Any, now_ns: int, fx: float, fy: float, fz: float, fresh_ns: int, vx: float, vy: float, vz: float
+) -> int:
+    """Limit one wanted force; return the safeguards. The limited force is in the chain. See `Safety.step`."""
+    c = chain[0]
+    before_ns = c["now_ns"]
+    dt = 0.0 if before_ns == NEVER_NS else max(now_ns - before_ns, 0) * 1e-9
+    c["now_ns"] = max(now_ns, before_ns)  # a caller whose clock steps back gains no ramp or slew from it
+    if not (isfinite(fx) and isfinite(fy) and isfinite(fz) and isfinite(vx) and isfinite(vy) and isfinite(vz)):
+        fail(chain, _NOT_FINITE)
+    age_ms = inf if fresh_ns == NEVER_NS else max(now_ns - fresh_ns, 0) * 1e-6
+    too_fast = c["guard"] != _FAILED and _size(vx, vy, vz) > c["max_speed"]
+    _watch(chain, age_ms, too_fast, fz)
+    bits = c["cause"] | (_TOO_FAST if too_fast else 0) | (_STALE if c["guard"] == _HOLDS else 0)
+    if _IS_LIVE[c["guard"]]:
+        fx, fy, fz, taken = _aim(chain, dt, fx, fy, fz, vz)
+        bits |= taken
+    else:
+        fx = fy = fz = 0.0
+    if c["guard"] not in (_FAILED, _DISARMED):
+        bits |= _slew(chain, dt, fx, fy, fz)
+    c["mean"] += (_size(c["fx"], c["fy"], c["fz"]) - c["mean"]) * min(dt / MEAN_TIME, 1.0)
+    return int(bits)
+
+
 class Limited(NamedTuple):
     """A limited force, ready for the device.
 
@@ -139,21 +333,18 @@ class Safety:
     """
 
     def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
-        self._limits = limits
-        self._clamp = min(limits.max_force, max_device_force)
-        self._lasting = min(limits.mean_force, lasting_device_force, self._clamp)
-        self._mean = 0.0
-        self._guard = Guard.DISARMED
-        self._cause = _NONE
-        self._vertical_gain = 0.0
-        self._lateral_gain = 0.0
-        self._force = ZERO
-        self._now_ns: int | None = None
+        self.chain = np.zeros(1, CHAIN)
+        c = self.chain[0]
+        c["guard"], c["now_ns"] = Guard.DISARMED, NEVER_NS
+        c["clamp"] = min(limits.max_force, max_device_force)
+        c["lasting"] = min(limits.mean_force, lasting_device_force, c["clamp"])
+        for name in _LIMITS:
+            c[name] = getattr(limits, name)
 
     @property
     def guard(self) -> Guard:
         """State of the chain."""
-        return self._guard
+        return Guard(self.chain[0]["guard"])
 
     def arm(self) -> bool:
         """Request forces.
@@ -163,19 +354,19 @@ class Safety:
         bool
             True if the chain is now armed: it waits for the gate, then ramps. False unless it was disarmed.
         """
-        return self._trip(Trip.ARM)
+        return trip(self.chain, int(Trip.ARM))
 
     def disarm(self) -> None:
         """Ramp the force down at the slew limit; in the fault state, clear the fault. Only `arm` enables it again."""
-        self._trip(Trip.DISARM)
+        trip(self.chain, int(Trip.DISARM))
 
     def stop(self) -> None:
         """Perform an emergency stop; the force is zero at once."""
-        self._fail(Safeguard.STOPPED)
+        fail(self.chain, int(Safeguard.STOPPED))
 
     def device_lost(self) -> None:
         """Report a lost device; the force is zero at once."""
-        self._fail(Safeguard.DEVICE_LOST)
+        fail(self.chain, int(Safeguard.DEVICE_LOST))
 
     def step(self, now_ns: int, wanted: Vector, fresh_ns: int | None, velocity: Vector) -> Limited:
         """Limit one wanted force.
@@ -197,121 +388,6 @@ class Safety:
         Limited
             Force to write.
         """
-        dt = 0.0 if self._now_ns is None else max(now_ns - self._now_ns, 0) * 1e-9
-        # A caller whose clock steps back gains no ramp or slew from it.
-        self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
-        if not all(map(isfinite, (*wanted, *velocity))):
-            self._fail(Safeguard.NOT_FINITE)
-        age = None if fresh_ns is None else max(now_ns - fresh_ns, 0) * 1e-6
-        too_fast = self._guard is not Guard.FAULT and hypot(*velocity) > self._limits.max_speed
-        self._watch(age, too_fast, wanted[2])
-        bits = self._cause
-        if too_fast:
-            bits |= _TOO_FAST
-        if self._guard is Guard.HOLDING:
-            bits |= _STALE
-        return self._render(dt, wanted, velocity[2], bits)
-
-    def _render(self, dt: float, wanted: Vector, vz: float, bits: int) -> Limited:
-        """Scale, clamp and slew-limit the force, as the state allows."""
-        if self._guard in LIVE:
-            bits |= _ARMED
-            if self._guard is Guard.RAMPING:
-                bits |= _RAMPING
-            self._fade_or_grow(dt)
-            target = self._scaled(wanted, vz)
-            size, most = hypot(*target), self._most()
-            if size > most:
-                target = _times(most / size, target)
-                bits |= _CLAMPED if size > self._clamp else _NONE
-                bits |= _WORN if most < self._clamp else _NONE
-        else:
-            target = ZERO
-        if self._guard not in (Guard.FAULT, Guard.DISARMED):
-            bits |= self._slew(dt, target)
-        self._mean += (hypot(*self._force) - self._mean) * min(dt / MEAN_TIME, 1.0)
-        return Limited(*self._force, bits)
-
-    def _most(self) -> float:
-        """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
-        if self._mean <= (1.0 - MARGIN) * self._lasting:
-            return self._clamp
-        share = max(self._lasting - self._mean, 0.0) / (MARGIN * self._lasting)
-        return self._lasting + (self._clamp - self._lasting) * share
-
-    def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:
-        """Follow the first edge of the table that the current conditions trigger, if any."""
-        limits = self._limits
-        stale = age is None or age > limits.stale_after_ms
-        expired = age is None or age > limits.disarm_after_ms
-        grown = min(self._vertical_gain, self._lateral_gain) >= 1.0
-        gone = self._force == ZERO
-        # In order of priority: a step follows one edge at most.
-        present = (
-            (Trip.TOO_FAST, too_fast),
-            (Trip.EXPIRED, expired),
-            (Trip.STALE, stale),
-            (Trip.FRESH, not stale),
-            (Trip.FULL, grown),
-            (Trip.GONE, gone),
-            (Trip.CALM, gone and not stale and not too_fast and abs(fz) < limits.arm_gate),
-        )
-        for trip, is_so in present:
-            if is_so and self._trip(trip):
-                return
-
-    def _trip(self, trip: Trip) -> bool:
-        """Follow the edge of the table for a trigger, if there is one; return True if there is."""
-        then = TABLE[self._guard].get(trip)
-        if then is None:
-            return False
-        self._guard = then
-        if then not in LIVE:
-            self._vertical_gain = self._lateral_gain = 0.0
-        if then is Guard.DISARMED:
-            self._cause = _NONE
-        return True
-
-    def _fail(self, cause: int) -> None:
-        """Enter the fault state with zero force at once."""
-        self._cause |= cause
-        self._trip(Trip.FAULT)
-        self._force = ZERO
-
-    def _fade_or_grow(self, dt: float) -> None:
-        """Update the gains: decrease the vertical gain while stale, otherwise increase both."""
-        limits = self._limits
-        if self._guard is Guard.HOLDING:
-            self._vertical_gain = max(0.0, self._vertical_gain - dt / (limits.fade_ms * 1e-3))
-            return
-        growth = min(dt, LONGEST_STEP_NS * 1e-9) / limits.arm_time
-        self._vertical_gain = min(1.0, self._vertical_gain + growth)
-        self._lateral_gain = min(1.0, self._lateral_gain + growth)
-
-    def _scaled(self, wanted: Vector, vz: float) -> Vector:
-        """Return the wanted force under the gains; while the vertical force fades, add damping.
-
-        The damping never exceeds the force that it accompanies. So it adds no force where there was none, and both end
-        together.
-        """
-        fx, fy, fz = self._lateral_gain * wanted[0], self._lateral_gain * wanted[1], self._vertical_gain * wanted[2]
-        if self._guard is Guard.HOLDING:
-            most = abs(fz)
-            fz -= min(max(self._limits.hold_damping * vz, -most), most)
-        return fx, fy, fz
-
-    def _slew(self, dt: float, target: Vector) -> int:
-        """Move the force towards the target, within the slew limit."""
-        most = self._limits.max_slew * min(dt, LONGEST_STEP_NS * 1e-9)
-        change = (target[0] - self._force[0], target[1] - self._force[1], target[2] - self._force[2])
-        size = hypot(*change)
-        if size <= most:
-            self._force = target
-            return _NONE
-        last, share = self._force, most / size
-        self._force = (last[0] + share * change[0], last[1] + share * change[1], last[2] + share * change[2])
-        return _SLEWED
-
-
-def _times(scale: float, vector: Vector) -> Vector:
-    return scale * vector[0], scale * vector[1], scale * vector[2]
+        bits = limit(self.chain, now_ns, *wanted, NEVER_NS if fresh_ns is None else fresh_ns, *velocity)
+        c = self.chain[0]
+        return Limited(float(c["fx"]), float(c["fy"]), float(c["fz"]), bits)

@@ -45,10 +45,16 @@ NOTHING, OTHER, FAILED = -1, -2, -3
 SENT, NOT_SENT = 0, 1
 """Results of sending, beside `FAILED`."""
 
+FILES = 1024
+"""Files that a call of select can wait for (FD_SETSIZE) [1]."""
+
 FAST_PATH = np.dtype(
     [
         ("message", "u1", (64,)),  # zmq_msg_t
         ("clock", "<i8", (2,)),  # struct timespec
+        ("sleep", "<i8", (2,)),  # another one: the longest time to sleep
+        ("file", "<i4"),  # number of the file that signals a frame
+        ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file
         ("set_ns", "<i8"),  # simulated time, or MACHINES [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
         ("keyed", "<i8"),  # 1: peers are known by their keys, too
@@ -108,6 +114,7 @@ _memcpy = _called("memcpy", _AT, _AT, _AT, _AT)
 _memcmp = _called("memcmp", _INT, _AT, _AT, _AT)
 _strncpy = _called("strncpy", _AT, _AT, _AT, _AT)
 _clock_gettime = _called("clock_gettime", _INT, _INT, _AT)
+_pselect = _called("pselect", _INT, _INT, _AT, _AT, _AT, _AT, _AT)
 
 _DONTWAIT, _SNDMORE = int(zmq.DONTWAIT), int(zmq.SNDMORE)
 _AGAIN, _INTERRUPTED, _UNREACHABLE = int(zmq.EAGAIN), errno.EINTR, int(zmq.EHOSTUNREACH)
@@ -248,6 +255,20 @@ def say(fast: Any, frame: Any) -> int:
     return SENT if _zmq_send(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
 
+@kernel
+def sleep(fast: Any, longest_ns: int) -> None:
+    """Sleep until something may have arrived, a signal comes, or the time is over [ns].
+
+    The socket must have been read until it was empty, because only then its file signals again.
+    """
+    us = fast[0]
+    file, files, time = us["file"], us["files"], us["sleep"]
+    files[:] = 0
+    files[file // 64] = np.uint64(1) << np.uint64(file % 64)
+    time[0], time[1] = longest_ns // 1_000_000_000, longest_ns % 1_000_000_000
+    _pselect(file + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0)
+
+
 class Sender(NamedTuple):
     """The sender of a frame."""
 
@@ -262,6 +283,14 @@ def sender_of(row: Any) -> Sender:
     return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
 
 
+def _file_of(socket: Socket) -> int:
+    """Return the number of the file that signals a socket's frames."""
+    number = socket.fileno()
+    if number >= FILES:
+        raise NetboardError(f"file {number} of this process is a socket; only the first {FILES} can be waited for")
+    return number
+
+
 class FastPath:
     """A socket whose frames kernels exchange.
 
@@ -273,6 +302,7 @@ class FastPath:
         self.record = np.zeros(1, FAST_PATH)
         us = self.record[0]
         us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
+        us["file"] = 0 if socket is None else _file_of(socket)
         us["set_ns"] = MACHINES
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
             us[name][: len(text)] = np.frombuffer(text, np.uint8)

@@ -14,25 +14,28 @@ arrived, and the agent slowly shifts its phase until that is `LEAD_NS`. A sample
 import logging
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from netboard.base.clock import Pacer, now_ns
+from netboard.base.compiled import machine_code, waiting
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.base.process import NAME, Seldom, steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
-from netboard.devices.safety.chain import Guard, Safety
-from netboard.devices.safety.fixture import lateral_force
+from netboard.devices.safety.chain import Guard, Safety, limit
+from netboard.devices.safety.fixture import drawn_in, lateral_force
 from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.network import keys
-from netboard.network.protocol import fixed
 from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
-from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
-from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.motion_link import Link
+from netboard.network.protocol.motion import Force, Point, Safeguard
+from netboard.network.transport import channels, fastpath, sockets
+from netboard.nodes.agent import motion_link
+from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, hear
 from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.ports.round_trips import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
@@ -51,8 +54,52 @@ LARGEST_SHIFT_NS = 5_000
 SEEK_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
 
+LIMITED = -5
+"""Result of `answered` beside those of `netboard.nodes.agent.motion_link.hear`: a limited force is ready [1]."""
+
 _NOT_READY = int(Safeguard.NOT_READY)
-_STYLUS = fixed.packer_of(Stylus)
+
+
+@waiting
+def answered(
+    fast: Any,
+    frame: Any,
+    link: Any,
+    chain: Any,
+    until_ns: int,
+    limits: bool,
+    k: float,
+    c: float,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    vz: float,
+) -> tuple[int, float, float, float, int]:
+    """Wait for an answer as `hear` does; of a commanded force, return what the safety chain lets through.
+
+    This is the way of a force through the agent, in one call.
+
+    Parameters
+    ----------
+    limits : bool
+        Whether a commanded force is limited here; otherwise Python does it.
+    k, c : float
+        Stiffness and damping of the fixture [N/m, N s/m].
+
+    Returns
+    -------
+    tuple of int and float
+        `LIMITED`, force x, y, z [N] and safeguards; or a result of `hear` and zeros.
+    """
+    came = hear(fast, frame, link, until_ns)
+    us = link[0]
+    if came != NEWER or not limits or us["kind"] != FORCE:
+        return came, 0.0, 0.0, 0.0, 0
+    fx, fy, fz = drawn_in(k, c, x, vx), drawn_in(k, c, y, vy), us["words"].view(np.float64)[3]
+    safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, us["received_ns"], vx, vy, vz)
+    ready = chain[0]
+    return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
 
 
 def phase_shift(lead_ns: int) -> int:
@@ -101,11 +148,13 @@ class Agent:
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
+        self._shift_ns = 0
         self._ring = RenderedRing()
+        self._answered = answered
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until stopped; the caller closes the device."""
-        self._link.warm()
+        self._warm()
         steady_loop()
         while not stopping():
             try:
@@ -114,6 +163,15 @@ class Agent:
                 self._lose(error)
                 self._seek(stopping)
         self._link.leave("the agent was stopped")
+
+    def _warm(self) -> None:
+        """Compile or load the kernels, so that the first tick is not late."""
+        self._link.warm()
+        nowhere = fastpath.FastPath(None).record
+        chain = Safety(self._config.safety, 0.0, 0.0).chain
+        self._answered = machine_code(
+            answered, nowhere, self._link.frame, motion_link.empty(), chain, 0, False, *(0.0,) * 7
+        )
 
     def _serve(self, stopping: Callable[[], bool]) -> None:
         """Serve the connected device, and leave it with zero force."""
@@ -156,36 +214,46 @@ class Agent:
     def _tick(self, until_ns: int) -> int:
         """Read and send the stylus, then render until the next tick is due; return the phase shift [ns].
 
-        An agent that computes the force itself need not wait for a message, and renders at once.
+        An agent that computes the force itself need not wait for an answer, and renders at once. The companion runs
+        after the first answer, or in the last quarter of the tick if none has come by then.
         """
         reading = self._device.read(now_ns())
         self._arm(reading)
         self._send(reading)
-        shift_ns = 0
-        lived = False
-        rendered = alone = isinstance(self._link.newest, Point)
+        alone = self._link.kind == POINT
         if alone:
             self._render(reading)
-        while (left_ns := until_ns - now_ns()) > 0:
-            # The companion runs in the last quarter of the tick if no force has come by then.
-            wait_ns = left_ns if lived else left_ns - TICK_NS // 4
-            if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
-                if not self._link.receive():
-                    continue
-                if not alone:
-                    self._render(reading)
-                shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
-                rendered = True
-            if not lived:
-                self._live()
-                lived = True
-        if not lived:
-            self._live()
-        if not rendered:
+        self._shift_ns = 0
+        answered = self._await(reading, until_ns - TICK_NS // 4, alone)
+        self._live()
+        while now_ns() < until_ns:
+            answered |= self._await(reading, until_ns, alone)
+        if not (alone or answered):
             self._render(reading)
         if self._link.asked is not None:
             self._link.answer(self._ring.answer(self._link.asked))
-        return shift_ns
+        return self._shift_ns
+
+    def _await(self, reading: Reading, until_ns: int, alone: bool) -> bool:
+        """Wait for an answer until a time [ns], and render its force unless this agent computes it alone."""
+        link, fixture = self._link, self._fixture
+        in_line = (fixture.stiffness, fixture.damping, reading.x, reading.y, reading.vx, reading.vy, reading.vz)
+        limits = not alone and self._passivity is None
+        while True:
+            came, fx, fy, fz, safeguards = self._answered(
+                link.fast, link.frame, link.state, self._safety.chain, until_ns, limits, *in_line
+            )
+            if came == LIMITED:
+                self._write(fx, fy, fz, safeguards)
+            elif link.understand(came):
+                if not alone:
+                    self._render(reading)
+            elif came == fastpath.NOTHING:
+                return False
+            else:
+                continue
+            self._shift_ns += phase_shift(link.lead_ns)
+            return True
 
     def _live(self) -> None:
         """Advance the companion by a millisecond, at a time when that delays no force."""
@@ -193,7 +261,7 @@ class Agent:
             if self._link.block:
                 self._companion.begin(self._link.block)
                 self._link.block = ""
-            self._companion.step(now_ns(), isinstance(self._link.newest, Force | Point))
+            self._companion.step(now_ns(), self._link.kind in (FORCE, POINT))
 
     def _arm(self, reading: Reading) -> None:
         """Arm the device only while the server allows it and commands no force.
@@ -208,9 +276,8 @@ class Agent:
             self._safety.disarm()
             self._safeguards |= _NOT_READY
             return
-        beat = self._link.newest
-        if isinstance(beat, Beat):
-            if not beat.arm:
+        if self._link.kind == BEAT:
+            if not self._link.may_arm:
                 self._safety.disarm()
             elif self._safety.guard is Guard.DISARMED:
                 self._safety.arm()
@@ -225,11 +292,14 @@ class Agent:
             fz = self._limited(self._passivity, reading)
         fx, fy = lateral_force(reading, self._fixture)
         velocity = (reading.vx, reading.vy, reading.vz)
-        limited = self._safety.step(now_ns(), (fx, fy, fz), self._link.received_ns, velocity)
-        self._device.write(limited.fx, limited.fy, limited.fz)
+        self._write(*self._safety.step(now_ns(), (fx, fy, fz), self._link.received_ns, velocity))
+
+    def _write(self, fx: float, fy: float, fz: float, safeguards: int) -> None:
+        """Hand a limited force to the device."""
+        self._device.write(fx, fy, fz)
         self._link.rendered(now_ns())
-        self._rendered = limited.fz
-        self._safeguards |= int(limited.safeguards)
+        self._rendered = fz
+        self._safeguards |= safeguards
 
     def _limited(self, passivity: Passivity, reading: Reading) -> float:
         """Return the commanded force, limited by the passivity controller."""
@@ -241,31 +311,10 @@ class Agent:
 
     def _send(self, reading: Reading) -> None:
         """Send the sample, with the safeguards and the rendered force since the last one."""
-        message, seq = self._link.newest, self._seq
         if self._passivity is not None:
-            self._passivity.remember(seq, reading.z)
-        _STYLUS.pack_into(
-            self._link.sample.data,
-            0,
-            seq,
-            reading.stamp_ns,
-            reading.x,
-            reading.y,
-            reading.z,
-            reading.vx,
-            reading.vy,
-            reading.vz,
-            reading.buttons,
-            self._safeguards,
-            self._rendered,
-            -1 if message is None else message.tick,
-            0 if message is None else message.sent_ns,
-            self._link.heard_ns,
-            now_ns(),
-            self._link.loop_ns,
-        )
-        self._link.send(seq, reading.stamp_ns)
-        self._ring.add(seq, reading.stamp_ns, self._rendered, self._safeguards)
+            self._passivity.remember(self._seq, reading.z)
+        self._link.send(self._seq, reading, self._safeguards, self._rendered)
+        self._ring.add(self._seq, reading.stamp_ns, self._rendered, self._safeguards)
         self._seq += 1
         self._safeguards = 0
 

@@ -1,24 +1,28 @@
 """The agent's endpoint of the motion channel: says hello until welcomed, sends samples, keeps the newest answer.
 
-Compiled code (`netboard.network.transport.fastpath`) handles the frames that come a thousand times a second; all others
-are decoded as messages. Nothing here waits longer than its timeout, and nothing knows the device.
+Compiled code handles the frames that come a thousand times a second, from the sleep until they arrive on; all others
+are decoded as messages. Nothing here waits longer than it is told to, and nothing knows the device.
 """
 
 import logging
+import struct
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.clock import Pacer, now_ns
-from netboard.base.compiled import kernel
+from netboard.base.compiled import kernel, machine_code
 from netboard.base.errors import WireError
 from netboard.base.process import Seldom
 from netboard.base.tick import TICK_NS
+from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.motion import Backfill, BackfillRequest, Beat, Force, Point
-from netboard.network.transport import fastpath, poller, sockets
+from netboard.network.transport import fastpath, sockets
 
 log = logging.getLogger(__name__)
 
@@ -31,35 +35,138 @@ REMEMBERED = 256
 PARTING_TRIES = 50
 """Attempts to send the goodbye after a lost device, one each millisecond [1]."""
 
-_FORCE, _POINT = fixed.packer_of(Force), fixed.packer_of(Point)
+NEVER_NS = -(2**62)
+"""Time of what has not happened [ns]."""
 
-FORCE_CAME, POINT_CAME = -4, -5
-"""Results of `hear` for a fixed-form force or point, beside those of `fastpath.hear` [1]."""
+NONE, FORCE, POINT, BEAT = range(4)
+"""Kinds of the newest answer."""
+
+NEWER = -4
+"""Result of `hear` beside those of `fastpath.hear`: the newest answer is a newer one [1]."""
+
+_ANSWERS: tuple[Any, ...] = (None, Force, Point, Beat)
+_PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point)), struct.Struct("<4q?7x"))
+_LENGTH = len(fixed.POINT.markers)
+_SEND_FORM, _FORCE_FORM, _POINT_FORM = fixed.STYLUS[:2], fixed.FORCE[:2], fixed.POINT[:2]
+
+LINK = np.dtype(
+    [
+        ("in_session", "<i8"),
+        ("timeout_ns", "<i8"),
+        ("kind", "<i8"),  # of the newest answer
+        ("words", "<i8", (_LENGTH,)),  # of it: tick, time of sending, number of the sample that it answers, and more
+        ("lead_ns", "<i8"),  # how long before the tick's deadline that sample had arrived [ns]
+        ("heard_ns", "<i8"),  # when the newest answer was received, 0 for never [ns]
+        ("received_ns", "<i8"),  # when the last fresh one was, or NEVER_NS [ns]
+        ("sent", "<i8"),  # number of the newest sample
+        ("looped", "<i8"),  # newest sample whose loop is closed
+        ("loop_ns", "<i8"),  # how long that took [ns]
+        ("stamps", "<i8", (REMEMBERED,)),  # of the last samples [ns]
+        ("came", "<i8", (_LENGTH,)),  # words of the frame being read
+    ]
+)
+"""State of a link, as its kernels see it."""
+
+
+def empty() -> NDArray[Any]:
+    """Return the state of a link that has heard nothing."""
+    state = np.zeros(1, LINK)
+    state[0]["received_ns"], state[0]["looped"] = NEVER_NS, -1
+    return state
 
 
 @kernel
-def hear(fast: Any, frame: Any, head: Any, markers: Any, words: Any, point: Any) -> int:
-    """Receive one frame; return `FORCE_CAME` or `POINT_CAME` if it has the fixed form and its words have been read.
+def _is_fresh(link: Any, seq: int) -> bool:
+    """Return whether the message just received answers a recent sample, or says that there is none.
 
-    Parameters
-    ----------
-    point : tuple of ndarray
-        Head, markers and word buffer of a `Point`.
+    Messages that arrived while the agent stalled thus do not count as fresh.
     """
-    size = fastpath.hear(fast, frame)
-    if size >= 0:
-        if fixed.read(frame[:size], head, markers, words):
-            return FORCE_CAME
-        if fixed.read(frame[:size], point[0], point[1], point[2]):
-            return POINT_CAME
-    return size
+    us = link[0]
+    if seq < 0:
+        return True
+    return us["sent"] - seq < REMEMBERED and us["heard_ns"] - us["stamps"][seq % REMEMBERED] < us["timeout_ns"]
 
 
 @kernel
-def say(fast: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
-    """Send a sample, as `netboard.network.transport.fastpath.say` does."""
-    fixed.write(frame, head, markers, words)
+def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
+    """Take an answer, whose words are in ``came``; return False if it is not newer than the newest one."""
+    us = link[0]
+    if not us["in_session"] or (us["kind"] != NONE and us["came"][0] <= us["words"][0]):
+        return False
+    us["kind"], us["lead_ns"], us["heard_ns"] = kind, lead_ns, now_ns
+    us["words"][:] = us["came"]
+    if _is_fresh(link, us["came"][2]):
+        us["received_ns"] = now_ns
+    return True
+
+
+@kernel
+def hear(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
+    """Wait for a newer answer until a time [ns]; a time that is over: only look.
+
+    Returns `NEWER`, `netboard.network.transport.fastpath.NOTHING` or ``FAILED``, or the size of a frame that Python
+    must read.
+    """
+    came = link[0]["came"]
+    while True:
+        size = fastpath.hear(fast, frame)
+        now = fastpath.now_ns(fast)
+        if size >= 0:
+            if fixed.read(frame[:size], _FORCE_FORM[0], _FORCE_FORM[1], came):
+                if take(link, FORCE, came[4], now):
+                    return NEWER
+            elif fixed.read(frame[:size], _POINT_FORM[0], _POINT_FORM[1], came):
+                if take(link, POINT, came[8], now):
+                    return NEWER
+            else:
+                return size
+        elif size == fastpath.FAILED or now >= until_ns:
+            return size
+        else:
+            fastpath.sleep(fast, until_ns - now)
+
+
+@kernel
+def say(
+    fast: Any,
+    frame: Any,
+    link: Any,
+    seq: int,
+    stamp_ns: int,
+    x: float,
+    y: float,
+    z: float,
+    vx: float,
+    vy: float,
+    vz: float,
+    buttons: int,
+    safeguards: int,
+    rendered: float,
+) -> int:
+    """Send a sample, as `netboard.network.transport.fastpath.say` does; without a session, only remember its stamp."""
+    us = link[0]
+    us["stamps"][seq % REMEMBERED], us["sent"] = stamp_ns, seq
+    if not us["in_session"]:
+        return fastpath.NOT_SENT
+    words = np.empty(len(_SEND_FORM[1]), np.int64)
+    numbers = words.view(np.float64)
+    words[0], words[1] = seq, stamp_ns
+    numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7] = x, y, z, vx, vy, vz
+    words[8], words[9], numbers[10] = buttons, safeguards, rendered
+    words[11], words[12] = (us["words"][0], us["words"][1]) if us["kind"] != NONE else (-1, 0)
+    words[13], words[14], words[15] = us["heard_ns"], fastpath.now_ns(fast), us["loop_ns"]
+    fixed.write(frame, _SEND_FORM[0], _SEND_FORM[1], words)
     return fastpath.say(fast, frame)
+
+
+@kernel
+def close_loop(link: Any, at_ns: int) -> None:
+    """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
+    us = link[0]
+    seq = us["words"][2]
+    if us["kind"] in (FORCE, POINT) and seq > us["looped"]:
+        us["looped"] = seq
+        us["loop_ns"] = at_ns - us["stamps"][seq % REMEMBERED]
 
 
 class Link:
@@ -72,10 +179,8 @@ class Link:
 
     Attributes
     ----------
-    heard_ns : int
-        When the newest answer was received, 0 for never [ns].
-    received_ns : int or None
-        When the server's last fresh message was received [ns].
+    fast, frame, state : ndarray
+        What kernels take: the socket, a buffer for what arrives, and the state (`LINK`).
     block : str
         Configuration of the block that has begun; the reader empties it.
     asked : BackfillRequest or None
@@ -83,57 +188,92 @@ class Link:
     """
 
     def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
-        self.newest: Force | Point | Beat | None = None
-        self.received_ns: int | None = None
         self.block = ""
         self.asked: BackfillRequest | None = None
-        self._timeout_ns = timeout_ns
-        self.heard_ns = self._sent = 0
-        self.loop_ns = 0
         self._socket = socket
-        self._fast = fastpath.FastPath(socket)
-        self._heard = np.zeros(sockets.LARGEST_FRAME, np.uint8)
-        self._force = np.zeros(len(fixed.FORCE.markers), np.int64)
-        self._point = (*fixed.POINT[:2], np.zeros(len(fixed.POINT.markers), np.int64))
-        self._said = np.zeros(fixed.STYLUS.size, np.uint8)
-        self.sample = np.zeros(len(fixed.STYLUS.markers), np.int64)
+        self._path = fastpath.FastPath(socket)
+        self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.LARGEST_FRAME, np.uint8), empty()
+        self.state[0]["timeout_ns"] = timeout_ns
+        self._sample = np.zeros(fixed.STYLUS.size, np.uint8)
+        self._say, self._close_loop = say, close_loop
         self.introduce(hello)
         self._said_hello_ns = -HELLO_NS
-        self._stamps = [0] * REMEMBERED
-        self._looped = -1
         self._refused = ""
         self._nonsense = Seldom(log)
+
+    @property
+    def kind(self) -> int:
+        """Kind of the newest answer: `NONE`, `FORCE`, `POINT` or `BEAT`."""
+        return int(self.state[0]["kind"])
+
+    @property
+    def newest(self) -> Force | Point | Beat | None:
+        """The newest answer."""
+        kind, words = self.kind, self.state[0]["words"]
+        return None if kind == NONE else _ANSWERS[kind](*_PACKERS[kind].unpack_from(words.data))
+
+    @property
+    def may_arm(self) -> bool:
+        """Whether the newest answer is a heartbeat that allows the device to be armed."""
+        return self.kind == BEAT and bool(self.state[0]["words"][4])
+
+    @property
+    def lead_ns(self) -> int:
+        """How long before a tick's deadline the sample had arrived that the newest answer answers [ns]."""
+        return int(self.state[0]["lead_ns"])
+
+    @property
+    def heard_ns(self) -> int:
+        """When the newest answer was received, 0 for never [ns]."""
+        return int(self.state[0]["heard_ns"])
+
+    @property
+    def received_ns(self) -> int | None:
+        """When the server's last fresh answer was received [ns]."""
+        received_ns = int(self.state[0]["received_ns"])
+        return None if received_ns == NEVER_NS else received_ns
+
+    @property
+    def loop_ns(self) -> int:
+        """Sample-to-force latency of the newest closed loop, 0 for none yet [ns]."""
+        return int(self.state[0]["loop_ns"])
 
     def introduce(self, hello: Hello) -> None:
         """Leave the session, and use this `Hello` from now on."""
         self._hello = encode(hello)
-        self._session, self.newest = "", None
+        self._go("")
 
     def warm(self) -> None:
         """Compile or load the kernels, so that the first tick is not late."""
-        nowhere = fastpath.FastPath(None).record
-        hear(nowhere, self._heard, *fixed.FORCE[:2], self._force, self._point)
-        say(nowhere, self._said, *fixed.STYLUS[:2], self.sample)
+        nowhere, state = fastpath.FastPath(None).record, empty()
+        sample = (0, 0, *(0.0,) * 6, 0, 0, 0.0)
+        hear(nowhere, self.frame, state, 0)
+        take(state, BEAT, 0, 0)
+        self._say = machine_code(say, nowhere, self._sample, state, *sample)
+        self._close_loop = machine_code(close_loop, state, 0)
 
-    def send(self, seq: int, stamp_ns: int) -> None:
-        """Send the sample with this number and stamp, and a `Hello` first if the server is silent."""
+    def send(self, seq: int, reading: Reading, safeguards: int, rendered: float) -> None:
+        """Send a reading as a sample, and a `Hello` first if the server is silent.
+
+        ``safeguards``, ``rendered``: as in `netboard.network.protocol.motion.Stylus`.
+        """
+        stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
         if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
             self._said_hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
-        self._stamps[seq % REMEMBERED], self._sent = stamp_ns, seq
-        if self._session and say(self._fast.record, self._said, *fixed.STYLUS[:2], self.sample) == fastpath.FAILED:
-            self._fast.fail("motion")
+        motion = (stamp_ns, x, y, z, vx, vy, vz, buttons)
+        if self._say(self.fast, self._sample, self.state, seq, *motion, safeguards, rendered) == fastpath.FAILED:
+            self._path.fail("motion")
 
-    def receive(self) -> bool:
-        """Take one message if there is one; return True if it is a newer force, point or heartbeat."""
-        came = hear(self._fast.record, self._heard, *fixed.FORCE[:2], self._force, self._point)
-        if came == FORCE_CAME:
-            return self._take(Force(*_FORCE.unpack(self._force.data)))
-        if came == POINT_CAME:
-            return self._take(Point(*_POINT.unpack(self._point[2].data)))
+    def receive(self, until_ns: int = 0) -> bool:
+        """Wait for a message until a time; return True if it is a newer answer."""
+        return self.understand(hear(self.fast, self.frame, self.state, until_ns))
+
+    def understand(self, came: int) -> bool:
+        """Handle what `hear` has found; return True if it is a newer answer."""
         if came == fastpath.FAILED:
-            self._fast.fail("motion")
-        return came != fastpath.NOTHING and self._understand(self._heard[:came].tobytes())
+            self._path.fail("motion")
+        return came == NEWER or (came >= 0 and self._understand(self.frame[:came].tobytes()))
 
     def _understand(self, frame: bytes) -> bool:
         """Handle a message that is not a fixed-form force or point."""
@@ -152,7 +292,7 @@ class Link:
                 self.block = block
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
-                self._session = ""
+                self._go("", forget=False)
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason
                 log.warning("the server refused the connection: %s", reason)
@@ -165,14 +305,7 @@ class Link:
 
     def rendered(self, at_ns: int) -> None:
         """Note that the newest answer was rendered, which closes the loop of the sample it was computed from."""
-        message = self.newest
-        if isinstance(message, Force | Point) and message.stylus_seq > self._looped:
-            self._looped = message.stylus_seq
-            self.loop_ns = at_ns - self._stamps[message.stylus_seq % REMEMBERED]
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for the server [s]; return whether a message may have arrived."""
-        return poller.wait_signal(self._socket, seconds)
+        self._close_loop(self.state, at_ns)
 
     def part(self, reason: str) -> None:
         """Leave the session with a goodbye, trying again while samples fill the queue."""
@@ -180,34 +313,30 @@ class Link:
             if sockets.send(self._socket, encode(Goodbye(reason))):
                 break
             Pacer(now_ns() + TICK_NS).wait()
-        self._session, self.newest = "", None
+        self._go("")
 
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
         sockets.send(self._socket, encode(Goodbye(reason)))
-        self._fast.close()
+        self._path.close()
         sockets.close_after_goodbye(self._socket)
 
     def _take(self, message: Force | Point | Beat) -> bool:
-        if not self._session or (self.newest is not None and message.tick <= self.newest.tick):
-            return False
-        self.newest, self.heard_ns = message, now_ns()
-        if self._is_fresh(message.stylus_seq):
-            self.received_ns = self.heard_ns
-        return True
-
-    def _is_fresh(self, seq: int) -> bool:
-        """Return whether the message just received answers a recent sample, or says that there is none.
-
-        Messages that arrived while the agent stalled thus do not count as fresh.
-        """
-        if seq < 0:
-            return True
-        return self._sent - seq < REMEMBERED and self.heard_ns - self._stamps[seq % REMEMBERED] < self._timeout_ns
+        """Take an answer that did not come in its fixed form."""
+        kind = _ANSWERS.index(type(message))
+        _PACKERS[kind].pack_into(self.state[0]["came"].data, 0, *astuple(message))
+        return take(self.state, kind, message.lead_ns, now_ns())
 
     def _enter(self, session: str) -> None:
         """Enter a session; in a new one nothing of the old one counts."""
         self._refused = ""
         if session != self._session:
             log.info("in session %s", session[:8])
-            self._session, self.newest = session, None
+            self._go(session)
+
+    def _go(self, session: str, *, forget: bool = True) -> None:
+        """Be in another session, or in none."""
+        self._session = session
+        self.state[0]["in_session"] = session != ""
+        if forget:
+            self.state[0]["kind"] = NONE
