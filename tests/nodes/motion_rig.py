@@ -62,9 +62,10 @@ class MotionRig:
         self.router = Peers(context, address)
         self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS, ends)
 
-    def drain(self, clock: Callable[[], int], due_ns: int = 0) -> None:
-        """Take what has arrived, all of it at one time."""
+    def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
+        """Take what has arrived, all of it at one time; whether the tick is complete then."""
         self.port.fast.record["set_ns"] = clock()
         for _ in range(ROUNDS):
-            self.port.drain(clock, due_ns)
+            complete = self.port.drain(clock, due_ns)
             self.port.attend(clock(), due_ns)
+        return complete

@@ -283,22 +283,19 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[],
 
 def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> None:
     rig.registered()
-    assert not rig.port.complete
+    assert not rig.drain(lambda: 0)
     rig.router.say(A, STYLUS)
-    rig.drain(lambda: 0)
-    assert rig.port.complete  # the right agent has never been in time
+    assert rig.drain(lambda: 0)  # the right agent has never been in time
     rig.router.say(B, STYLUS)
     rig.drain(lambda: 0)
     rig.row(0)
     for agent, complete in ((B, False), (A, True)):
         rig.router.say(agent, replace(STYLUS, seq=1))
-        rig.drain(lambda: MS)
-        assert rig.port.complete == complete
+        assert rig.drain(lambda: MS) == complete
     rig.row(MS)
     rig.row(2 * MS)  # the left one comes too late for this one
     rig.router.say(B, replace(STYLUS, seq=2))
-    rig.drain(lambda: 3 * MS)
-    assert rig.port.complete
+    assert rig.drain(lambda: 3 * MS)
 
 
 def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:

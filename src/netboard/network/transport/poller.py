@@ -6,7 +6,7 @@ has changed, so pollers check whether the socket is readable before and after ev
 
 import select
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from netboard.network.transport.authenticator import Socket, readable
 
@@ -33,18 +33,14 @@ class Waiter:
             files = select.select(self._files, (), (), left)[0]
             changed = [self._by_file[file] for file in files]
 
-    def signalled(self, timeout: float) -> list[Socket]:
-        """Wait until the timeout [s]; return the sockets that may be readable.
 
-        A signal comes only after a socket has been read until it was empty, and other operations on the socket can
-        consume it. A caller must therefore check every socket now and then, signalled or not.
-        """
-        return [self._by_file[file] for file in select.select(self._files, (), (), max(timeout, 0.0))[0]]
+def signalled(files: Sequence[int], timeout: float) -> list[int]:
+    """Wait until the timeout [s]; return the sockets' files that have signalled: those sockets may be readable.
 
-
-def wait_signal(socket: Socket, timeout: float) -> bool:
-    """Wait until something may have arrived, or until the timeout [s]; faster than `wait_readable`."""
-    return readable(socket) or bool(select.select((socket.fileno(),), (), (), timeout)[0])
+    A signal comes only after a socket has been read until it was empty, and other operations on the socket can consume
+    it. A caller must therefore check every socket now and then, signalled or not.
+    """
+    return select.select(files, (), (), max(timeout, 0.0))[0]
 
 
 def wait_readable(socket: Socket, timeout: float) -> bool:

@@ -253,17 +253,19 @@ class Link:
         self._close_loop = machine_code(close_loop, state, 0)
 
     def send(self, seq: int, reading: Reading, safeguards: int, rendered: float) -> None:
-        """Send a reading as a sample, and a `Hello` first if the server is silent.
+        """Send a reading as a sample, and then a `Hello` if the server is silent.
 
         ``safeguards``, ``rendered``: as in `netboard.network.protocol.motion.Stylus`.
         """
         stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
+        said = self._say(
+            self.fast, self._sample, self.state, seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered
+        )
+        if said == fastpath.FAILED:
+            self._path.fail("motion")
         if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
             self._said_hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
-        motion = (stamp_ns, x, y, z, vx, vy, vz, buttons)
-        if self._say(self.fast, self._sample, self.state, seq, *motion, safeguards, rendered) == fastpath.FAILED:
-            self._path.fail("motion")
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""

@@ -59,8 +59,10 @@ class AgentState:
             self.look_at_clock()
 
     def look_at_clock(self) -> None:
-        """Use the newest sample as a clock probe if it answers a new tick, at most every `PROBE_TICKS`."""
+        """Use the newest sample, if there is one, as a clock probe if it answers a new tick; one in `PROBE_TICKS`."""
         tick = int(self._words[samples.FORCE_TICK])
+        if not self._words[samples.TAKEN]:
+            return
         if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
             self._probe(tick, int(self._words[samples.ARRIVED]))
 

@@ -96,28 +96,27 @@ class MotionPort:
         """Whether frames of unregistered peers wait to be handled."""
         return bool(self._unregistered[0]["kept"])
 
-    @property
-    def complete(self) -> bool:
-        """Whether each side that was punctual at the last tick has sent a new sample, so that waiting gains nothing."""
-        return not samples.awaited(self._words)
+    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
+        """Take what has arrived; return whether each side that was punctual at the last tick has sent a new sample.
 
-    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> None:
-        """Take what has arrived. ``signalled``: take frames only until the tick is complete."""
+        ``signalled``: take frames only until then, because a tick can begin, and leave all else for the next call.
+        """
         left, odd = samples.MOST_FRAMES, MOST_ODD
         while left > 0 and odd > 0:
             found = samples.drain(
                 self._words, self.fast.record, self._frame, *self._form, due_ns, signalled, left, self._unregistered
             )
-            for place, agent in enumerate(self.agents.values()):
-                if found & (1 << place):
-                    agent.look_at_clock()
+            if not found & (samples.OTHER | samples.FAILED):
+                break
             if found & samples.FAILED:
                 self.fast.fail("motion")
-            if not found & samples.OTHER:
-                return
             self._read_odd(clock(), due_ns)
             left -= found // samples.FRAMES
             odd -= 1
+        if not signalled:
+            for agent in self.agents.values():
+                agent.look_at_clock()
+        return not samples.awaited(self._words)
 
     def attend(self, now_ns: int, due_ns: int) -> None:
         """Handle a few frames of unregistered peers, and count those that were dropped."""

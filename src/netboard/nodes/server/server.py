@@ -65,19 +65,17 @@ class Server:
 
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
-        inlets = {socket: session for session in running if not session.records.ending for socket in session.inlets}
-        waiter = poller.Waiter(inlets)
+        files = [file for session in running if not session.records.ending for file in session.files]
         while True:
             sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
-            signalled = waiter.signalled(sleep_ns * 1e-9)
-            called = {inlets[socket] for socket in signalled}
+            signalled = poller.signalled(files, sleep_ns * 1e-9)
             now = now_ns()
             for session in running:
-                if session not in called and now < session.wake_ns:
+                motion, control = session.files
+                if not (motion in signalled or control in signalled or now >= session.wake_ns):
                     continue
                 before = session.records.ending
-                motion, control = (socket in signalled for socket in session.inlets)
-                session.go_on(motion, control)
+                session.go_on(motion in signalled, control in signalled)
                 if session.records.over or session.records.ending != before:
                     return
             if stopping():

@@ -66,7 +66,7 @@ class Session:
         self.records = RecordKeeping(state)  # tells whether the session is ending, is over, and has everything on disk
         self._motion, self._control, self._log = state.ports.motion, state.ports.control, state.ports.log
         self._clock = state.clock
-        self.inlets = state.ports.inlets  # sockets that wake the session when a message arrives: motion, control
+        self.files = state.ports.files
         self._stopping = False
         self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
@@ -104,21 +104,21 @@ class Session:
             clock.wake_ns = now + TICK_NS
             return
         idle = state.idle
-        self._motion.drain(now_ns, clock.due_ns, motion)
+        complete = self._motion.drain(now_ns, clock.due_ns, motion)
         now = now_ns()
         if moved_ns := clock.catch_up(now, idle):
             state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
-        elif clock.is_time(now, self._motion.complete):
+        elif clock.is_time(now, complete):
             self._tick(clock.due_ns, now - clock.due_ns)
-        self._motion.drain(now_ns, clock.due_ns)
+        complete = self._motion.drain(now_ns, clock.due_ns)
         self._unheard |= control
         self._do_a_little(now_ns())
         if state.end_requested:
             self._end()
             return
-        clock.sleep(state.idle, self._motion.complete)
+        clock.sleep(state.idle, complete)
         if self._unheard or self._motion.unheard:
             clock.wake_ns = min(clock.wake_ns, self._hear_ns)
 
