@@ -7,7 +7,7 @@ No peer can hold up a tick. Compiled code keeps frames of unregistered peers, a 
 handled after the tick, a few at a time. Of a registered agent, frames other than fixed-form samples are rate-limited.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -136,6 +136,17 @@ class MotionPort:
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
         """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
         return samples.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
+
+    def answer(self, undisturbed: Callable[..., int], stage: Sequence[Any], *tick: int) -> int:
+        """Begin a tick, and run it and send its forces if nothing is the matter.
+
+        ``undisturbed``, ``stage``, ``tick``: as in `netboard.nodes.server.undisturbed`.
+        """
+        ours = self.fast.record, self._words, self.gains, self._force, self._force_words
+        found = undisturbed(*ours, *stage, *tick, self._timeout_ns)
+        if found == fastpath.FAILED:
+            self.fast.fail("motion")
+        return found
 
     def force(self, row: Any, told: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.

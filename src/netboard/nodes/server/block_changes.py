@@ -48,6 +48,11 @@ class BlockChanges:
         self._state.operators.end_after = False
         self._state.attempts.give_up()
 
+    @property
+    def coming(self) -> bool:
+        """Whether a change of the block is coming."""
+        return self._due >= 0
+
     def change_if_due(self, number: int) -> None:
         """Begin the next block if that is due at this tick, or end the session if an operator asked for that."""
         if not 0 <= self._due <= number:

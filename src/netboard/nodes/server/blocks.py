@@ -11,6 +11,7 @@ from netboard.base.tables.experiment import Session
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.round_trips import Delays
 from netboard.nodes.server.robot import Robot
+from netboard.nodes.server.undisturbed import answer_of
 from netboard.recording.files.reader import Recording
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.stage import Stage, make_stage
@@ -30,6 +31,7 @@ class PreparedBlock:
     people: tuple[Side, ...]
     robots: tuple[Robot, ...]
     unrelated: Unrelated | None
+    answer: Callable[..., int] | None  # the undisturbed tick, if the block can have one
 
     def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
         """Fill in the inputs of a tick that come from no agent.
@@ -91,16 +93,20 @@ def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
     scene = config.physics, config.virtual, config.network.delay_action
     if scene not in watches:
         watches[scene] = Delays(config)
+    robots = tuple(Robot(config, side) for side in SIDES if side not in people)
+    both = config.physics.coupling_at == "both"
+    plain = config.block.haptics and not (robots or config.block.unrelated or both)
     return PreparedBlock(
         config=config,
         text=resolve(config),
         stage=stage,
         curtain=make_curtain(config),
         delays=watches[scene],
-        ends=samples.ends_of(config.physics) if config.physics.coupling_at == "both" else None,
+        ends=samples.ends_of(config.physics) if both else None,
         people=people,
-        robots=tuple(Robot(config, side) for side in SIDES if side not in people),
+        robots=robots,
         unrelated=_unrelated(config.block.unrelated) if config.block.unrelated else None,
+        answer=answer_of(stage) if plain else None,
     )
 
 

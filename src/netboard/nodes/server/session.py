@@ -26,6 +26,7 @@ from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
+from netboard.nodes.server.undisturbed import ALL_FINE
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 HOUSE_TICKS = 10
@@ -38,7 +39,6 @@ ANSWER_NS = 4_000_000
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _COMMAND, _EVENT = _AT["command"], _AT["event"]
-_ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
 _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
@@ -68,6 +68,7 @@ class Session:
         self._clock = state.clock
         self.files = state.ports.files
         self._stopping = False
+        self._undisturbed = False  # whether the next tick can be run in one call
         self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
@@ -107,6 +108,7 @@ class Session:
         complete = self._motion.drain(now_ns, clock.due_ns, motion)
         now = now_ns()
         if moved_ns := clock.catch_up(now, idle):
+            self._undisturbed = False
             state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
@@ -118,6 +120,7 @@ class Session:
         if state.end_requested:
             self._end()
             return
+        self._undisturbed = self._may_answer
         clock.sleep(state.idle, complete)
         if self._unheard or self._motion.unheard:
             clock.wake_ns = min(clock.wake_ns, self._hear_ns)
@@ -148,7 +151,7 @@ class Session:
     def _end(self) -> None:
         """Stop the block, and begin to end."""
         if self._state.phase != Phase.FINISHED:
-            self._stopping = True
+            self._stopping, self._undisturbed = True, False
             self._tick(self._clock.due_ns, max(0, now_ns() - self._clock.due_ns))
         self.records.end()
 
@@ -156,19 +159,53 @@ class Session:
 
     def _tick(self, due_ns: int, late_ns: int) -> None:
         """Run one tick."""
+        number = self._state.number
+        found = self._answer(number, due_ns, late_ns) if self._undisturbed else -1
+        if found != ALL_FINE:
+            self._tick_by_steps(number, due_ns, late_ns, found)
+        self._clock.began(late_ns)
+        self._count(1)
+        if number % HOUSE_TICKS == 0:
+            self._keep_house()
+        else:
+            self._log.listen(now_ns())
+
+    def _answer(self, number: int, due_ns: int, late_ns: int) -> int:
+        """Run a tick in one call, unless something is the matter; return what its samples tell."""
+        state, block = self._state, self._state.block
+        assert block.answer is not None
+        stage = block.stage
+        parts = (state.stage, state.rows, state.words, stage.book, stage.tables)
+        return self._motion.answer(block.answer, parts, number, stage.delay, due_ns, late_ns)
+
+    @property
+    def _is_calm(self) -> bool:
+        """Whether, while all samples are fine, no command can be due at the next tick of a trial."""
         state = self._state
-        number = state.number
+        if self._clock.gap or self._log.trouble or state.block.delays.trouble:
+            return False
+        return not (state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping)
+
+    @property
+    def _may_answer(self) -> bool:
+        """Whether the next tick can be run in one call if all samples are fine."""
+        state = self._state
+        if state.block.answer is None or not state.active or state.emergency_stop.halted or self._blocks.coming:
+            return False
+        return self._is_calm
+
+    def _tick_by_steps(self, number: int, due_ns: int, late_ns: int, found: int) -> None:
+        """Run one tick; ``found``: what its samples tell if they have been taken, -1 if not."""
+        state = self._state
         self._blocks.change_if_due(number)
         block = state.block
         words = state.words[number % RING_ROWS]
-        found = self._motion.fill(words, number, due_ns, late_ns)
+        if found < 0:
+            found = self._motion.fill(words, number, due_ns, late_ns)
         if block.robots or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
         active = state.active
-        trouble = self._clock.gap or self._log.trouble or block.delays.trouble
-        # In an undisturbed trial no command can be due, and asking for one would delay the forces.
-        asks = state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping
-        if not active or found != _ALL_FINE or trouble or asks:
+        if not active or found != ALL_FINE or not self._is_calm:  # asking for a command would delay the forces
             words[_COMMAND] = self._command(found)
         block.stage.advance(state.stage, state.rows, number)
         halted = bool(state.emergency_stop.halted)
@@ -178,12 +215,6 @@ class Session:
             self._motion.beat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
-        self._clock.began(late_ns)
-        self._count(1)
-        if number % HOUSE_TICKS == 0:
-            self._keep_house()
-        else:
-            self._log.listen(now_ns())
 
     def _idle_ticks(self, now: int) -> None:
         """Run all due ticks together."""
