@@ -99,6 +99,9 @@ _HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "om
 MOST_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
 
+MOST_LEAD_NS = 600_000
+"""A sample that arrived longer before the deadline is followed by another one in time [ns]."""
+
 PATIENCE_NS = 40_000
 """Time for which the second sample of a tick is polled for; sleeping would take longer [ns]."""
 
@@ -158,12 +161,15 @@ def take_frame(agent: Any, frame: Any, head: Any, markers: Any, sample: Any, now
 def awaited(agents: Any) -> bool:
     """Return whether a tick should wait for its deadline.
 
-    It should if a side that was punctual at the last tick has not sent a sample yet, or no side has.
+    It should if a side that was punctual at the last tick has not sent a sample yet, or no side has. A sample that
+    arrived long before the deadline just missed the tick before, and the next one will come in time: a tick that did
+    not wait for it would just miss that one too, and so on.
     """
     fresh = 0
     for place in range(2):
-        fresh += agents[place, FRESH]
-        if agents[place, PUNCTUAL] and not agents[place, FRESH]:
+        came = agents[place, FRESH] and agents[place, LEAD] <= MOST_LEAD_NS
+        fresh += came
+        if agents[place, PUNCTUAL] and not came:
             return True
     return fresh == 0
 
