@@ -6,6 +6,7 @@ from math import hypot, inf, isfinite, log, nan
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference_chain import ReferenceSafety
 
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.safety.chain import (
@@ -325,6 +326,7 @@ moment = st.tuples(
     velocity,
     st.integers(1, 40),
 )
+CALLS = {"arm": "arm", "disarm": "disarm", "lost": "device_lost", "stop": "stop"}
 limit = st.builds(
     replace,
     st.just(LIMITS),
@@ -366,3 +368,24 @@ def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, last
             assert guard is was or guard in TABLE[was].values()
             assert not (was is Guard.DISARMED and guard in LIVE)
             last = out
+
+
+@pytest.mark.slow
+@settings(max_examples=300)
+@given(limit, st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.lists(moment, max_size=25))
+def test_the_compiled_chain_does_what_plain_python_does(
+    limits: Limits, device: float, lasting: float, moments: list
+) -> None:
+    """To the bit, in every state and fault, also where clocks step back."""
+    pair, now = (Safety(limits, device, lasting), ReferenceSafety(limits, device, lasting)), 0
+    for action, dt, wanted, age, speed, times in moments:
+        if action:
+            first, second = (getattr(chain, CALLS[action])() for chain in pair)
+            assert first == second
+        for number in range(times):
+            now += (dt if number != 3 else -dt) * MS
+            heard = None if age is None else now - age * MS
+            compiled, plain = (chain.step(now, wanted, heard, speed) for chain in pair)
+            assert list(map(repr, compiled[:3])) == list(map(repr, plain[:3]))  # which tells -0.0 from 0.0
+            assert compiled.safeguards == plain.safeguards
+            assert pair[0].guard is pair[1].guard

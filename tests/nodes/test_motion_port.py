@@ -298,6 +298,28 @@ def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> 
     assert rig.drain(lambda: 3 * MS)
 
 
+def test_a_tick_waits_for_the_sample_after_one_that_just_missed_the_last_tick(rig: Rig) -> None:
+    """Otherwise each sample of that side would just miss its tick, one millisecond long, for minutes."""
+    early, late = 700_000, 710_000
+    rig.registered()
+
+    def says(peer: bytes, seq: int, at_ns: int, due_ns: int) -> bool:
+        rig.router.say(peer, replace(STYLUS, seq=seq))
+        return rig.drain(lambda: at_ns, due_ns)
+
+    says(A, 0, early, MS)
+    assert says(B, 0, late, MS)
+    rig.row(MS)
+    says(A, 1, MS + early, 2 * MS)
+    rig.row(2 * MS)  # the right one missed it
+    says(B, 1, MS + late, 3 * MS)
+    assert says(A, 2, 2 * MS + early, 3 * MS)  # no tick waits for whoever missed the last one
+    rig.row(3 * MS)
+    says(B, 2, 2 * MS + late, 4 * MS)
+    assert not says(A, 3, 3 * MS + early, 4 * MS)
+    assert says(B, 3, 3 * MS + late, 4 * MS)
+
+
 def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
     rig.registered()
     rig.router.say(B, replace(STYLUS, safeguards=int(Safeguard.ARMED)))

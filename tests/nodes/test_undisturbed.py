@@ -1,0 +1,94 @@
+"""The undisturbed tick in one compiled call, beside the same steps one by one: same rows, same forces, to the bit."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_router import hello
+from motion_rig import MotionRig
+
+from netboard.base.config import Config
+from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol.motion import Force, Safeguard, Stylus
+from netboard.network.transport import sockets
+from netboard.nodes.server.undisturbed import ALL_FINE, answer_of
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause
+
+NAMES = {"left": b"agent.left@1", "right": b"agent.right@2"}
+ROWS = 64
+STARTS_AT, TICKS = 5, 700
+
+
+class Table:
+    """A motion port and a stage, whose ticks run in one call where they can, or always by steps."""
+
+    def __init__(self, context: sockets.Context, config: Config, *, at_once: bool) -> None:
+        self.stage = make_stage(config)
+        self.state = self.stage.initial()
+        self.rows = np.zeros(ROWS, TICK)
+        self.words = self.rows.view(np.int64).reshape(ROWS, -1)
+        self.answered = 0
+        self._answer = answer_of(self.stage) if at_once else None
+        self._rig = MotionRig(context)
+        for side, name in NAMES.items():
+            self._rig.router.say(name, hello("agent", side))
+        self._rig.drain(lambda: 0)
+        self.heard()
+
+    def heard(self) -> list[Any]:
+        """What both agents have been sent."""
+        return [self._rig.router.heard(name) for name in NAMES.values()]
+
+    def tick(self, number: int, due_ns: int, samples: dict[str, Stylus], command: int) -> bytes:
+        """Run a tick with these samples; the row."""
+        port, words = self._rig.port, self.words[number % ROWS]
+        for side, sample in samples.items():
+            self._rig.router.say(NAMES[side], sample)
+        self._rig.drain(lambda: due_ns - 300_000, due_ns)
+        found = -1
+        if self._answer is not None and not command:
+            parts = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
+            found = port.answer(self._answer, parts, number, self.stage.delay, due_ns, 7)
+            self.answered += found == ALL_FINE
+        if found != ALL_FINE:
+            found = port.fill(words, number, due_ns, 7) if found < 0 else found
+            words[(TICK.names or ()).index("command")] = command
+            self.stage.advance(self.state, self.rows, number)
+            port.force(words, self.stage.commanded_row(self.words, number))
+        return words.tobytes()
+
+
+def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
+    """What the agents send before a tick: now and then nothing, nonsense, or that a device is not armed."""
+    found = {}
+    for side in NAMES:
+        odd = rng.integers(40)
+        if odd == 0:
+            continue
+        z, vz = 0.01 * np.sin(number * 0.01 + (side == "left")), 0.1 * np.cos(number * 0.01 + (side == "left"))
+        bits = int(Safeguard.ARMED) if odd != 1 else 0
+        stylus = Stylus(number, number * TICK_NS, 0.0, 0.0, float(z), 0.0, 0.0, float(vz), 0, bits, 0.1, -1, 0, 0, 0, 0)
+        found[side] = replace(stylus, z=float("nan")) if odd == 2 else stylus
+    return found
+
+
+@pytest.mark.parametrize("delay", [0, 3])
+def test_one_call_does_what_the_steps_do(delay: int) -> None:
+    plain = Config()
+    config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, trials=2))
+    rng, heard = np.random.default_rng(7), 0
+    with sockets.open_context() as context:
+        tables = [Table(context, config, at_once=at_once) for at_once in (True, False)]
+        for number in range(TICKS):
+            samples = samples_at(number, rng)
+            command = int(Cause.START) if number == STARTS_AT else 0
+            rows = [table.tick(number, (number + 1) * TICK_NS, samples, command) for table in tables]
+            assert rows[0] == rows[1]
+            first, second = (table.heard() for table in tables)
+            assert first == second
+            heard += sum(isinstance(message, Force) for messages in first for message in messages)
+        assert tables[0].state.tobytes() == tables[1].state.tobytes()
+        assert 0.7 * TICKS < tables[0].answered < TICKS  # both ways were taken
+        assert heard == 2 * TICKS
