@@ -26,7 +26,8 @@ def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> Non
     assert (folder / "loop.png").exists() == (find_spec("matplotlib") is not None)
     assert not (folder / "processes").exists()
     parts = parts_of(file)
-    assert set(parts) == {"latency", "lateness", "costs", "histogram"}
+    assert set(parts) == {"ratios", "latency", "lateness", "costs", "histogram"}
+    assert len(parts["ratios"]["rows"]) == 6
     samples = {row[0]: row[1] for row in parts["latency"]["rows"]}
     assert samples["stylus to force"] > 0
     assert samples["echo of the same bytes"] == 2 * 1000

@@ -20,7 +20,7 @@ from netboard.benchmarks.loop.loop import (
     lateness_part,
     loop_series,
     measure_loop,
-    server_verdict,
+    ratios_part,
 )
 from netboard.benchmarks.loop.scale import measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.benchmarks.loop.serving import Crowd
@@ -33,7 +33,7 @@ from netboard.stage.stage import make_stage
 SECONDS, QUICK_SECONDS = 60.0, 8.0
 """Default measurement time of netboard, the echo and the timer, each [s]."""
 
-TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
+TURN_SECONDS, QUICK_TURN_SECONDS = 6.0, 2.0
 """Approximate length of a turn [s]."""
 
 MINUTES, QUICK_MINUTES = 30.0, 0.5
@@ -103,10 +103,10 @@ def loop(
         scratch = place.path / "processes"
         found = measure_loop(setting.config, scratch, setting.displays, seconds, rounds, tell)
         series = loop_series(found)
+        yield ratios_part(found)
         yield latency_part(found, real_time=setting.real_time)
-        yield lateness_part(found.played.ticks, found.timer, real_time=setting.real_time)
-        verdict = server_verdict(found.costs["server"], found.echo_costs["echo"], setting.displays)
-        yield costs_part(found.costs | found.echo_costs, verdict)
+        yield lateness_part(found)
+        yield costs_part(found.costs)
         yield histogram_part(series[0] | series[1])
         if dyads or skips:
             with Crowd(scratch) as crowd:
