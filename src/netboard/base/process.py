@@ -182,6 +182,15 @@ def steady_loop() -> None:
         _fifo(_granted[PRIORITY])
 
 
+def beside_loop() -> None:
+    """Set up a thread that works for a loop, at the priority below it.
+
+    With normal scheduling, the thread could be kept from its core while it holds Python's lock, and the loop with it.
+    """
+    if PRIORITY in _granted:
+        _fifo(_granted[PRIORITY] - 1)
+
+
 def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     """Request the real-time features of a loop, before anything else is created; log refusals.
 

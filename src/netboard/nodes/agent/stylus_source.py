@@ -8,6 +8,7 @@ sits at the display, which sends the pointer's position to its side's agent and 
 """
 
 from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from math import isfinite
 from typing import Protocol, runtime_checkable
@@ -16,6 +17,7 @@ import numpy as np
 
 from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.errors import WireError
+from netboard.base.process import beside_loop
 from netboard.devices.contract.device import Device
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
@@ -197,26 +199,37 @@ def _possible(move: Move) -> bool:
 
 
 class Life:
-    """The simulated participant at a device, made anew for each block."""
+    """The simulated participant at a device, made anew for each block.
+
+    The configuration of a block is read in a thread, because that takes several milliseconds.
+    """
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self.identity = identity_of(SIMULATED_PARTICIPANT, config.participant)
+        self._reader = ThreadPoolExecutor(1, "configuration", beside_loop)
+        self._told: Future[Config] | None = None
         self._config, self._device, self._context = config, device, context
         self._nerve: sockets.Socket | None = None
         self._who = self._made()
 
     def begin(self, text: str) -> None:
-        """Make a new participant for a block, unless its configuration is the current one."""
-        told = parse(text, "the server's configuration")
+        """Make a new participant for a block, as soon as its configuration has been read."""
+        self._told = self._reader.submit(parse, text, "the server's configuration")
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Advance by a millisecond."""
+        if self._told is not None and self._told.done():
+            self._enter(self._told.result())
+            self._told = None
+        self._who.step(now_ns, haptics)
+
+    def _enter(self, told: Config) -> None:
+        """Enter a block, unless its configuration is the current one."""
         config = replace(self._config, block=told.block, physics=told.physics, task=told.task)
         if config != self._config:
             self._config = config
             self._who.close()
             self._who = self._made()
-
-    def step(self, now_ns: int, haptics: bool) -> None:
-        """Advance by a millisecond."""
-        self._who.step(now_ns, haptics)
 
     def _made(self) -> Person | Limb:
         if self._config.block.configuration != "bimanual":
