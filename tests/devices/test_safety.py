@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 from math import hypot, inf, isfinite, log, nan
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,7 +23,9 @@ from netboard.devices.safety.chain import (
     Trip,
 )
 from netboard.network.protocol.motion import Safeguard
+from netboard.recording.files.reader import Recording
 
+DATA = Path(__file__).parents[1] / "data" / "recordings"
 MS = 1_000_000
 LIMITS = Limits()
 STILL = (0.0, 0.0, 0.0)
@@ -389,3 +393,28 @@ def test_the_compiled_chain_does_what_plain_python_does(
             assert list(map(repr, compiled[:3])) == list(map(repr, plain[:3]))  # which tells -0.0 from 0.0
             assert compiled.safeguards == plain.safeguards
             assert pair[0].guard is pair[1].guard
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
+    """Forces as they were commanded, at the times of their ticks; now and then none comes, or the device is stopped."""
+    with Recording(DATA / "format-3.mcap") as recording:
+        ticks = recording.ticks()
+    limits, forces, rng = replace(LIMITS, arm_time=0.01), [], np.random.default_rng(3)
+    pair = Safety(limits, 3.3, 0.88), ReferenceSafety(limits, 3.3, 0.88)
+    heard = None
+    for tick in ticks:
+        now, fz, vz = int(tick["time_ns"]), float(tick[f"{side}_force"]), float(tick[f"{side}_sent_vz"])
+        wanted = (-400.0 * float(tick[f"{side}_x"]), -400.0 * float(tick[f"{side}_y"]), fz)
+        silent = len(forces) % 400 > 340  # 60 ms of silence, after which the force comes back
+        heard = heard if silent else now
+        stops = rng.random() < 0.001
+        for chain in pair:
+            chain.arm()
+            if stops:
+                chain.stop()
+                chain.disarm()
+        found = [chain.step(now, wanted, heard, (0.0, 0.0, vz)) for chain in pair]
+        assert found[0] == found[1]
+        forces.append(found[0].fz)
+    assert np.ptp(forces) > 0.01

@@ -107,7 +107,7 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
     return Measured(found, ticks, played(ticks, [one.span_ns for one in found]), costs)
 
 
-def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], None]:
+def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], object]:
     """Return how a round tells its progress."""
     return lambda what, done: tell(f"round {number + 1} of {rounds}: {what}", (number + done) / rounds)
 

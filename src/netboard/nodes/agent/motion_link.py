@@ -1,7 +1,7 @@
 """The agent's endpoint of the motion channel: says hello until welcomed, sends samples, keeps the newest answer.
 
 Compiled code handles the frames that come a thousand times a second, from the sleep until they arrive on; all others
-are decoded as messages. Nothing here waits longer than it is told to, and nothing knows the device.
+are decoded as messages. Nothing here waits longer than it is told to, or knows the device.
 """
 
 import logging
@@ -84,7 +84,8 @@ def _is_fresh(link: Any, seq: int) -> bool:
     us = link[0]
     if seq < 0:
         return True
-    return us["sent"] - seq < REMEMBERED and us["heard_ns"] - us["stamps"][seq % REMEMBERED] < us["timeout_ns"]
+    age_ns = us["heard_ns"] - us["stamps"][seq % REMEMBERED]
+    return bool(us["sent"] - seq < REMEMBERED and age_ns < us["timeout_ns"])
 
 
 @kernel
