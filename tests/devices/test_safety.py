@@ -400,7 +400,7 @@ def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
     """Forces as they were commanded, at the times of their ticks; now and then none comes, or the device is stopped."""
     with Recording(DATA / "format-3.mcap") as recording:
         ticks = recording.ticks()
-    limits, forces, rng = replace(LIMITS, arm_time=0.01), [], np.random.default_rng(3)
+    limits, forces, rng = replace(LIMITS, arm_time=0.01, arm_gate=5.0), [], np.random.default_rng(3)
     pair = Safety(limits, 3.3, 0.88), ReferenceSafety(limits, 3.3, 0.88)
     heard = None
     for tick in ticks:
