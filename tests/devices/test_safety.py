@@ -410,11 +410,12 @@ def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
         heard = heard if silent else now
         stops = rng.random() < 0.001
         for chain in pair:
-            chain.arm()
             if stops:
                 chain.stop()
+            elif chain.guard is Guard.FAULT and len(forces) % 50 == 0:  # some of the samples have no velocity
                 chain.disarm()
+            chain.arm()
         found = [chain.step(now, wanted, heard, (0.0, 0.0, vz)) for chain in pair]
         assert found[0] == found[1]
         forces.append(found[0].fz)
-    assert np.ptp(forces) > 0.01
+    assert np.ptp(forces) > 0.1
