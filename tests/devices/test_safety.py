@@ -405,14 +405,14 @@ def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
     heard = None
     for tick in ticks:
         now, fz, vz = int(tick["time_ns"]), float(tick[f"{side}_force"]), float(tick[f"{side}_sent_vz"])
-        wanted = (-400.0 * float(tick[f"{side}_x"]), -400.0 * float(tick[f"{side}_y"]), fz)
+        wanted = (-float(tick[f"{side}_x"]), -float(tick[f"{side}_y"]), fz)
         silent = len(forces) % 400 > 340  # 60 ms of silence, after which the force comes back
         heard = heard if silent else now
         stops = rng.random() < 0.001
         for chain in pair:
             if stops:
                 chain.stop()
-            elif chain.guard is Guard.FAULT and len(forces) % 50 == 0:  # some of the samples have no velocity
+            elif chain.guard is Guard.FAULT and len(forces) % 50 == 0:
                 chain.disarm()
             chain.arm()
         found = [chain.step(now, wanted, heard, (0.0, 0.0, vz)) for chain in pair]
