@@ -28,7 +28,7 @@ GOLDEN = Path(__file__).parent.parent / "data" / "recordings" / "format-2.mcap"
 
 
 def message(rows: np.ndarray, **other: object) -> bytes:
-    values = {"first": 0, "time_ns": 0, "count": len(rows), "columns": pack(rows)}
+    values = {"first": 0, "time_ns": 0, "count": len(rows), "columns": pack(rows, UNKNOWN)}
     return bytes(msgpack.packb(values | other))
 
 

@@ -27,9 +27,10 @@ from netboard.network.protocol.records import (
     FrameRecord,
     TickRecord,
 )
+from netboard.recording.format.predictions import PREDICTIONS
 from netboard.task.trials.state_machine import Cause, Phase
 
-FORMAT_VERSION = "3"
+FORMAT_VERSION = "4"
 """Format version; it increases when readers of the previous version would misread a file."""
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
@@ -41,7 +42,7 @@ class Field:
     """One value in a message."""
 
     name: str
-    kind: str  # ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``
+    kind: str  # ``integer``, ``number``, ``string``, ``bytes``; ``texts``, ``numbers``: a map from strings to such
     text: str
     unit: str
     differences: int = 0  # order of the differences that a batch stores instead of the values
@@ -51,6 +52,8 @@ class Field:
         described = {"description": f"{self.text} [{self.unit}]" if self.unit else self.text}
         if self.kind == "texts":
             return {"type": "object", "additionalProperties": {"type": "string"}, **described}
+        if self.kind == "numbers":
+            return {"type": "object", "additionalProperties": {"type": "number"}, **described}
         if self.kind == "bytes":
             return described  # JSON has no such type
         return {"type": self.kind, **described}
@@ -72,7 +75,7 @@ class Channel:
     columns: tuple[Field, ...] = ()  # columns of the rows in a batch, in order; empty for other messages
 
     def schema(self) -> bytes:
-        """Return the JSON schema of the messages; for a batch, ``columns`` lists its columns."""
+        """Return the JSON schema of the messages; for a batch, with all that is needed to decode its columns."""
         columns = [
             {
                 "name": field.name,
@@ -92,7 +95,7 @@ class Channel:
                 "properties": {field.name: field.schema() for field in self.fields},
                 "required": [field.name for field in self.fields],
                 "additionalProperties": False,
-                **({"columns": columns} if columns else {}),
+                **({"columns": columns, "folded": True, "predictions": PREDICTIONS} if columns else {}),
             }
         ).encode()
 
@@ -218,10 +221,11 @@ CHANNELS = (
             Field("first", "integer", "number of the first tick in it", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
             Field("count", "integer", "ticks in it", "1"),
+            Field("constants", "numbers", "numbers of the block that the predictions of columns use", ""),
             Field(
                 "columns",
                 "bytes",
-                "their columns, one after the other, differenced, each as eight planes of bytes",
+                "their columns, one after the other, predicted, differenced, folded, each as eight planes of bytes",
                 "",
             ),
         ),
@@ -279,7 +283,7 @@ CHANNELS = (
     Channel(
         "/plot",
         "netboard.Plot",
-        f"one tick in {PLOTTED_EVERY}, for viewers: nothing that is not in /ticks too",
+        f"one tick in {PLOTTED_EVERY}, for viewers, in single precision: nothing that is not in /ticks too",
         "number of the tick",
         "nominal server time of the tick",
         PLOTTED,

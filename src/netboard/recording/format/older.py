@@ -1,9 +1,12 @@
 """Readers for older recording formats: the differences to the current format only.
 
+Format 3 predicts no column, and does not fold signs; a file's schema says so.
+
 In formats 1 and 2 every tick is a separate msgpack map on the channel ``/tick``, all of equal length. Format 1 lacks
 the columns that format 2 added, and its configuration has `haptics` in place of `[block] force`.
 """
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -14,13 +17,16 @@ from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
-from netboard.recording.format.channels import unpack
+from netboard.recording.format.channels import CHANNELS, unpack
 
 TOPIC = "/tick"
 """Channel of the ticks in formats 1 and 2."""
 
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
+SCHEMA_3 = json.dumps(json.loads(CHANNELS[0].schema()) | {"folded": False, "predictions": {}}).encode()
+"""Schema of the ticks in format 3, for files whose own is damaged."""
+
 _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
 
 
