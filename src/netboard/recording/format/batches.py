@@ -42,11 +42,14 @@ _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORD = 8
 _BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
+_PLOT = np.dtype(
+    [("time_ns", "<i8"), *((field.name, "<i8" if field.kind == "integer" else "<f4") for field in PLOTTED)]
+)
 
 
 def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
     """Encode ticks as the columns of a batch. ``constants``: numbers that predictions use."""
-    words = words_of(rows).T.copy()
+    words = rows.view(_BITS).reshape(len(rows), len(TICK_FIELDS)).T.copy()
     columns = {field.name: column.view(TICK[field.name]) for field, column in zip(TICK_FIELDS, words, strict=True)}
     wrong = words.copy()
     for name, guess in predict(PREDICTIONS, columns, constants, np.zeros(1, np.int64)):
@@ -55,11 +58,6 @@ def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
         wrong[smooth, 1:] = np.diff(wrong[smooth], axis=1)
     folded = (wrong << 1) ^ (wrong >> 63)
     return folded.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
-
-
-def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
-    """View ticks, or some of their fields, as 64-bit integers of shape (n, columns)."""
-    return rows.view(_BITS).reshape(len(rows), rows.dtype.itemsize // _WORD)
 
 
 def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -90,7 +88,7 @@ class Layout:
             self._names = [str(column["name"]) for column in columns]
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
             self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
-            self._predictions = known(told.get("predictions", {}))
+            self._predictions = known(told.get("predictions", {}), self._names)
             self._folded = bool(told.get("folded", False))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
@@ -132,9 +130,10 @@ class Layout:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
         data, count, constants = values.get("columns"), values.get("count"), values.get("constants", {})
-        sound = isinstance(data, bytes) and isinstance(count, int) and isinstance(constants, dict)
-        if not sound or len(data) != len(self._names) * _WORD * count:
+        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
             raise RecordingError("a batch of ticks whose length contradicts its header")
+        if not isinstance(constants, dict) or not all(isinstance(number, float) for number in constants.values()):
+            raise RecordingError("a batch of ticks whose constants are not numbers")
         return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count), constants
 
     def _summed(self, planes: NDArray[np.uint8], there: NDArray[np.intp]) -> NDArray[np.int64]:
@@ -209,7 +208,9 @@ class TickStream:
         }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
-        for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
+        with np.errstate(over="ignore"):
+            plotted = rows[list(_PLOT.names or ())][rows["tick"] % PLOTTED_EVERY == 0].astype(_PLOT)
+        for row in plotted:
             # By its number: across a stall of the server, tick times differ by more than the log times do.
             self._plot(row, log_ns - (self.last - int(row["tick"])) * TICK_NS)
         self._keep_edges(rows)
@@ -222,8 +223,8 @@ class TickStream:
         self._places.append((chunk, first, last, count))
 
     def _plot(self, row: Any, log_time_ns: int) -> None:
-        message = msgpack.packb({field.name: row[field.name].item() for field in PLOTTED}, use_single_float=True)
-        stamp = Stamped("/plot", int(row["tick"]), int(row["time_ns"]), message)
+        values = {field.name: row[field.name].item() for field in PLOTTED}
+        stamp = Stamped("/plot", values["tick"], int(row["time_ns"]), msgpack.packb(values, use_single_float=True))
         self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:

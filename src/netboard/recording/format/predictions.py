@@ -9,7 +9,7 @@ bytes, never a bit. Every machine must compute the same bits, therefore expressi
 negation and ``np.where``, and a value that is not finite predicts 0 (NaN has different bits on different machines).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,7 @@ PREDICTIONS: dict[str, str] = {
 }
 """Expressions of predicted columns, and of intermediate values, by name, in the order of their evaluation."""
 
+_ALWAYS = ("np", "where", "before")
 _CODE = {text: compile(text, name, "eval") for name, text in PREDICTIONS.items()}
 
 
@@ -97,14 +98,18 @@ def constants_of(config: Config) -> dict[str, float]:
     return found
 
 
-def known(predictions: Mapping[str, str]) -> dict[str, str]:
-    """Return the predictions of a file's schema; refuse those that this version does not have.
+def known(predictions: Mapping[str, str], columns: Iterable[str]) -> dict[str, str]:
+    """Return the predictions of a file's schema; refuse those that this version does not have, or cannot evaluate.
 
     A reader must never execute a text from a file.
     """
+    there = {*columns, *CONSTANTS, *_ALWAYS}
     for name, text in predictions.items():
         if text not in _CODE:
             raise RecordingError(f"its column {name} is predicted as {text!r}, which this version does not know")
+        if missing := uses(text) - there:
+            raise RecordingError(f"its column {name} is predicted from {', '.join(sorted(missing))}, which it lacks")
+        there.add(name)
     return dict(predictions)
 
 
