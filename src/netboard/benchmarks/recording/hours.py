@@ -17,8 +17,9 @@ import msgpack
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
-from netboard.base.config import Config, resolve
+from netboard.base.config import parse, resolve
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage
@@ -45,6 +46,7 @@ class Session:
     def __init__(self, path: Path) -> None:
         with Recording(path) as recording:
             self.rows = recording.ticks()
+            self.config = parse(recording.config_text)
             events, clocks, frames = recording.events(), recording.clocks(), recording.frames()
         first_ns = int(self.rows["time_ns"][0])
         self._others: dict[int, list[Numbered]] = {}
@@ -88,7 +90,7 @@ class Written:
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
     """Write an hour, with a sync wherever the logger makes one."""
-    config = Config()
+    config = session.config
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
     metadata = provenance(welcome, config, 1, OPENED_NS, 0)
     writer = RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
@@ -143,13 +145,28 @@ def decode_upstream(path: Path) -> float:
     with path.open("rb") as file:
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
-            columns, batch = json.loads(schema.data)["columns"], msgpack.unpackb(message.data)
+            said, batch = json.loads(schema.data), msgpack.unpackb(message.data)
+            columns, ticks = said["columns"], {**batch["constants"], "np": np, "before": _before}
             table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
-            for column, words in zip(columns, table.copy().view("<i8")[:, :, 0], strict=True):
+            for column, folded in zip(columns, table.copy().view("<u8")[:, :, 0], strict=True):
+                words = (folded >> 1).view("<i8") ^ -(folded & 1).view("<i8")
                 for _ in range(column["differences"]):
-                    words = words.cumsum()  # noqa: PLW2901
-                words.view(column["type"])
+                    words = words.cumsum()
+                ticks[column["name"]] = words.view(column["type"])
+            for name, expression in said["predictions"].items():
+                guess, wrong = eval(expression, ticks), ticks.get(name)
+                ticks[name] = guess if wrong is None else (wrong.view("<i8") + _bits(guess)).view(wrong.dtype)
     return time.perf_counter() - began
+
+
+def _before(values: NDArray[Any]) -> NDArray[Any]:
+    """Give each row the value of the row before."""
+    return np.concatenate([values[:1] * 0, values[:-1]])
+
+
+def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the bits of a prediction."""
+    return np.where(np.isfinite(values), values, values.dtype.type(0)).view(np.int64)
 
 
 def write_messages(session: Session, path: Path, ticks: int) -> int:
