@@ -9,7 +9,7 @@ FORMAT = Path(channels.__file__).with_name("FORMAT.md")
 BEGIN, END = "<!-- tables: begin (made by tests/recording/format_tables.py) -->", "<!-- tables: end -->"
 
 TYPES = {"integer": "int64", "number": "float64", "string": "str", "bytes": "bytes"}
-TYPES |= {"texts": "map of str to str", "numbers": "map of str to float64"}
+TYPES |= {"texts": "map of str to str", "numbers": "list of float64"}
 
 
 def table(what: str, fields: tuple[Field, ...]) -> list[str]:

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from netboard.base.config import parse, resolve
+from netboard.base.config import SIDES, parse, resolve
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage
@@ -35,6 +35,8 @@ Numbered = EventRecord | ClockRecord | FrameRecord
 
 HOUR = 3_600_000
 """Ticks in an hour [1]."""
+
+_TIMES = ("time_ns", *(f"{side}_{name}_ns" for side in SIDES for name in ("stamp", "seen")))
 
 FOUR = ("tick", "theta", "p", "late_ns")
 """Columns for the measurement that reads four."""
@@ -62,9 +64,12 @@ class Session:
     def records(self, ticks: int) -> Iterator[Record]:
         """Repeat the recording up to a number of ticks, with continuous numbers."""
         rows, seqs = self.rows.copy(), Counter[type[Numbered]]()
-        for start in range(0, ticks, len(rows)):
+        length_ns = int(rows["time_ns"][-1] - rows["time_ns"][0]) + TICK_NS
+        for turn, start in enumerate(range(0, ticks, len(rows))):
             rows["tick"] = start + np.arange(len(rows))
-            rows["time_ns"] = self.rows["time_ns"][0] + rows["tick"] * TICK_NS
+            for name in _TIMES:
+                known = self.rows[name] != 0  # 0: there was no sample yet
+                rows[name][known] = self.rows[name][known] + turn * length_ns
             for at, row in enumerate(rows[: ticks - start]):
                 yield TickRecord(row.tobytes())
                 for record in self._others.get(at, ()):
@@ -146,7 +151,7 @@ def decode_upstream(path: Path) -> float:
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
             said, batch = json.loads(schema.data), msgpack.unpackb(message.data)
-            columns, ticks = said["columns"], {**batch["constants"], "np": np, "before": _before}
+            columns, ticks = said["columns"], dict(_HELPERS, **dict(zip(said["constants"], batch["constants"], strict=True)))
             table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
             for column, folded in zip(columns, table.copy().view("<u8")[:, :, 0], strict=True):
                 words = (folded >> 1).view("<i8") ^ -(folded & 1).view("<i8")
@@ -159,9 +164,11 @@ def decode_upstream(path: Path) -> float:
     return time.perf_counter() - began
 
 
-def _before(values: NDArray[Any]) -> NDArray[Any]:
-    """Give each row the value of the row before."""
-    return np.concatenate([values[:1] * 0, values[:-1]])
+_HELPERS: dict[str, Any] = {
+    "np": np,
+    "before": lambda values: np.concatenate([values[:1] * 0, values[:-1]]),
+    "after": lambda values: np.concatenate([values[1:], values[:1] * 0]),
+}
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.int64]:

@@ -88,8 +88,9 @@ class Layout:
             self._names = [str(column["name"]) for column in columns]
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
             self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
-            self._predictions = known(told.get("predictions", {}), self._names)
+            self._predictions = known(told.get("predictions", {}), (*self._names, *told.get("constants", ())))
             self._folded = bool(told.get("folded", False))
+            self._constants = tuple(told.get("constants", ()))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
         for name, kind in self._kinds.items():
@@ -109,10 +110,8 @@ class Layout:
         columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
         predictions = {name: text for name, text in self._predictions.items() if name in needed}
         if predictions and batches:
-            constants = {
-                name: np.repeat([told.get(name, 0.0) for _, told in batches], counts)
-                for name in needed & set(CONSTANTS)
-            }
+            rows = np.repeat([told for _, told in batches], counts, axis=0)
+            constants = dict(zip(self._constants, rows.T, strict=True))
             for name, guess in predict(predictions, columns, constants, np.cumsum(counts) - counts):
                 columns[name].view(np.int64)[:] += guess
         zero = np.zeros(int(counts.sum()), np.int64)
@@ -126,14 +125,14 @@ class Layout:
                 needed |= uses(self._predictions[name])
         return needed
 
-    def _batch(self, message: bytes) -> tuple[NDArray[np.uint8], dict[str, float]]:
+    def _batch(self, message: bytes) -> tuple[NDArray[np.uint8], list[float]]:
         """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
-        data, count, constants = values.get("columns"), values.get("count"), values.get("constants", {})
+        data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
         if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
             raise RecordingError("a batch of ticks whose length contradicts its header")
-        if not isinstance(constants, dict) or not all(isinstance(number, float) for number in constants.values()):
-            raise RecordingError("a batch of ticks whose constants are not numbers")
+        if not isinstance(constants, list) or [type(one) for one in constants] != [float] * len(self._constants):
+            raise RecordingError("a batch of ticks whose constants contradict the schema")
         return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count), constants
 
     def _summed(self, planes: NDArray[np.uint8], there: NDArray[np.intp]) -> NDArray[np.int64]:
@@ -203,7 +202,7 @@ class TickStream:
             "first": first,
             "time_ns": time_ns,
             "count": len(rows),
-            "constants": self._constants,
+            "constants": [self._constants[name] for name in CONSTANTS],
             "columns": columns,
         }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)

@@ -27,7 +27,7 @@ from netboard.network.protocol.records import (
     FrameRecord,
     TickRecord,
 )
-from netboard.recording.format.predictions import PREDICTIONS
+from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS
 from netboard.task.trials.state_machine import Cause, Phase
 
 FORMAT_VERSION = "4"
@@ -42,7 +42,7 @@ class Field:
     """One value in a message."""
 
     name: str
-    kind: str  # ``integer``, ``number``, ``string``, ``bytes``; ``texts``, ``numbers``: a map from strings to such
+    kind: str  # ``integer``, ``number``, ``string``, ``bytes``; ``texts`` (a map of strings), ``numbers`` (a list)
     text: str
     unit: str
     differences: int = 0  # order of the differences that a batch stores instead of the values
@@ -53,11 +53,14 @@ class Field:
         if self.kind == "texts":
             return {"type": "object", "additionalProperties": {"type": "string"}, **described}
         if self.kind == "numbers":
-            return {"type": "object", "additionalProperties": {"type": "number"}, **described}
+            return {"type": "array", "items": {"type": "number"}, **described}
         if self.kind == "bytes":
             return described  # JSON has no such type
         return {"type": self.kind, **described}
 
+
+_DECODING = {"folded": True, "constants": CONSTANTS, "predictions": PREDICTIONS}
+"""What a reader must know to decode the columns of a batch, beside the columns themselves."""
 
 _NUMPY = {"integer": "<i8", "number": "<f8"}
 
@@ -95,7 +98,7 @@ class Channel:
                 "properties": {field.name: field.schema() for field in self.fields},
                 "required": [field.name for field in self.fields],
                 "additionalProperties": False,
-                **({"columns": columns, "folded": True, "predictions": PREDICTIONS} if columns else {}),
+                **({"columns": columns, **_DECODING} if columns else {}),
             }
         ).encode()
 
@@ -159,13 +162,12 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
 
 
 _DIFFERENCES = {
-    **dict.fromkeys(("z", "theta", "p", "vp", "coupling", "force", "rendered"), 4),
-    **dict.fromkeys(("vz", "omega"), 2),
-    **dict.fromkeys(("sent_z", "side_z", "used_z", "stamp_ns", "seen_ns"), 1),
+    **dict.fromkeys(("z", "theta", "p", "coupling", "force", "rendered"), 4),
+    **dict.fromkeys(("vz", "omega", "vp", "sent_z", "side_z", "used_z", "stamp_ns", "seen_ns", "lead_ns"), 1),
 }
 """Order of the difference that makes smooth columns smallest, measured on recordings."""
 
-_NOISE = frozenset({"late_ns", "loop_ns", "lead_ns", "command", "event"})
+_NOISE = frozenset({"late_ns", "loop_ns", "command", "event"})
 """Integers that differencing does not make smaller."""
 
 
@@ -221,7 +223,7 @@ CHANNELS = (
             Field("first", "integer", "number of the first tick in it", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
             Field("count", "integer", "ticks in it", "1"),
-            Field("constants", "numbers", "numbers of the block that the predictions of columns use", ""),
+            Field("constants", "numbers", "numbers of the block that the predictions of columns use, in the order of the schema's", ""),
             Field(
                 "columns",
                 "bytes",

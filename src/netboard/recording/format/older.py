@@ -24,10 +24,18 @@ TOPIC = "/tick"
 
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
-SCHEMA_3 = json.dumps(json.loads(CHANNELS[0].schema()) | {"folded": False, "predictions": {}}).encode()
-"""Schema of the ticks in format 3, for files whose own is damaged."""
+_DIFFERENCES_3 = {"vz": 2, "omega": 2, "vp": 4, "left_lead_ns": 0, "right_lead_ns": 0}
+"""Orders of the differences that format 4 changed."""
 
 _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
+
+
+def schema_3() -> bytes:
+    """Return the schema of the ticks in format 3, for files whose own is damaged."""
+    schema = json.loads(CHANNELS[0].schema())
+    for column in schema["columns"]:
+        column["differences"] = _DIFFERENCES_3.get(column["name"], column["differences"])
+    return json.dumps(schema | {"folded": False, "constants": [], "predictions": {}}).encode()
 
 
 def config_of(text: str, version: str) -> str:

@@ -1,7 +1,7 @@
 """Predictions of columns by other columns of the same batch; a batch stores by how much they are wrong.
 
 Much of a tick follows from the rest of it: the extrapolated stylus from its sample, the coupling force from stylus and
-board, the state before a tick from the tick before. `PREDICTIONS` states how, as expressions in Python and numpy, in
+board, velocities from neighbouring positions, the state before a tick from the tick before. `PREDICTIONS` states how, as expressions in Python and numpy, in
 the order in which they are evaluated. The schema of a recording lists them, so a reader needs nothing else.
 
 They are part of the format, not of the stage, and stay as they are if the stage changes. A wrong prediction costs
@@ -27,6 +27,12 @@ hand, 0 for any other force condition [1]; 1 if velocity extrapolates a stylus s
 
 UNKNOWN = dict.fromkeys(CONSTANTS, 0.0)
 """Constants of a block whose configuration is lost."""
+
+_SLOPE = "((after({0}) - before({0})) * 8.0 - (after(after({0})) - before(before({0})))) * 83.33333333333333"
+
+_VELOCITIES = {  # central differences of the neighbouring ticks, in SI units
+    velocity: _SLOPE.format(position) for velocity, position in (("vz", "z"), ("omega", "theta"), ("vp", "p"))
+}
 
 _SINE = {  # fdlibm's polynomials for small angles, in the order of the stage's arithmetic
     "zz": "theta * theta",
@@ -67,13 +73,11 @@ _OF_A_SIDE = {
 
 def _of(side: str, sign: str) -> dict[str, str]:
     """Return the predictions of one side."""
-    return {
-        name.format(side): text.replace("{}", side).replace("SIGN", sign)
-        for name, text in _OF_A_SIDE.items()
-    }
+    return {name.format(side): text.replace("{}", side).replace("SIGN", sign) for name, text in _OF_A_SIDE.items()}
 
 
 PREDICTIONS: dict[str, str] = {
+    **_VELOCITIES,
     **_SINE,
     **_of("left", "-"),
     **_of("right", "+"),
@@ -82,7 +86,7 @@ PREDICTIONS: dict[str, str] = {
 }
 """Expressions of predicted columns, and of intermediate values, by name, in the order of their evaluation."""
 
-_ALWAYS = ("np", "where", "before")
+_ALWAYS = ("np", "where", "before", "after")
 _CODE = {text: compile(text, name, "eval") for name, text in PREDICTIONS.items()}
 
 
@@ -98,12 +102,12 @@ def constants_of(config: Config) -> dict[str, float]:
     return found
 
 
-def known(predictions: Mapping[str, str], columns: Iterable[str]) -> dict[str, str]:
+def known(predictions: Mapping[str, str], given: Iterable[str]) -> dict[str, str]:
     """Return the predictions of a file's schema; refuse those that this version does not have, or cannot evaluate.
 
-    A reader must never execute a text from a file.
+    ``given``: names of the file's columns and constants. A reader must never execute a text from a file.
     """
-    there = {*columns, *CONSTANTS, *_ALWAYS}
+    there = {*given, *_ALWAYS}
     for name, text in predictions.items():
         if text not in _CODE:
             raise RecordingError(f"its column {name} is predicted as {text!r}, which this version does not know")
@@ -127,9 +131,9 @@ def predict(
     """Yield each predicted column with the bits of its prediction.
 
     ``columns``: by name. A column that has been yielded must hold its values before the next one is asked for.
-    ``starts``: place of the first row of each batch; its predecessor counts as 0.
+    ``starts``: place of the first row of each batch; its predecessor counts as 0, as does the successor of the last.
     """
-    scope = {**constants, **columns, "np": np, "before": _before(starts)}
+    scope = {**constants, **columns, "np": np, "before": _before(starts), "after": _after(starts)}
     with np.errstate(all="ignore"):
         for name, text in predictions.items():
             value = eval(_CODE[text], scope)
@@ -151,3 +155,15 @@ def _before(starts: NDArray[np.int64]) -> Callable[[NDArray[Any]], NDArray[Any]]
         return earlier
 
     return before
+
+
+def _after(starts: NDArray[np.int64]) -> Callable[[NDArray[Any]], NDArray[Any]]:
+    """Return the function that gives each row the value of the row after it in its batch."""
+
+    def after(values: NDArray[Any]) -> NDArray[Any]:
+        later = np.empty_like(values)
+        later[:-1] = values[1:]
+        later[starts - 1] = 0  # that of the first batch is the last row of all
+        return later
+
+    return after

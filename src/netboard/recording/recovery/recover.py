@@ -50,7 +50,7 @@ _CHUNK_BYTES = 2**18
 _TOPICS = {number: topic for topic, number in IDS.items()}
 _TICKS = CHANNELS[0].topic
 _COPIED = frozenset(IDS) - {_TICKS, "/plot"}
-_LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.SCHEMA_3)
+_LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.schema_3())
 
 
 class Span(NamedTuple):
