@@ -147,11 +147,11 @@ def walk(path: Path) -> float:
 def decode_upstream(path: Path) -> float:
     """Return the time to read all columns as FORMAT.md describes without netboard [s]."""
     began = time.perf_counter()
-    with path.open("rb") as file:
+    with path.open("rb") as file, np.errstate(all="ignore"):
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
             said, batch = json.loads(schema.data), msgpack.unpackb(message.data)
-            columns, ticks = said["columns"], dict(_HELPERS, **dict(zip(said["constants"], batch["constants"], strict=True)))
+            columns, ticks = said["columns"], dict(zip(said["constants"], batch["constants"], strict=True), **_HELPERS)
             table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
             for column, folded in zip(columns, table.copy().view("<u8")[:, :, 0], strict=True):
                 words = (folded >> 1).view("<i8") ^ -(folded & 1).view("<i8")

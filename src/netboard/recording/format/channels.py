@@ -223,7 +223,7 @@ CHANNELS = (
             Field("first", "integer", "number of the first tick in it", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
             Field("count", "integer", "ticks in it", "1"),
-            Field("constants", "numbers", "numbers of the block that the predictions of columns use, in the order of the schema's", ""),
+            Field("constants", "numbers", "numbers of the block for the predictions, in the schema's order", ""),
             Field(
                 "columns",
                 "bytes",

@@ -1,8 +1,9 @@
 """Predictions of columns by other columns of the same batch; a batch stores by how much they are wrong.
 
 Much of a tick follows from the rest of it: the extrapolated stylus from its sample, the coupling force from stylus and
-board, velocities from neighbouring positions, the state before a tick from the tick before. `PREDICTIONS` states how, as expressions in Python and numpy, in
-the order in which they are evaluated. The schema of a recording lists them, so a reader needs nothing else.
+board, velocities from neighbouring positions, the state before a tick from the tick before. `PREDICTIONS` states how,
+as expressions in Python and numpy, in the order in which they are evaluated. The schema of a recording lists them, so a
+reader needs nothing else.
 
 They are part of the format, not of the stage, and stay as they are if the stage changes. A wrong prediction costs
 bytes, never a bit. Every machine must compute the same bits, therefore expressions use only ``+ - * /``, comparisons,
