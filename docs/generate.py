@@ -222,7 +222,7 @@ FAULTS = ("processes", "links", "peers", "devices", "machines")
 RECOVERY = ("damage", "kills")
 """Those of `netboard bench recovery`."""
 
-RECORDING = ("size", "headroom", "writing", "stalls", "reading")
+RECORDING = ("size", "columns", "headroom", "writing", "stalls", "reading")
 """Those of `netboard bench recording`."""
 
 ANALYSIS = ("costs", "scaling", "memory", "whole")

@@ -3,7 +3,7 @@
 import pytest
 
 from netboard.base.tick import TICK_NS
-from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, TickClock
+from netboard.nodes.server.tick_clock import ALONE_TICKS, CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, TickClock
 
 DUE = 5_000_000_000
 
@@ -45,7 +45,7 @@ def test_late_is_more_than_half_a_tick(clock: TickClock) -> None:
     assert clock.late_ticks == 2
 
 
-@pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + IDLE_TICKS)])
+@pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + ALONE_TICKS)])
 def test_a_standstill_moves_the_deadlines_by_whole_ticks_and_is_told_of_once(
     clock: TickClock, *, idle: bool, most: int
 ) -> None:
@@ -65,3 +65,7 @@ def test_one_sleeps_until_there_may_be_something_to_do(clock: TickClock) -> None
     assert clock.wake_ns == DUE - EARLIEST_NS
     clock.sleep(idle=True, complete=True)
     assert clock.how_many(clock.wake_ns) == IDLE_TICKS
+    clock.sleep(idle=True, complete=True, alone=True)
+    assert clock.how_many(clock.wake_ns) == ALONE_TICKS
+    clock.sleep(idle=False, complete=False, alone=True)
+    assert clock.wake_ns == DUE

@@ -8,7 +8,8 @@ from netboard.recording.format.channels import CHANNELS, Channel, Field
 FORMAT = Path(channels.__file__).with_name("FORMAT.md")
 BEGIN, END = "<!-- tables: begin (made by tests/recording/format_tables.py) -->", "<!-- tables: end -->"
 
-TYPES = {"integer": "int64", "number": "float64", "string": "str", "texts": "map of str to str", "bytes": "bytes"}
+TYPES = {"integer": "int64", "number": "float64", "string": "str", "bytes": "bytes"}
+TYPES |= {"texts": "map of str to str", "numbers": "list of float64"}
 
 
 def table(what: str, fields: tuple[Field, ...]) -> list[str]:

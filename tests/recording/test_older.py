@@ -56,8 +56,9 @@ def test_a_golden_recording_proves_itself(version: str) -> None:
         assert verify_recording(recording).identical
 
 
-def test_a_recording_of_format_2_is_recovered_as_one_of_today(tmp_path: Path) -> None:
-    source = GOLDEN / "format-2.mcap"
+@pytest.mark.parametrize("version", READABLE[1:-1])
+def test_a_recording_of_an_older_format_is_recovered_as_one_of_today(tmp_path: Path, version: str) -> None:
+    source = GOLDEN / f"format-{version}.mcap"
     report = recover(source, tmp_path / "new.mcap")
     assert (report.damage, report.missing, report.finished) == ((), (), True)
     with Recording(source) as old, Recording(report.output) as new:
@@ -68,7 +69,7 @@ def test_a_recording_of_format_2_is_recovered_as_one_of_today(tmp_path: Path) ->
 
 
 def test_a_recording_of_format_1_is_not_recovered(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"format version 1.*recovers versions 2, 3"):
+    with pytest.raises(RecordingError, match=r"format version 1.*recovers versions 2, 3, 4"):
         recover(GOLDEN / "format-1.mcap", tmp_path / "new.mcap")
 
 

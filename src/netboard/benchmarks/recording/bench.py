@@ -11,6 +11,7 @@ import numpy as np
 
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.recording.columns import columns_part
 from netboard.benchmarks.recording.feeding import live_log
 from netboard.benchmarks.recording.headroom import headroom_part
 from netboard.benchmarks.recording.hours import (
@@ -74,6 +75,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
     session = Session(watched.path)
     yield size_part(session, place, min(MINUTE, effort.ticks), tell)
+    yield columns_part(session.rows, session.config)
     path = place / "hour.mcap"
     path.unlink(missing_ok=True)
     yield writing_part(write_hour(session, path, effort.ticks, tell))

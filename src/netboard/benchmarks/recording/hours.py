@@ -17,8 +17,9 @@ import msgpack
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
-from netboard.base.config import Config, resolve
+from netboard.base.config import SIDES, parse, resolve
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage
@@ -35,6 +36,8 @@ Numbered = EventRecord | ClockRecord | FrameRecord
 HOUR = 3_600_000
 """Ticks in an hour [1]."""
 
+_TIMES = ("time_ns", *(f"{side}_{name}_ns" for side in SIDES for name in ("stamp", "seen")))
+
 FOUR = ("tick", "theta", "p", "late_ns")
 """Columns for the measurement that reads four."""
 
@@ -45,6 +48,7 @@ class Session:
     def __init__(self, path: Path) -> None:
         with Recording(path) as recording:
             self.rows = recording.ticks()
+            self.config = parse(recording.config_text)
             events, clocks, frames = recording.events(), recording.clocks(), recording.frames()
         first_ns = int(self.rows["time_ns"][0])
         self._others: dict[int, list[Numbered]] = {}
@@ -60,9 +64,12 @@ class Session:
     def records(self, ticks: int) -> Iterator[Record]:
         """Repeat the recording up to a number of ticks, with continuous numbers."""
         rows, seqs = self.rows.copy(), Counter[type[Numbered]]()
-        for start in range(0, ticks, len(rows)):
+        length_ns = int(rows["time_ns"][-1] - rows["time_ns"][0]) + TICK_NS
+        for turn, start in enumerate(range(0, ticks, len(rows))):
             rows["tick"] = start + np.arange(len(rows))
-            rows["time_ns"] = self.rows["time_ns"][0] + rows["tick"] * TICK_NS
+            for name in _TIMES:
+                known = self.rows[name] != 0  # 0: there was no sample yet
+                rows[name][known] = self.rows[name][known] + turn * length_ns
             for at, row in enumerate(rows[: ticks - start]):
                 yield TickRecord(row.tobytes())
                 for record in self._others.get(at, ()):
@@ -88,7 +95,7 @@ class Written:
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
     """Write an hour, with a sync wherever the logger makes one."""
-    config = Config()
+    config = session.config
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
     metadata = provenance(welcome, config, 1, OPENED_NS, 0)
     writer = RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
@@ -140,16 +147,33 @@ def walk(path: Path) -> float:
 def decode_upstream(path: Path) -> float:
     """Return the time to read all columns as FORMAT.md describes without netboard [s]."""
     began = time.perf_counter()
-    with path.open("rb") as file:
+    with path.open("rb") as file, np.errstate(all="ignore"):
         for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
             assert schema is not None
-            columns, batch = json.loads(schema.data)["columns"], msgpack.unpackb(message.data)
+            said, batch = json.loads(schema.data), msgpack.unpackb(message.data)
+            columns, ticks = said["columns"], dict(zip(said["constants"], batch["constants"], strict=True), **_HELPERS)
             table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
-            for column, words in zip(columns, table.copy().view("<i8")[:, :, 0], strict=True):
+            for column, folded in zip(columns, table.copy().view("<u8")[:, :, 0], strict=True):
+                words = (folded >> 1).view("<i8") ^ -(folded & 1).view("<i8")
                 for _ in range(column["differences"]):
-                    words = words.cumsum()  # noqa: PLW2901
-                words.view(column["type"])
+                    words = words.cumsum()
+                ticks[column["name"]] = words.view(column["type"])
+            for name, expression in said["predictions"].items():
+                guess, wrong = eval(expression, ticks), ticks.get(name)
+                ticks[name] = guess if wrong is None else (wrong.view("<i8") + _bits(guess)).view(wrong.dtype)
     return time.perf_counter() - began
+
+
+_HELPERS: dict[str, Any] = {
+    "np": np,
+    "before": lambda values: np.concatenate([values[:1] * 0, values[:-1]]),
+    "after": lambda values: np.concatenate([values[1:], values[:1] * 0]),
+}
+
+
+def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the bits of a prediction."""
+    return np.where(np.isfinite(values), values, values.dtype.type(0)).view(np.int64)
 
 
 def write_messages(session: Session, path: Path, ticks: int) -> int:

@@ -105,6 +105,11 @@ class ControlPort:
         self._shown = {"left": 0, "right": 0}
 
     @property
+    def empty(self) -> bool:
+        """Whether no peer is registered."""
+        return not self._peers
+
+    @property
     def peers(self) -> tuple[str, ...]:
         """Role and side of the displays and consoles that are connected and not silent."""
         return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))

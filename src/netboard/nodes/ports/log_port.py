@@ -93,6 +93,11 @@ class LogPort:
         self.subscribers = Subscribers(router, self.ring, self._peer_events)
 
     @property
+    def empty(self) -> bool:
+        """Whether no logger and no subscriber is registered."""
+        return not self._loggers and not self.subscribers
+
+    @property
     def loggers(self) -> int:
         """Number of connected loggers that have asked for records."""
         return sum(logger.takes for logger in self._loggers.values())

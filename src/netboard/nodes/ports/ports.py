@@ -56,6 +56,12 @@ class Ports:
         self.views.renew()
 
     @property
+    def unused(self) -> bool:
+        """Whether no peer is connected to any channel."""
+        channels = self.motion.empty, self.control.empty, self.log.empty, not self.views.wanted
+        return all(channels)
+
+    @property
     def refusals(self) -> tuple[Refusals, ...]:
         """The refusals of each channel."""
         return self.motion.refusals, self.control.refusals, self.log.refusals

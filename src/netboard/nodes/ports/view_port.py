@@ -35,6 +35,11 @@ class ViewPort:
         self._seq = dict.fromkeys(SIDES, 0)
         self.renew()
 
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody has subscribed to a view."""
+        return any(publisher.wanted() for publisher in self._views.values())
+
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
         self._seen = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, b""))

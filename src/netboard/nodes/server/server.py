@@ -20,7 +20,7 @@ from netboard.nodes.server.session import Session
 
 log = logging.getLogger(__name__)
 
-LONGEST_SLEEP_NS = 50_000_000
+LONGEST_SLEEP_NS = 100_000_000
 """Longest sleep of the loop, so that it notices a request to stop [ns]."""
 
 

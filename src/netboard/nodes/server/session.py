@@ -10,6 +10,8 @@ still wakes the session at once.
 A session is not open until its form is complete: until then nothing is recorded and no block can begin.
 """
 
+import numpy as np
+
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
@@ -38,7 +40,7 @@ ANSWER_NS = 4_000_000
 """Interval between answers to operators, one answer at a time; an answer takes a fifth of a tick [ns]."""
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
-_COMMAND, _EVENT = _AT["command"], _AT["event"]
+_COMMAND, _EVENT, _TICK, _TIME = (_AT[name] for name in ("command", "event", "tick", "time_ns"))
 _STOPPED, _TRIPPED = 3 * samples.STOPPED, 3 * samples.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
@@ -121,7 +123,8 @@ class Session:
             self._end()
             return
         self._undisturbed = self._may_answer
-        clock.sleep(state.idle, complete)
+        idle = state.idle
+        clock.sleep(idle, complete, alone=idle and state.alone)
         if self._unheard or self._motion.unheard:
             clock.wake_ns = min(clock.wake_ns, self._hear_ns)
 
@@ -217,19 +220,47 @@ class Session:
             robot.take(words)
 
     def _idle_ticks(self, now: int) -> None:
-        """Run all due ticks together."""
-        state = self._state
-        due_ns, first = self._clock.due_ns, state.number
+        """Run all due ticks together; a command takes effect at the last one."""
+        due_ns, first = self._clock.due_ns, self._state.number
         count = min(self._clock.how_many(now), RING_ROWS)
         if count < 1:
             return
-        for number in range(first, first + count):
-            self._motion.fill(state.words[number % RING_ROWS], number, due_ns + (number - first) * TICK_NS, 0)
         self._blocks.change_if_due(first + count - 1)
-        state.words[first % RING_ROWS, _COMMAND] = self._command(0)
-        state.block.stage.advance(state.stage, state.rows, first, count)
-        self._count(count)
+        self._fill_idle(first, count, due_ns)
+        last, state = first + count - 1, self._state
+        self._advance_idle(first, count - 1)
+        state.words[last % RING_ROWS, _COMMAND] = self._command(0)
+        state.block.stage.advance(state.stage, state.rows, last, 1)
+        self._count(1)
         self._keep_house()
+
+    def _fill_idle(self, first: int, count: int, due_ns: int) -> None:
+        """Begin the rows of some ticks; without agents they differ in number and time only."""
+        words, numbers = self._state.words, np.arange(first, first + count)
+        places = numbers % RING_ROWS
+        if not self._motion.empty:  # an agent has just joined
+            for number, place in zip(numbers.tolist(), places.tolist(), strict=True):
+                self._motion.fill(words[place], number, due_ns + (number - first) * TICK_NS, 0)
+            return
+        self._motion.fill(words[first % RING_ROWS], first, due_ns, 0)
+        words[places] = words[first % RING_ROWS]
+        words[places, _TICK] = numbers
+        words[places, _TIME] = due_ns + (numbers - first) * TICK_NS
+
+    def _advance_idle(self, first: int, count: int) -> None:
+        """Compute and log some ticks; without an event there is nothing else to do."""
+        state = self._state
+        state.block.stage.advance(state.stage, state.rows, first, count)
+        words = state.words[np.arange(first, first + count) % RING_ROWS]
+        if words[:, _EVENT].any():
+            self._count(count)
+            return
+        if state.operators.opened:
+            rows = words.tobytes()
+            for at in range(0, len(rows), TICK.itemsize):
+                self._log.append(_RECORD_HEAD + rows[at : at + TICK.itemsize])
+        state.number += count
+        self._clock.did(count)
 
     def _count(self, count: int) -> None:
         """Log the finished ticks, handle their events, and publish the views."""

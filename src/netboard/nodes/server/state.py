@@ -81,6 +81,11 @@ class SessionState:
         """Whether no trial is under way and no agent is connected."""
         return self.ports.motion.empty and not self.active
 
+    @property
+    def alone(self) -> bool:
+        """Whether no peer is connected, and none can be waiting for the answer to a handshake."""
+        return self.authenticator is None and self.ports.unused
+
     def enter_block(self) -> None:
         """Make the current block of the sequence that of the session."""
         block = self.block = self.sequence.block

@@ -1,8 +1,8 @@
 """The tick clock of a session: deadlines one millisecond apart, and how a late loop catches up.
 
 A tick runs as soon as both sides' new samples have arrived, at most half a millisecond before its deadline; otherwise
-it runs at its deadline. While the session is idle, due ticks run together, a few dozen times a second. Pure: time is an
-argument.
+it runs at its deadline. While the session is idle, due ticks run together, a few dozen times a second, and five times a
+second if it has no peer. Pure: time is an argument.
 """
 
 from netboard.base.tick import TICK_NS
@@ -18,6 +18,9 @@ CATCH_UP_TICKS = 20
 
 IDLE_TICKS = 25
 """Ticks that run together while the session is idle [1]."""
+
+ALONE_TICKS = 200
+"""Ticks that run together while the session is idle and has no peer at all [1]."""
 
 
 class TickClock:
@@ -55,7 +58,7 @@ class TickClock:
     def catch_up(self, now_ns: int, idle: bool) -> int:
         """Move the deadlines if the loop was held up too long; return by how much [ns]."""
         behind_ns = now_ns - self.due_ns
-        if behind_ns <= (CATCH_UP_TICKS + (IDLE_TICKS if idle else 0)) * TICK_NS:
+        if behind_ns <= (CATCH_UP_TICKS + (ALONE_TICKS if idle else 0)) * TICK_NS:
             return 0
         moved_ns = behind_ns - behind_ns % TICK_NS
         self.due_ns += moved_ns
@@ -67,10 +70,10 @@ class TickClock:
         gap, self.gap = self.gap, ""
         return gap
 
-    def sleep(self, idle: bool, complete: bool) -> None:
-        """Set when the session runs next."""
+    def sleep(self, idle: bool, complete: bool, alone: bool = False) -> None:
+        """Set when the session runs next. ``alone``: it has no peer, which must not wait for it."""
         if idle:
-            self.wake_ns = self.due_ns + (IDLE_TICKS - 1) * TICK_NS
+            self.wake_ns = self.due_ns + ((ALONE_TICKS if alone else IDLE_TICKS) - 1) * TICK_NS
         elif complete:
             self.wake_ns = self.due_ns - EARLIEST_NS
         else:

@@ -33,18 +33,18 @@ from netboard.recording.files.provenance import (
 )
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
-from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard, words_of
+from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
 from netboard.recording.format.chunks import payloads
 from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
 
-READABLE = ("1", "2", FORMAT_VERSION)
+READABLE = ("1", "2", "3", FORMAT_VERSION)
 """Format versions that this module reads."""
 
 _TICKS = CHANNELS[0].topic
 _THREADS = 2
-_LEAST_SHARE = 8
+_LEAST_SHARE, _MOST_SHARE = 8, 64
 _PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
@@ -251,7 +251,7 @@ class Recording:
                 return np.frombuffer(listed, PLACES)
         found = []
         for offset in self._file.chunks_with(_TICKS if self._in_batches else older.TOPIC):
-            numbers = self._rows_of(offset)["tick"]
+            numbers = self._numbers_of(offset)
             if len(numbers):
                 found.append((offset, numbers[0], numbers[-1], len(numbers)))
         return np.array(found, PLACES)
@@ -285,55 +285,43 @@ class Recording:
         """Return the ticks at these locations as they are stored."""
         kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
         rows = np.zeros(int(places["count"].sum()), kind)
-        columns = self._layout.places(kind.names or ()) if self._in_batches else np.empty(0, np.int64)
-
-        def take(at: slice, offset: int) -> None:
-            if self._in_batches:
-                self._decode(offset, columns, words_of(rows[at]))
-                return
-            older_rows = self._old_rows(offset)
-            for name in kind.names or ():
-                rows[name][at] = older_rows[name]
-
-        self._each(places, take)
+        self._read({name: rows[name] for name in kind.names or ()}, places)
         return rows
 
     def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return columns of the ticks at these locations."""
-        words = np.zeros((len(names), int(places["count"].sum())), np.int64)
-        found = {name: column.view(TICK[name]) for name, column in zip(names, words, strict=True)}
-        wanted = self._layout.places(names) if self._in_batches else None
-
-        def take(at: slice, offset: int) -> None:
-            if wanted is not None:
-                self._decode(offset, wanted, words[:, at].T)
-                return
-            rows = self._old_rows(offset)
-            for name, column in found.items():
-                column[at] = rows[name]
-
-        self._each(places, take)
+        found = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
+        self._read(found, places)
         return found
 
-    def _rows_of(self, offset: int) -> NDArray[Any]:
-        """Return the ticks of a chunk of unknown tick count."""
-        if not self._in_batches:
-            return self._old_rows(offset)
-        rows = np.zeros(sum(planes.shape[2] for planes in self._planes(offset)), TICK)
-        self._decode(offset, self._all, words_of(rows))
-        return rows
+    def _read(self, out: dict[str, NDArray[Any]], places: NDArray[Any]) -> None:
+        """Read columns of the ticks at these locations into arrays."""
+        names = tuple(out)
 
-    def _each(self, places: NDArray[Any], take: Callable[[slice, int], None]) -> None:
-        """Call `take` with the tick slice and chunk offset of each batch; decompress chunks in parallel."""
+        def take(at: slice, offsets: Sequence[int]) -> None:
+            found = self._decode(offsets, names)
+            if any(len(column) != at.stop - at.start for column in found.values()):
+                raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offsets[0]}")
+            for name, column in out.items():
+                column[at] = found[name]
+
+        self._each(places, take)
+
+    def _numbers_of(self, offset: int) -> NDArray[Any]:
+        """Return the numbers of the ticks in a chunk."""
+        return self._decode([offset], ("tick",))["tick"]
+
+    def _each(self, places: NDArray[Any], take: Callable[[slice, Sequence[int]], None]) -> None:
+        """Call `take` with tick slices and chunk offsets of a few batches at a time; decompress chunks in parallel."""
         stops = np.cumsum(places["count"])
-        slices = [slice(int(stop - count), int(stop)) for stop, count in zip(stops, places["count"], strict=True)]
+        starts = stops - places["count"]
         offsets = places["chunk"].tolist()
-        share = max(_LEAST_SHARE, -(-len(offsets) // _THREADS))
+        share = min(max(_LEAST_SHARE, -(-len(offsets) // _THREADS)), _MOST_SHARE)
 
         def work(k: int) -> None:
+            part = offsets[k : k + share]
             with self._file.sound():
-                for at, offset in zip(slices[k : k + share], offsets[k : k + share], strict=True):
-                    take(at, offset)
+                take(slice(int(starts[k]), int(stops[k + len(part) - 1])), part)
 
         with ThreadPoolExecutor(_THREADS) as pool:
             for _ in pool.map(work, range(0, len(offsets), share)):
@@ -344,33 +332,16 @@ class Recording:
         with self._file.sound():
             return Layout(self._file.schemas.get(_TICKS, b""))
 
-    @cached_property
-    def _all(self) -> NDArray[np.int64]:
-        """Column index in the file of each field of a tick."""
-        return self._layout.places(TICK.names or ())
-
-    def _planes(self, offset: int) -> list[NDArray[np.uint8]]:
-        """Read the batches in a chunk."""
+    def _decode(self, offsets: Sequence[int], names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Decode columns of the ticks in some chunks."""
         with self._file.sound():
-            return [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
-
-    def _decode(self, offset: int, columns: NDArray[np.int64], out: NDArray[np.int64]) -> None:
-        """Decode columns of the batches in a chunk into `out`."""
-        at = 0
-        for planes in self._planes(offset):
-            stop = at + planes.shape[2]
-            if stop > len(out):
-                break
-            self._layout.read(planes, columns, out[at:stop])
-            at = stop
-        else:
-            if at == len(out):
-                return
-        raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offset}")
-
-    def _old_rows(self, offset: int) -> NDArray[Any]:
-        with self._file.sound():
-            return older.ticks_of(self._payloads(offset, older.TOPIC), self._version)
+            if self._in_batches:
+                return self._layout.decode(
+                    [message for offset in offsets for message in self._payloads(offset, _TICKS)], names
+                )
+            messages = [message for offset in offsets for message in self._payloads(offset, older.TOPIC)]
+            rows = older.ticks_of(messages, self._version)
+        return {name: rows[name] for name in names}
 
     def _payloads(self, offset: int, topic: str) -> list[bytes]:
         return payloads(self._file.chunk(offset), self._file.channels[topic])

@@ -7,6 +7,7 @@ chunk in memory, and *durable* after the next `flush`. Only durable records may 
 from collections.abc import Mapping
 from pathlib import Path
 
+from netboard.base.config import parse
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording
 from netboard.network.protocol.records import TickRecord
@@ -22,6 +23,7 @@ from netboard.recording.format.batches import TickStream
 from netboard.recording.format.channels import IDS, Record, remark, stamped
 from netboard.recording.format.disk import Consumption, Space
 from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.predictions import constants_of
 
 
 class RecordingWriter:
@@ -40,6 +42,7 @@ class RecordingWriter:
         opened_ns: int,
         recovery: Mapping[str, str] | None = None,
     ) -> None:
+        constants = constants_of(parse(config_text, f"{path} (its configuration)"))
         self.path = path
         self.next_record: int | None = None
         self.durable: int | None = None  # all records before this number are on disk; None before the first
@@ -50,7 +53,7 @@ class RecordingWriter:
         self._flushed_ns = opened_ns
         self._consumption = Consumption()
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
-        self._ticks = TickStream(self._file, settings.chunk_bytes)
+        self._ticks = TickStream(self._file, settings.chunk_bytes, constants)
         try:
             self._file.add_metadata(METADATA, metadata)
             if recovery is not None:

@@ -2,15 +2,17 @@
 
 A batch stores its ticks by column, and each column by byte plane: the lowest byte of all values first, the highest
 last. Similar bytes are then neighbours, which halves the compressed size, and decoding a column only moves bytes.
-Before that, smooth columns are replaced by differences of first or higher order, taken on the bits read as integers.
-The encoding is lossless, down to the payload of a NaN.
+Before that, predictions are subtracted from the columns that follow from others
+(`netboard.recording.format.predictions`), smooth columns are replaced by differences of first or higher order, and the
+sign moves to the lowest bit. All this is done on the bits read as integers, so it is lossless, down to the payload of a
+NaN.
 
 While ticks are written, one in `PLOTTED_EVERY` also goes to the channel for viewers, and an index of attempts and
 chunks is built. A reader can then find a trial without reading the whole recording.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import isnan, nan
 from typing import Any
@@ -23,6 +25,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK, TICK_NS
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, known, predict, uses
 from netboard.recording.format.summary import Attempt, find_attempts
 
 ATTEMPTS_NAME = "netboard.attempts.json"
@@ -39,19 +42,22 @@ _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORD = 8
 _BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
+_PLOT = np.dtype(
+    [("time_ns", "<i8"), *((field.name, "<i8" if field.kind == "integer" else "<f4") for field in PLOTTED)]
+)
 
 
-def pack(rows: NDArray[Any]) -> bytes:
-    """Encode ticks as the columns of a batch."""
-    words = words_of(rows).T.copy()
+def pack(rows: NDArray[Any], constants: Mapping[str, float]) -> bytes:
+    """Encode ticks as the columns of a batch. ``constants``: numbers that predictions use."""
+    words = rows.view(_BITS).reshape(len(rows), len(TICK_FIELDS)).T.copy()
+    columns = {field.name: column.view(TICK[field.name]) for field, column in zip(TICK_FIELDS, words, strict=True)}
+    wrong = words.copy()
+    for name, guess in predict(PREDICTIONS, columns, constants, np.zeros(1, np.int64)):
+        wrong[_PLACE[name]] -= guess
     for smooth in _rounds(_ORDERS):
-        words[smooth, 1:] = np.diff(words[smooth], axis=1)
-    return words.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
-
-
-def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
-    """View ticks, or some of their fields, as 64-bit integers of shape (n, columns)."""
-    return rows.view(_BITS).reshape(len(rows), rows.dtype.itemsize // _WORD)
+        wrong[smooth, 1:] = np.diff(wrong[smooth], axis=1)
+    folded = (wrong << 1) ^ (wrong >> 63)
+    return folded.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
 
 
 def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -69,6 +75,7 @@ def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
 
 
 _ORDERS = np.array([field.differences for field in TICK_FIELDS])
+_PLACE = {field.name: place for place, field in enumerate(TICK_FIELDS)}
 
 
 class Layout:
@@ -76,41 +83,65 @@ class Layout:
 
     def __init__(self, schema: bytes) -> None:
         try:
-            columns = json.loads(schema)["columns"]
+            told = json.loads(schema)
+            columns = told["columns"]
             self._names = [str(column["name"]) for column in columns]
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
-            kinds = [str(column["type"]) for column in columns]
-        except (ValueError, KeyError, TypeError) as error:
+            self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
+            self._predictions = known(told.get("predictions", {}), (*self._names, *told.get("constants", ())))
+            self._folded = bool(told.get("folded", False))
+            self._constants = tuple(told.get("constants", ()))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
-        for name, kind in zip(self._names, kinds, strict=True):
-            if name in (TICK.names or ()) and np.dtype(kind) != TICK[name]:
-                raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
+        for name, kind in self._kinds.items():
+            if name in (TICK.names or ()) and kind != TICK[name]:
+                raise RecordingError(f"its column {name} has the type {kind.str}, expected {TICK[name].str}")
 
-    def planes(self, message: bytes) -> NDArray[np.uint8]:
-        """Decompose a message into the byte planes of its columns, shape (columns, 8, n)."""
+    def decode(self, messages: Sequence[bytes], names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Decode columns of some batches; a column that the file does not have is zero."""
+        needed = self._needed(names)
+        there = np.flatnonzero([name in needed for name in self._names])
+        batches = [self._batch(message) for message in messages]
+        counts = np.array([planes.shape[2] for planes, _ in batches], np.int64)
+        words = np.concatenate(
+            [np.empty((len(there), 0), np.int64), *(self._summed(planes, there) for planes, _ in batches)], axis=1
+        )
+        stored = [self._names[place] for place in there]
+        columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
+        predictions = {name: text for name, text in self._predictions.items() if name in needed}
+        if predictions and batches:
+            rows = np.repeat([told for _, told in batches], counts, axis=0)
+            constants = dict(zip(self._constants, rows.T, strict=True))
+            for name, guess in predict(predictions, columns, constants, np.cumsum(counts) - counts):
+                columns[name].view(np.int64)[:] += guess
+        zero = np.zeros(int(counts.sum()), np.int64)
+        return {name: columns[name] if name in columns else zero.view(TICK[name]) for name in names}
+
+    def _needed(self, names: Sequence[str]) -> set[str]:
+        """Return these columns, and everything from which they are predicted."""
+        needed = set(names)
+        for name in reversed(self._predictions):
+            if name in needed:
+                needed |= uses(self._predictions[name])
+        return needed
+
+    def _batch(self, message: bytes) -> tuple[NDArray[np.uint8], list[float]]:
+        """Decompose a message into the byte planes of its columns, shape (columns, 8, n), and its constants."""
         values = unpack(message)
-        data, count = values.get("columns"), values.get("count")
+        data, count, constants = values.get("columns"), values.get("count"), values.get("constants", [])
         if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
             raise RecordingError("a batch of ticks whose length contradicts its header")
-        return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count)
+        if not isinstance(constants, list) or [type(one) for one in constants] != [float] * len(self._constants):
+            raise RecordingError("a batch of ticks whose constants contradict the schema")
+        return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count), constants
 
-    def places(self, names: Sequence[str]) -> NDArray[np.int64]:
-        """Return the column indices of these names, -1 for a column that the file does not have [1]."""
-        return np.array([self._names.index(name) if name in self._names else -1 for name in names], np.int64)
-
-    def read(self, planes: NDArray[np.uint8], places: NDArray[np.int64], out: NDArray[np.int64]) -> None:
-        """Decode columns into `out`; leave a column that the file does not have unchanged."""
-        if np.array_equal(places, np.arange(len(planes))):
-            # Selecting columns would copy the planes; skip it when all are wanted.
-            out[:] = self._summed(planes, self._orders).T
-            return
-        there = np.flatnonzero(places >= 0)
-        out[:, there] = self._summed(planes[places[there]], self._orders[places[there]]).T
-
-    @staticmethod
-    def _summed(planes: NDArray[np.uint8], orders: NDArray[np.int64]) -> NDArray[np.int64]:
-        words = _joined(planes)
-        for smooth in _rounds(orders):
+    def _summed(self, planes: NDArray[np.uint8], there: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Join the byte planes of some columns, and undo the differences."""
+        # Selecting columns copies the planes; skip it when all are wanted.
+        words = _joined(planes if len(there) == len(planes) else planes[there])
+        if self._folded:
+            words = (words.view(np.uint64) >> 1).view(np.int64) ^ -(words & 1)
+        for smooth in _rounds(self._orders[there]):
             words[smooth] = np.cumsum(words[smooth], axis=1)
         return words
 
@@ -127,11 +158,15 @@ def heard(values: dict[str, Any]) -> Attempt:
 
 
 class TickStream:
-    """Collects ticks into batches and writes them to a file, with the index of attempts and chunks."""
+    """Collects ticks into batches and writes them to a file, with the index of attempts and chunks.
 
-    def __init__(self, file: PartFile, chunk_bytes: int) -> None:
+    ``constants``: those of the block, for the predictions.
+    """
+
+    def __init__(self, file: PartFile, chunk_bytes: int, constants: dict[str, float]) -> None:
         self.last = -1
         self._file = file
+        self._constants = constants
         self._most = max(1, int(chunk_bytes * _SHARE_OF_CHUNK) // TICK.itemsize)
         self._held: list[bytes] = []
         self._held_log_ns = 0
@@ -162,10 +197,19 @@ class TickStream:
         rows = np.frombuffer(b"".join(self._held), TICK)
         self._held.clear()
         first, time_ns, log_ns = int(rows["tick"][0]), int(rows["time_ns"][0]), self._held_log_ns
-        values = {"first": first, "time_ns": time_ns, "count": len(rows), "columns": pack(rows)}
+        columns = pack(rows, self._constants)
+        values = {
+            "first": first,
+            "time_ns": time_ns,
+            "count": len(rows),
+            "constants": [self._constants[name] for name in CONSTANTS],
+            "columns": columns,
+        }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
-        for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
+        with np.errstate(over="ignore"):
+            plotted = rows[list(_PLOT.names or ())][rows["tick"] % PLOTTED_EVERY == 0].astype(_PLOT)
+        for row in plotted:
             # By its number: across a stall of the server, tick times differ by more than the log times do.
             self._plot(row, log_ns - (self.last - int(row["tick"])) * TICK_NS)
         self._keep_edges(rows)
@@ -178,8 +222,8 @@ class TickStream:
         self._places.append((chunk, first, last, count))
 
     def _plot(self, row: Any, log_time_ns: int) -> None:
-        message = msgpack.packb({field.name: row[field.name].item() for field in PLOTTED})
-        stamp = Stamped("/plot", int(row["tick"]), int(row["time_ns"]), message)
+        values = {field.name: row[field.name].item() for field in PLOTTED}
+        stamp = Stamped("/plot", values["tick"], int(row["time_ns"]), msgpack.packb(values, use_single_float=True))
         self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:

@@ -27,9 +27,10 @@ from netboard.network.protocol.records import (
     FrameRecord,
     TickRecord,
 )
+from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS
 from netboard.task.trials.state_machine import Cause, Phase
 
-FORMAT_VERSION = "3"
+FORMAT_VERSION = "4"
 """Format version; it increases when readers of the previous version would misread a file."""
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
@@ -41,7 +42,7 @@ class Field:
     """One value in a message."""
 
     name: str
-    kind: str  # ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``
+    kind: str  # ``integer``, ``number``, ``string``, ``bytes``; ``texts`` (a map of strings), ``numbers`` (a list)
     text: str
     unit: str
     differences: int = 0  # order of the differences that a batch stores instead of the values
@@ -51,10 +52,15 @@ class Field:
         described = {"description": f"{self.text} [{self.unit}]" if self.unit else self.text}
         if self.kind == "texts":
             return {"type": "object", "additionalProperties": {"type": "string"}, **described}
+        if self.kind == "numbers":
+            return {"type": "array", "items": {"type": "number"}, **described}
         if self.kind == "bytes":
             return described  # JSON has no such type
         return {"type": self.kind, **described}
 
+
+_DECODING = {"folded": True, "constants": CONSTANTS, "predictions": PREDICTIONS}
+"""What a reader must know to decode the columns of a batch, beside the columns themselves."""
 
 _NUMPY = {"integer": "<i8", "number": "<f8"}
 
@@ -72,7 +78,7 @@ class Channel:
     columns: tuple[Field, ...] = ()  # columns of the rows in a batch, in order; empty for other messages
 
     def schema(self) -> bytes:
-        """Return the JSON schema of the messages; for a batch, ``columns`` lists its columns."""
+        """Return the JSON schema of the messages; for a batch, with all that is needed to decode its columns."""
         columns = [
             {
                 "name": field.name,
@@ -92,7 +98,7 @@ class Channel:
                 "properties": {field.name: field.schema() for field in self.fields},
                 "required": [field.name for field in self.fields],
                 "additionalProperties": False,
-                **({"columns": columns} if columns else {}),
+                **({"columns": columns, **_DECODING} if columns else {}),
             }
         ).encode()
 
@@ -156,13 +162,12 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
 
 
 _DIFFERENCES = {
-    **dict.fromkeys(("z", "theta", "p", "vp", "coupling", "force", "rendered"), 4),
-    **dict.fromkeys(("vz", "omega"), 2),
-    **dict.fromkeys(("sent_z", "side_z", "used_z", "stamp_ns", "seen_ns"), 1),
+    **dict.fromkeys(("z", "theta", "p", "coupling", "force", "rendered"), 4),
+    **dict.fromkeys(("vz", "omega", "vp", "sent_z", "side_z", "used_z", "stamp_ns", "seen_ns", "lead_ns"), 1),
 }
 """Order of the difference that makes smooth columns smallest, measured on recordings."""
 
-_NOISE = frozenset({"late_ns", "loop_ns", "lead_ns", "command", "event"})
+_NOISE = frozenset({"late_ns", "loop_ns", "command", "event"})
 """Integers that differencing does not make smaller."""
 
 
@@ -218,10 +223,11 @@ CHANNELS = (
             Field("first", "integer", "number of the first tick in it", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
             Field("count", "integer", "ticks in it", "1"),
+            Field("constants", "numbers", "numbers of the block for the predictions, in the schema's order", ""),
             Field(
                 "columns",
                 "bytes",
-                "their columns, one after the other, differenced, each as eight planes of bytes",
+                "their columns, one after the other, predicted, differenced, folded, each as eight planes of bytes",
                 "",
             ),
         ),
@@ -279,7 +285,7 @@ CHANNELS = (
     Channel(
         "/plot",
         "netboard.Plot",
-        f"one tick in {PLOTTED_EVERY}, for viewers: nothing that is not in /ticks too",
+        f"one tick in {PLOTTED_EVERY}, for viewers, in single precision: nothing that is not in /ticks too",
         "number of the tick",
         "nominal server time of the tick",
         PLOTTED,

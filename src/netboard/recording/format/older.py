@@ -1,9 +1,12 @@
 """Readers for older recording formats: the differences to the current format only.
 
+Format 3 predicts no column, and does not fold signs; a file's schema says so.
+
 In formats 1 and 2 every tick is a separate msgpack map on the channel ``/tick``, all of equal length. Format 1 lacks
 the columns that format 2 added, and its configuration has `haptics` in place of `[block] force`.
 """
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -14,14 +17,25 @@ from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
 from netboard.base.tick import TICK
-from netboard.recording.format.channels import unpack
+from netboard.recording.format.channels import CHANNELS, unpack
 
 TOPIC = "/tick"
 """Channel of the ticks in formats 1 and 2."""
 
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
+_DIFFERENCES_3 = {"vz": 2, "omega": 2, "vp": 4, "left_lead_ns": 0, "right_lead_ns": 0}
+"""Orders of the differences that format 4 changed."""
+
 _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
+
+
+def schema_3() -> bytes:
+    """Return the schema of the ticks in format 3, for files whose own is damaged."""
+    schema = json.loads(CHANNELS[0].schema())
+    for column in schema["columns"]:
+        column["differences"] = _DIFFERENCES_3.get(column["name"], column["differences"])
+    return json.dumps(schema | {"folded": False, "constants": [], "predictions": {}}).encode()
 
 
 def config_of(text: str, version: str) -> str:

@@ -18,7 +18,6 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
 from netboard.network.protocol.records import BLOCK_BEGAN
 from netboard.recording.files.reader import Recording
-from netboard.recording.format.channels import FORMAT_VERSION
 from netboard.recording.integrity.account import parts_of
 from netboard.recording.integrity.clock_check import check_clocks
 from netboard.recording.integrity.journal_check import check_journal, check_plan
@@ -163,8 +162,8 @@ def _configuration(evidence: Evidence) -> Iterator[Finding]:
     wrong = [
         f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key, value) != value
     ]
-    # Files of older versions are read with the keys of the current one.
-    if told and told[-1] != recording.config_text and said.get("format") == FORMAT_VERSION:
+    # Files of the first versions are read with the keys of the current one.
+    if told and told[-1] != recording.config_text and said.get("format") not in ("1", "2"):
         wrong.append("the server began the block with another configuration")
     if wrong:
         yield Finding(Severity.DAMAGE, f"contradicts the rest of the file: {'; '.join(wrong)}")

@@ -20,7 +20,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
-from netboard.base.errors import RecordingError
+from netboard.base.config import parse
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.base.tick import TICK
 from netboard.recording.files.provenance import (
     CONFIG_NAME,
@@ -32,23 +33,24 @@ from netboard.recording.files.provenance import (
     config_sha256,
 )
 from netboard.recording.format import older
-from netboard.recording.format.batches import Layout, TickStream, words_of
+from netboard.recording.format.batches import Layout, TickStream
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped
 from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.predictions import UNKNOWN, constants_of
 from netboard.recording.format.summary import Gap, find_gaps
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
 _COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
-_RECOVERABLE = ("2", FORMAT_VERSION)
+_RECOVERABLE = ("2", "3", FORMAT_VERSION)
 _CHUNK_BYTES = 2**18
 
 
 _TOPICS = {number: topic for topic, number in IDS.items()}
 _TICKS = CHANNELS[0].topic
 _COPIED = frozenset(IDS) - {_TICKS, "/plot"}
-_LAYOUT = Layout(CHANNELS[0].schema())
+_LAYOUT, _LAYOUT_3 = Layout(CHANNELS[0].schema()), Layout(older.schema_3())
 
 
 class Span(NamedTuple):
@@ -253,7 +255,7 @@ def _copy(
     counts: Counter[str] = Counter()
     numbers: list[int] = []
     out = PartFile(target, LIBRARY, _CHUNK_BYTES)
-    stream = TickStream(out, _CHUNK_BYTES)
+    stream = TickStream(out, _CHUNK_BYTES, _constants_of(config, version))
     log_ns = 0
     try:
         for name in _COPIED_METADATA:
@@ -289,7 +291,18 @@ def _rows_of(message: bytes, version: str) -> NDArray[Any]:
     """Decode the ticks in a message."""
     if version == "2":
         return older.ticks_of([message], version)
-    planes = _LAYOUT.planes(message)
-    rows = np.zeros(planes.shape[2], TICK)
-    _LAYOUT.read(planes, np.arange(len(planes)), words_of(rows))
+    columns = (_LAYOUT_3 if version == "3" else _LAYOUT).decode([message], TICK.names or ())
+    rows = np.zeros(len(columns["tick"]), TICK)
+    for name, column in columns.items():
+        rows[name] = column
     return rows
+
+
+def _constants_of(config: Attachment | None, version: str) -> dict[str, float]:
+    """Return the constants with which the columns of the new file are predicted."""
+    if config is None:
+        return UNKNOWN
+    try:
+        return constants_of(parse(older.config_of(config.data.decode(), version)))
+    except (ConfigError, UnicodeDecodeError):
+        return UNKNOWN
