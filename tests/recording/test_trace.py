@@ -55,7 +55,7 @@ CASES = {
     "shared": (Staged(server=[span(5)], agents={"left": [span(5)]}), "", 5.0),
     "short": (Staged(server=[span(0.53)]), "", 0.53),
     "agent": (Staged(agents={"left": [(AT - 600_000, AT + 4 * MS)]}), "left", 5.0),
-    "agents": (Staged(agents={side: [(AT - 600_000, AT + 9 * MS)] for side in SIDES}), "", 10.0),
+    "agents": (Staged(agents={side: [(AT - 600_000, AT + 9 * MS)] for side in SIDES}), "", 9.75),
     "network": (Staged(up={"right": [(AT - 400_000, AT + 4 * MS)]}), "right", 4.3),
     "away": (Staged(agents={"right": [(AT, AT + 200 * MS)]}), "right", 199.0),
     "throttle": (Staged(2000, server=[span(50), (AT + 999_600_000, AT + 1050 * MS)]), "", 50.0),

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard.base.config import SIDES
+from netboard.base.config import SIDES, Side
 from netboard.recording.timing.causes import CAUSES
 from netboard.recording.timing.stamps import UNKNOWN, Stamps, Times
 from netboard.recording.timing.trace import MS, Trace
@@ -95,7 +95,7 @@ def _draw_ticks(axis: Any, stamps: Stamps, rows: Times, zero_ns: int, limit_ns: 
     axis.plot(began[late], np.full(int(late.sum()), lane), "|", color=_LATE, markersize=16, markeredgewidth=2)
 
 
-def _draw_side(axis: Any, stamps: Stamps, side: str, rows: Times, zero_ns: int) -> None:
+def _draw_side(axis: Any, stamps: Stamps, side: Side, rows: Times, zero_ns: int) -> None:
     """Draw the samples of a side on their way to the server, and the forces on their way back."""
     one, lane, server = stamps.sides[side], _LANES[side], _LANES["server"]
     colour, edge = _COLOURS[side], server + (0.12 if lane > server else -0.12)
