@@ -1,9 +1,9 @@
 """Episodes of stutter, and what the stamps show of each: the evidence from which `causes` names the cause.
 
 A tick stutters if it began too late, if a side had no new sample for it, or if it closed a loop that took a tick longer
-than usual. Ticks that stutter in the same way within `JOIN_TICKS` of each other are one episode. Late ticks make
-samples miss their tick, and both make loops long, so an episode takes in what follows it within `AFTER_TICKS`. Of late
-ticks, the first one shows the cause; of the others, the missing sample, or the longest part of the long loop.
+than usual. Ticks that stutter in the same way within `JOIN_TICKS` of each other are one episode. A deadline miss makes
+samples miss their tick, and both make loops long, so an episode takes in what follows it within `AFTER_TICKS`. The
+first deadline miss of an episode shows its cause; without one, the missing sample does, or the longest part of a loop.
 
 An agent makes up for missed milliseconds at once, and the newest sample wins, so the stamps in the ticks hide a stall
 of an agent that has caught up. What the agent reports later (`/backfill`) shows it, for interruptions beyond 3 ms.
@@ -163,7 +163,7 @@ def runs(mask: Mask, join: int) -> Iterator[tuple[int, int]]:
 
 
 def _late(stamps: Stamps, first: int, last: int, stalls_ns: Times) -> Evidence:
-    """Return the evidence of an episode of late ticks."""
+    """Return the evidence of an episode of deadline misses."""
     began_ns, due_ns = stamps.began_ns, stamps.due_ns[first] - stamps.moved_ns[first]
     size_ns = int(stamps.late_ns[first : last + 1].max())
     before_ns = max(began_ns[max(first - 1, 0)], due_ns - TICK_NS)

@@ -122,7 +122,7 @@ def _draw_side(axis: Any, stamps: Stamps, side: Side, rows: Times, zero_ns: int)
 
 
 def _draw_histogram(axis: Any, found: Trace) -> None:
-    """Draw how late ticks begin."""
+    """Draw the distribution of the starts of ticks relative to their deadlines."""
     late = found.stamps.late_ns * MS
     high = max(float(late.max()), found.limit_ns * MS * 1.2)
     bins = np.linspace(min(float(late.min()), -0.6), min(high, 3.0), 120)

@@ -20,19 +20,19 @@ SERVER_PRIORITY = 99 - Priority.SERVER
 
 _SWITCH = re.compile(
     r"\[(?P<cpu>\d+)\]\s+\S+\s+(?P<seconds>\d+)\.(?P<micros>\d{6}): sched_switch: "
-    r"prev_comm=.* prev_pid=\d+ prev_prio=\d+ prev_state=\S+ ==> "
-    r"next_comm=(?P<name>.*) next_pid=(?P<pid>\d+) next_prio=(?P<priority>-?\d+)"
+    r"prev_comm=(?P<name>.*) prev_pid=(?P<pid>\d+) prev_prio=-?\d+ prev_state=\S+ ==> "
+    r"next_comm=.* next_pid=\d+ next_prio=(?P<priority>-?\d+)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A core begins to run a thread."""
+    """A core ends to run one thread and begins to run another."""
 
     time_ns: int
     cpu: int
-    thread: str
-    priority: int
+    thread: str  # the one that ran until now
+    priority: int  # that of the one that runs from now on
 
 
 def read(path: Path) -> list[Switch]:
@@ -63,12 +63,14 @@ def ran_instead(switches: list[Switch], due_ns: int, began_ns: int) -> Counter[s
     arrivals = [one for one in switches if one.priority == SERVER_PRIORITY and due_ns <= one.time_ns <= began_ns]
     if not arrivals:
         return None
-    server = arrivals[-1]
+    server = arrivals[0]
     mine = [one for one in switches if one.cpu == server.cpu and one.time_ns <= server.time_ns]
+    if mine[0].time_ns > due_ns:
+        return None
     took: Counter[str] = Counter()
     for one, after in pairwise(mine):
         if after.time_ns > due_ns:
-            took[one.thread] += after.time_ns - max(one.time_ns, due_ns)
+            took[after.thread] += after.time_ns - max(one.time_ns, due_ns)
     return took
 
 
