@@ -40,7 +40,7 @@ from netboard.services import (
     sessions,
     simulate,
     status,
-    trace,
+    tracing,
     up,
     whatif,
 )
@@ -88,7 +88,7 @@ RUNNING = (demo, up, server, agent, display, logger, lsl, console, status, contr
 OTHERS = (
     replay,
     info,
-    trace,
+    tracing,
     check,
     recover,
     sessions,

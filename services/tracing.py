@@ -14,6 +14,7 @@ app = typer.Typer()
 
 
 @app.command(
+    "trace",
     rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard trace S01.mcap",
