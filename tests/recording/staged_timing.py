@@ -37,6 +37,7 @@ class Staged:
     server: Spans = ()
     agents: Mapping[str, Spans] = field(default_factory=dict)
     up: Mapping[str, Spans] = field(default_factory=dict)
+    drift: Mapping[str, int] = field(default_factory=dict)  # shift of each of 80 samples, the other way in the next 80
 
     def rows(self) -> NDArray[np.void]:
         """Return the ticks."""
@@ -79,13 +80,15 @@ class Staged:
 
     def _samples(self, side: str) -> list[tuple[int, int]]:
         """When each sample is read, and when it is there to be taken."""
-        stalls, held, due, free, found = self.agents.get(side, ()), self.up.get(side, ()), -450_000, -MS, []
+        stalls, held, due, free = self.agents.get(side, ()), self.up.get(side, ()), -450_000, -MS
+        found: list[tuple[int, int]] = []
         while due < (self.ticks + 200) * MS:
             read = max(free, after(stalls, due))
             if read - due > 20 * MS:
                 due += (read - due) // MS * MS
             found.append((read, after(self.server, after(held, read + WAY))))
-            due, free = due + MS, read + BURST
+            shift = self.drift.get(side, 0) * ((300 <= len(found) < 380) - (380 <= len(found) < 460))
+            due, free = due + MS + shift, read + BURST
         return found
 
     @staticmethod

@@ -12,7 +12,7 @@ from netboard.base.tick import TICK_NS
 from netboard.recording.timing.evidence import Evidence
 
 BLOCK_TICKS = 50
-"""Ticks after the begin of a block in which the agents may still load it [1]."""
+"""Ticks after the begin of a block, or after an agent has joined, in which it may still be loaded [1]."""
 
 LONGEST_EVENT_NS = 100 * TICK_NS
 """Stall beyond which an event is not its cause: no event takes that long [ns]."""
@@ -32,7 +32,7 @@ class Cause:
 
 
 def _block_began(evidence: Evidence) -> bool:
-    return evidence.block_age <= BLOCK_TICKS
+    return evidence.load_age <= BLOCK_TICKS
 
 
 def _away(evidence: Evidence) -> bool:
@@ -72,7 +72,7 @@ def _network(evidence: Evidence) -> bool:
 CAUSES = (
     Cause(
         "block",
-        "block began",
+        "block began or agent joined",
         "Server and agents load the block in its first ticks; that does no harm unless a trial was running.",
         _block_began,
     ),
@@ -119,6 +119,12 @@ CAUSES = (
         lambda evidence: evidence.is_late,
     ),
     Cause(
+        "phase",
+        "agent out of step",
+        "Its samples arrive just after a tick, as after a stall or a connection; it corrects 5 us in each tick.",
+        lambda evidence: evidence.out_of_step or evidence.longest_part == "wait",
+    ),
+    Cause(
         "agents",
         "both agents stalled",
         "The agents share a core, or a machine: name a core for each loop (realtime.server_cpus, realtime.agent_cpus).",
@@ -135,12 +141,6 @@ CAUSES = (
         "samples late on the way",
         "Read on time, arrived late: use a dedicated wired network without interrupt coalescing (ethtool rx-usecs 0).",
         _network,
-    ),
-    Cause(
-        "phase",
-        "sample waited for its tick",
-        "The agent is out of step with the ticks, as after a stall or a connection; it corrects 5 us in each tick.",
-        lambda evidence: evidence.longest_part == "wait",
     ),
     Cause(
         "return",

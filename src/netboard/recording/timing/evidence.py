@@ -36,7 +36,10 @@ LEAST_EXCESS_NS = TICK_NS // 4
 """Smallest excess over an agent's interval that counts as a stall of the agent [ns]."""
 
 LONG_AGO = 2**31
-"""Ticks since the begin of a block that is not recorded [1]."""
+"""Ticks since an event that is not recorded [1]."""
+
+LOADS = {BLOCK_BEGAN: 0, "agent_joined": 20}
+"""Events with which agents load a block, and how many ticks later than that they are recorded, at most [1]."""
 
 _NOT_CAUSES = frozenset({"stood_still", BLOCK_BEGAN, "session_started"})
 
@@ -55,9 +58,10 @@ class Evidence:
     agents: Mapping[Side, AgentState] = field(default_factory=dict)  # whether agents sampled on time meanwhile
     repeats_each_second: bool = False
     events: tuple[str, ...] = ()  # recorded by the server between the last tick in time and the first late one
-    block_age: int = LONG_AGO  # ticks since the begin of the block
+    load_age: int = LONG_AGO  # ticks since a block began, or an agent joined
     away: bool = False
     missing: Side | None = None  # the side whose sample was missing, the one that was later
+    out_of_step: bool = False  # it missed its tick although it came less late than samples usually come early
     both_missing: bool = False  # the other side's sample was missing too, for at least half as long
     missing_ns: int = 0  # how much later than usual its next sample arrived
     read_late_ns: int = 0  # how much of that was read late
@@ -80,6 +84,7 @@ class Evidence:
 class Usual:
     """Medians of one side [ns]."""
 
+    early_ns: float
     up_ns: float
     wait_ns: float
     back_ns: float
@@ -87,10 +92,11 @@ class Usual:
 
 
 def usual(stamps: Stamps, side: SideStamps) -> Usual:
-    """Return the medians of a side: way to the server, wait for the tick, way back, loop."""
+    """Return the medians of the times of a side."""
     known = side.rendered_ns != UNKNOWN
     began_ns = stamps.began_ns
     parts = (
+        (stamps.due_ns - stamps.moved_ns - side.arrived_ns)[side.fresh],
         (side.arrived_ns - side.read_ns)[side.fresh],
         (began_ns - side.arrived_ns)[side.fresh],
         (side.rendered_ns - began_ns)[known],
@@ -119,8 +125,8 @@ def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
         _clear(slow.values(), first, last)
     for first, last in runs(slow["left"] | slow["right"], JOIN_TICKS):
         found.append(_slow(stamps, first, last, slow, medians))
-    ages = _block_ages(stamps)
-    return sorted((replace(one, block_age=int(ages[one.first])) for one in found), key=lambda one: one.first)
+    ages = _load_ages(stamps)
+    return sorted((replace(one, load_age=int(ages[one.first])) for one in found), key=lambda one: one.first)
 
 
 def _clear(masks: Iterable[Mask], first: int, last: int) -> None:
@@ -129,9 +135,10 @@ def _clear(masks: Iterable[Mask], first: int, last: int) -> None:
         mask[max(first - 1, 0) : last + 1 + AFTER_TICKS] = False
 
 
-def _block_ages(stamps: Stamps) -> Times:
-    """Return the ticks since the last begin of a block, at every tick; many before the first."""
-    begins = np.array([-LONG_AGO, *(event.tick for event in stamps.events if event.name == BLOCK_BEGAN)])
+def _load_ages(stamps: Stamps) -> Times:
+    """Return the ticks since a block began or an agent joined, at every tick; many before the first time."""
+    loads = [event.tick - LOADS[event.name] for event in stamps.events if event.name in LOADS]
+    begins = np.sort(np.array([-LONG_AGO, *loads]))
     ages: Times = stamps.tick - begins[np.searchsorted(begins, stamps.tick, side="right") - 1]
     return ages
 
@@ -215,7 +222,15 @@ def _missing(
             found.append((total_ns, side.late_reading(before, after), name))
     total_ns, read_ns, name = max(found)
     both = any(other != name and 2 * other_ns >= total_ns for other_ns, _, other in found)
-    return Evidence(first, last, missing=name, both_missing=both, missing_ns=max(total_ns, 0), read_late_ns=read_ns)
+    return Evidence(
+        first,
+        last,
+        missing=name,
+        both_missing=both,
+        out_of_step=total_ns < medians[name].early_ns,
+        missing_ns=max(total_ns, 0),
+        read_late_ns=read_ns,
+    )
 
 
 def _slow(
