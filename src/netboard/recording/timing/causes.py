@@ -71,16 +71,16 @@ def _network(evidence: Evidence) -> bool:
 
 CAUSES = (
     Cause(
-        "block",
-        "block began or agent joined",
-        "Server and agents load the block in its first ticks; that does no harm unless a trial was running.",
-        _block_began,
-    ),
-    Cause(
         "away",
         "agent away",
         "Look at agent_left, agent_joined and the agent's log: it was stopped, lost its device, or its connection.",
         _away,
+    ),
+    Cause(
+        "block",
+        "block began or agent joined",
+        "Server and agents load the block in its first ticks; that does no harm unless a trial was running.",
+        _block_began,
     ),
     Cause(
         "throttle",

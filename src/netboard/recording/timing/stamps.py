@@ -100,7 +100,7 @@ def stamps_from(
         for side in SIDES
     }
     if not any((one.seq >= 0).any() for one in sides.values()):
-        raise RecordingError(f"{name}: contains no sample of any agent; a trace needs a session with devices")
+        raise RecordingError(f"{name}: contains no sample of an agent; a trace needs a live session with devices")
     return Stamps(
         tick,
         time_ns,
@@ -119,6 +119,9 @@ def _side(
 ) -> SideStamps:
     """Return the stamps of one side. ``due_ns``: deadlines as they were when the samples arrived."""
     seq, read_ns, lead_ns, loop_ns = (columns[f"{side}_{name}"] for name in _SIDE)
+    ages_ns = (columns["time_ns"] - read_ns)[seq >= 0]
+    if ages_ns.size > 1 and np.ptp(ages_ns) == 0:  # no clock keeps this: a robot in the server moves this side
+        seq = np.full_like(seq, -1)
     steps = np.diff(seq, prepend=seq[0])
     fresh = (seq >= 0) & ((steps != 0) | ~follows)
     newest = np.maximum.accumulate(np.where(fresh, np.arange(seq.size), 0))
