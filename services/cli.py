@@ -40,6 +40,7 @@ from netboard.services import (
     sessions,
     simulate,
     status,
+    tracing,
     up,
     whatif,
 )
@@ -87,6 +88,7 @@ RUNNING = (demo, up, server, agent, display, logger, lsl, console, status, contr
 OTHERS = (
     replay,
     info,
+    tracing,
     check,
     recover,
     sessions,

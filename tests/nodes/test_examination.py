@@ -38,7 +38,7 @@ def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def woken(p999_us: float, scheduling: str = "ok") -> Woken:
-    return Woken({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us)
+    return Woken({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us, 1, 1000)
 
 
 @pytest.mark.parametrize(("p999_us", "colour"), [(120.0, "green"), (800.0, "yellow"), (1500.0, "red")])

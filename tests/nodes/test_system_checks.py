@@ -7,8 +7,9 @@ import pytest
 
 from netboard.base.finding import Finding
 from netboard.base.process import OFF, OK
+from netboard.base.tables.rig import Network
 from netboard.devices.setup import usb
-from netboard.nodes.doctor import system
+from netboard.nodes.doctor import network, system
 
 
 def write(root: Path, **files: str) -> Path:
@@ -90,6 +91,55 @@ def test_deep_sleep_of_cores_matters_unless_it_is_kept_away(tmp_path: Path) -> N
 def test_clock_source(tmp_path: Path, source: str, colour: str) -> None:
     write(tmp_path, sys__devices__system__clocksource__clocksource0__current_clocksource=source)
     assert system.clock_source(tmp_path).colour == colour
+
+
+@pytest.mark.parametrize(("flags", "colour"), [("fpu tsc sse", "green"), ("fpu hypervisor sse", "yellow")])
+def test_a_virtual_machine_is_told(tmp_path: Path, flags: str, colour: str) -> None:
+    write(tmp_path, proc__cpuinfo=f"processor : 0\nflags : {flags}\n")
+    assert system.virtual_machine(tmp_path).colour == colour
+
+
+def test_each_loop_and_the_rest_of_the_system_want_a_core() -> None:
+    assert system.cores(range(4)).colour == "green"
+    assert system.cores(range(3)).colour == "yellow"
+    assert "needs 4" in system.cores([0]).advice
+
+
+def test_an_isolated_core_is_of_use_only_to_a_loop_that_is_on_it(tmp_path: Path) -> None:
+    assert system.isolation("3", range(4), tmp_path).colour == "yellow"
+    assert system.isolation("1", range(2), tmp_path).colour == "green"
+    write(tmp_path, sys__devices__system__cpu__isolated="2-3")
+    assert system.isolation("3", range(2), tmp_path).colour == "green"
+    for server in ("1", ""):
+        assert system.isolation(server, range(2), tmp_path).advice == '[realtime] server_cpus = "2-3"'
+
+
+def cards(root: Path) -> Path:
+    """A machine with two cards, one of them wireless, one that is down, and a loopback."""
+    write(
+        root,
+        **{f"{name}__operstate": state for name, state in (("eth0", "up"), ("wlan0", "up"), ("eth1", "down"))},
+        **{f"{name}__device__x": "" for name in ("eth0", "wlan0", "eth1")},
+        wlan0__wireless__x="",
+        lo__operstate="unknown",
+    )
+    return root
+
+
+def test_a_network_card_that_delays_frames_is_told(tmp_path: Path) -> None:
+    outside = Network(bind="192.0.2.1", host="192.0.2.1")
+    assert network.card(Network(), cards(tmp_path)).colour == "green"
+    assert network.card(outside, tmp_path).found == "wlan0: wireless"
+    (tmp_path / "wlan0" / "operstate").write_text("down")
+    slow = network.card(outside, tmp_path, lambda name: 50)
+    assert (slow.colour, slow.advice) == ("yellow", "ethtool -C eth0 rx-usecs 0")
+    assert network.card(outside, tmp_path, lambda name: 0).found == "delay of interrupts: eth0: 0 us"
+    assert network.card(outside, tmp_path, lambda name: None).colour == "green"
+    assert network.card(outside, tmp_path / "nowhere").found == "no network card is up"
+
+
+def test_a_card_that_is_not_there_says_nothing() -> None:
+    assert network.coalescing_us("nosuchcard0") is None
 
 
 @pytest.mark.parametrize("judge", [system.scheduling, system.memory])

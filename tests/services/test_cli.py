@@ -22,7 +22,20 @@ from netboard.services.demo import demo_settings
 
 runner = CliRunner()
 COMMANDS = (
-    *("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench"),
+    *(
+        "server",
+        "agent",
+        "display",
+        "logger",
+        "replay",
+        "demo",
+        "info",
+        "trace",
+        "recover",
+        "config",
+        "simulate",
+        "bench",
+    ),
     *("up", "status", "doctor", "keys", "devices", "cohort", "power"),
 )
 BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz", "recovery", "recording")

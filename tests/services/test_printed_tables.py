@@ -134,6 +134,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+def late(folder: Path) -> Path:
+    """A recording with several episodes of each of two causes."""
+    path, rows = folder / "late.mcap", proofs.rows()
+    for at in (700, 710, 720):
+        rows["late_ns"][at] = 5_000_000
+        rows["left_loop_ns"][at + 100] += 5_000_000
+    rows["left_stamp_ns"] -= rows["tick"] % 2  # else it is a robot's
+    return path if path.exists() else proofs.write(path, rows)
+
+
 def cases(folder: Path) -> list[Callable[[int], str]]:
     """Everything that prints a table."""
     recording = str(min((folder / "rec").iterdir()))
@@ -157,6 +167,7 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
         running("sessions", str(folder / "rec")),
         running("whatif", recording, "--set", "physics.k_h=400"),
         running("replay", recording, "--markers"),
+        running("trace", str(late(folder)), "--scheduler", str(Path(__file__).parent.parent / "data/sched_switch.txt")),
         running("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
         running("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *all_of_them),
         running("keys", "list", *keys),

@@ -4,8 +4,11 @@ Two sockets of this process exchange stamps over loopback, through ZeroMQ, as se
 Both ends use one clock, so the offset found must be 0 within the bound. Between machines no bound can be smaller.
 """
 
+import array
 import errno
 import socket as net
+import struct
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,15 +16,22 @@ from typing import TypeVar
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.finding import Finding
+from netboard.base.finding import Finding, text_of
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.transport import channels, poller, sockets
 
+if sys.platform != "win32":
+    import fcntl
+
 LOOPBACK = "127.0.0.1"
 PATIENCE_NS = 5_000_000_000
 """Timeout for one frame over loopback [ns]."""
+
+NET = Path("/sys/class/net")
+SIOCETHTOOL, ETHTOOL_GCOALESCE, COALESCE_WORDS = 0x8946, 0x0E, 23
+"""Linux's request for a network card's interrupt coalescing, and the 32-bit words of the answer."""
 
 T = TypeVar("T")
 
@@ -124,3 +134,33 @@ def secrets(network: Network) -> Finding:
         advice = "at the server: netboard keys init; at a station: bring the files that netboard keys add made for it"
         return Finding(name, "red", f"none in {folder}", advice)
     return Finding(name, "green", f"{', '.join(found)} in {folder}")
+
+
+def card(network: Network, folder: Path = NET, delay_us: Callable[[str], int | None] | None = None) -> Finding:
+    """Check whether the network cards delay frames: wireless ones, and those that collect interrupts."""
+    name = "network card"
+    if network.transport != "tcp" or (keys.local(network.bind) and keys.local(network.host)):
+        return Finding(name, "green", "none in use: server and agents share this machine")
+    up = [one.parent for one in sorted(folder.glob("*/device")) if text_of(one.parent / "operstate") == "up"]
+    if wireless := [one.name for one in up if (one / "wireless").exists()]:
+        return Finding(name, "yellow", f"{', '.join(wireless)}: wireless", "connect server and agents by cable")
+    delays = {one.name: (delay_us or coalescing_us)(one.name) for one in up}
+    found = ", ".join(f"{card}: {'?' if us is None else us} us" for card, us in delays.items())
+    if slow := [card for card, us in delays.items() if us]:
+        advice = "; ".join(f"ethtool -C {card} rx-usecs 0" for card in slow)
+        return Finding(name, "yellow", f"interrupts are delayed: {found}", advice)
+    return Finding(name, "green", f"delay of interrupts: {found}" if found else "no network card is up")
+
+
+def coalescing_us(card: str) -> int | None:
+    """Return by how much a card may delay the interrupt of a received frame [us]; None if it does not say."""
+    if sys.platform != "linux":
+        return None
+    words = array.array("I", [ETHTOOL_GCOALESCE] + [0] * (COALESCE_WORDS - 1))
+    request = struct.pack("16sP", card.encode(), words.buffer_info()[0])
+    try:
+        with net.socket(net.AF_INET, net.SOCK_DGRAM) as probe:
+            fcntl.ioctl(probe, SIOCETHTOOL, request)
+    except OSError:
+        return None
+    return words[1]

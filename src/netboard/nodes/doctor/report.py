@@ -17,7 +17,7 @@ from netboard.base.errors import NetboardError
 from netboard.base.finding import Finding
 from netboard.base.process import OFF, OK, cpus_for
 from netboard.devices.setup import usb
-from netboard.nodes.doctor import disk, network, software, system, timing
+from netboard.nodes.doctor import disk, exchange, network, prediction, software, system, timing
 
 Progress = Callable[[float], None]
 Step = Callable[[Progress], list[Finding]]
@@ -30,7 +30,7 @@ FORMAT = 1
 class Effort:
     """How thorough an examination is."""
 
-    timer_seconds: float  # duration of each of the two timer tests [s]
+    timer_seconds: float  # duration of each of the two timer tests, and of the exchange [s]
     exchanges: int
     chunks: int
 
@@ -86,9 +86,16 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             system.governor(),
             system.preemption(),
             system.clock_source(),
+            system.virtual_machine(),
+            system.cores(system.usable_cpus()),
+            system.isolation(cpus_for("server", config.realtime), system.usable_cpus()),
         ],
         "clock": lambda progress: [network.clock_bound(config.network, effort.exchanges, progress)],
-        "network": lambda progress: [network.ports(config.network), network.secrets(config.network)],
+        "network": lambda progress: [
+            network.ports(config.network),
+            network.secrets(config.network),
+            network.card(config.network),
+        ],
         "disk": lambda progress: [
             disk.space(config.recording),
             disk.speed(config.recording, effort.chunks, progress),
@@ -99,9 +106,9 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
 
 
 def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Finding]:
-    """Test a loop with the server's settings and one with none, and report which settings were granted."""
+    """Test a loop with the server's settings and one with none; report which were granted, and predict the loop."""
     wanted = config.realtime
-    real = timing.measure(wanted, effort.timer_seconds, lambda done: progress(done / 2))
+    real = timing.measure(wanted, effort.timer_seconds, lambda done: progress(done / 3))
     yield system.scheduling(real.came["scheduling"])
     yield system.memory(real.came["memory"])
     yield system.core_sleep(real.came["core_sleep"] == OK)
@@ -109,8 +116,10 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
         yield system.cpus(cpus_for("server", wanted), real.came["cpus"])
     yield timing.verdict(real)
     plain = replace(wanted, scheduling=False, lock_memory=False)
-    usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 2))
+    usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 3))
     yield timing.comparison(usual)
+    exchanged = exchange.measure(wanted, effort.timer_seconds, lambda done: progress((2 + done) / 3))
+    yield prediction.finding(prediction.predict(exchanged, real.missed, real.ticks))
 
 
 def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:
@@ -120,7 +129,7 @@ def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]
         follow(what, 0.0)
         findings += step(lambda done, what=what: follow(what, done))  # type: ignore[misc]
         follow(what, 1.0)
-    return Report(datetime.now(UTC).isoformat(timespec="seconds"), machine(), tuple(findings))
+    return Report(datetime.now(UTC).isoformat(timespec="seconds"), machine(), tuple(prediction.with_limits(findings)))
 
 
 def machine() -> dict[str, str]:

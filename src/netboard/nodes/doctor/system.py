@@ -4,11 +4,13 @@ All of it is read from /proc, /sys and /dev below a root that a test may choose.
 does not have that setting.
 """
 
+import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 from netboard.base.finding import Finding, text_of
-from netboard.base.process import OFF, OK
+from netboard.base.process import OFF, OK, PLACES, cpu_set
 
 ROOT = Path("/")
 NOT_OFFERED = "not offered here"
@@ -70,6 +72,40 @@ def preemption(root: Path = ROOT) -> Finding:
     if model in {"none", "voluntary"} or "PREEMPT" not in version:
         return Finding(name, "yellow", model or "none", "boot with preempt=full, or a PREEMPT_RT kernel")
     return Finding(name, "green", model or ("chosen at boot" if "PREEMPT_DYNAMIC" in version else "full"))
+
+
+def virtual_machine(root: Path = ROOT) -> Finding:
+    """Check whether a host may take the cores away from this machine, which no setting in it can prevent."""
+    name = "virtual machine"
+    if "hypervisor" not in text_of(root / "proc/cpuinfo").split():
+        return Finding(name, "green", "no")
+    return Finding(name, "yellow", "yes", "run server and agents on physical machines, or pin its cores on the host")
+
+
+def usable_cpus() -> list[int]:
+    """Return the CPUs that this process may use."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
+def cores(have: Collection[int]) -> Finding:
+    """Check whether server and agents can have a core each, and the rest of the system another."""
+    if len(have) > len(PLACES):
+        return Finding("cores", "green", f"{len(have)}")
+    advice = f"a server with both agents needs {len(PLACES) + 1}: use a larger machine, or one machine for each station"
+    return Finding("cores", "yellow", f"{len(have)}", advice)
+
+
+def isolation(server: str, have: Collection[int], root: Path = ROOT) -> Finding:
+    """Check whether the server has a core on which the kernel places nothing else; ``server``: its CPUs."""
+    name = "isolated cores"
+    isolated = text_of(root / "sys/devices/system/cpu/isolated")
+    if not isolated:
+        if len(have) <= len(PLACES):
+            return Finding(name, "green", "none; there are too few to spare any")
+        return Finding(name, "yellow", "none", "boot with isolcpus=, and name these cores in [realtime] server_cpus")
+    if server and cpu_set(server) <= cpu_set(isolated):
+        return Finding(name, "green", f"{isolated}; the server is on {server}")
+    return Finding(name, "yellow", f"{isolated}, but not the server's", f'[realtime] server_cpus = "{isolated}"')
 
 
 def core_sleep(granted: bool, root: Path = ROOT) -> Finding:

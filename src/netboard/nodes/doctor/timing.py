@@ -41,6 +41,8 @@ class Woken:
     p99_us: float
     p999_us: float
     max_us: float
+    missed: int  # ticks of which the wake-up came a whole tick late or more
+    ticks: int
 
 
 def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Woken:
@@ -108,7 +110,8 @@ def main(asked: dict[str, Any]) -> None:
     steady_loop()
     lateness(WARM_UP_TICKS)
     late = lateness(round(asked["seconds"] * 1000))
-    sys.stdout.write(json.dumps({"came": came, **percentiles(late)}))
+    missed = sum(one > TICK_NS for one in late)
+    sys.stdout.write(json.dumps({"came": came, **percentiles(late), "missed": missed, "ticks": len(late)}))
 
 
 if __name__ == "__main__":

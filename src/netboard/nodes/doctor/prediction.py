@@ -1,0 +1,102 @@
+"""Predicts the loop that this machine will hold, from a probe of some seconds, and says what limits it.
+
+The exchange over loopback (`netboard.nodes.doctor.exchange`) gives wake-ups and ways; each measured millisecond becomes
+a loop by the rules of a session: a tick begins when both samples are there, and at its deadline otherwise. The work
+that the exchange leaves out is added as a constant (`WORK_US`), measured on one machine and scaled by the CPU time of
+an exchange. Deadline misses are those of the timer. Pure: measurements in, findings out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from netboard.base.finding import Colour, Finding
+from netboard.nodes.doctor.exchange import Exchanged
+
+LOOP = "predicted loop"
+"""Name of the finding."""
+
+LEAD_NS = 300_000
+"""How long before a deadline agents let their samples arrive: `netboard.nodes.agent.agent.LEAD_NS` [ns]."""
+
+WORK_US, WORK_EXCHANGE_US = 159.0, 66.5
+"""Work of a loop beside its exchange, and the server's CPU time for an exchange, on the machine of latency.md [us].
+
+By `docs/data/loop.json`: the median loop of 372 without the echo of 195 and the wait for the other sample of 18, so
+with the contention of a session's processes; and 13.3 % of a core for 2000 exchanges a second.
+"""
+
+MANY = 100_000
+GOOD_MS, GOOD_MISSED = 1.0, 100.0
+"""Limits of green: 99 % of the loops within a tick [ms], and one tick in a thousand missed, of 100 000 [1]."""
+
+LEVEL = 0.95
+"""Level of the confidence interval of the misses."""
+
+LIMITS = (
+    *("real-time scheduling", "real-time throttle", "virtual machine", "cores", "kernel preemption", "isolated cores"),
+    *("CPU governor", "sleep of cores", "timer slack", "locked memory", "network card", "clock source"),
+)
+"""Findings that limit a loop, the one that usually matters most first."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted loop of a machine."""
+
+    # Median and 99 % quantile of the sample-to-force latency [ms].
+    p50_ms: float
+    p99_ms: float
+    missed: float  # deadline misses of 100 000 ticks, with their exact Poisson interval at `LEVEL` [1]
+    missed_low: float
+    missed_high: float
+
+
+def predict(exchanged: Exchanged, missed: int, ticks: int) -> Prediction:
+    """Predict the loop. ``missed``, ``ticks``: what a timer missed, of how many [1]."""
+    p50, p99 = np.percentile(loops_ns(exchanged), (50, 99)) * 1e-6
+    scale = MANY / ticks
+    low = chi2.ppf((1 - LEVEL) / 2, 2 * missed) / 2 if missed else 0.0
+    high = chi2.ppf((1 + LEVEL) / 2, 2 * (missed + 1)) / 2
+    return Prediction(float(p50), float(p99), missed * scale, float(low) * scale, float(high) * scale)
+
+
+def loops_ns(exchanged: Exchanged) -> NDArray[np.float64]:
+    """Return the sample-to-force latencies that follow from the exchanges, of both sides [ns]."""
+    arrived = exchanged.woke_ns + exchanged.up_ns
+    due = np.median(arrived) + LEAD_NS
+    wakes = np.maximum(exchanged.woke_ns[0], exchanged.woke_ns[1])
+    begun = np.minimum(arrived.max(axis=0), due + wakes)
+    in_time = arrived <= begun  # a sample that misses its tick is overtaken by the next one
+    work_ns = 1e3 * WORK_US * exchanged.server_us / WORK_EXCHANGE_US
+    took: NDArray[np.float64] = (begun - exchanged.woke_ns + exchanged.down_ns)[in_time] + work_ns
+    return took
+
+
+def finding(found: Prediction) -> Finding:
+    """Judge a prediction."""
+    good = found.p99_ms <= GOOD_MS and found.missed <= GOOD_MISSED
+    colour: Colour = "green" if good else "yellow"
+    told = (
+        f"sample to force p50 {found.p50_ms:.2f}, p99 {found.p99_ms:.2f} ms; of {MANY} ticks "
+        f"{found.missed:.0f} missed ({LEVEL:.0%} CI {found.missed_low:.0f} to {found.missed_high:.0f})"
+    )
+    figures = {
+        "p50_ms": found.p50_ms,
+        "p99_ms": found.p99_ms,
+        "missed": found.missed,
+        "missed_low": found.missed_low,
+        "missed_high": found.missed_high,
+    }
+    return Finding(LOOP, colour, told, "" if good else "see docs/how-to/real-time.md", figures)
+
+
+def with_limits(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings in which a prediction that is not green names what limits the loop."""
+    flagged = {one.name for one in findings if one.colour != "green"}
+    limits = [name for name in LIMITS if name in flagged]
+    advice = f"limited by {', '.join(limits)}" if limits else "nothing here limits it: find what else runs"
+    return [replace(one, advice=advice) if one.name == LOOP and one.colour != "green" else one for one in findings]
