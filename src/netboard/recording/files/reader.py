@@ -44,7 +44,7 @@ READABLE = ("1", "2", "3", FORMAT_VERSION)
 
 _TICKS = CHANNELS[0].topic
 _THREADS = 2
-_LEAST_SHARE, _MOST_SHARE = 8, 64
+_LEAST_SHARE, _MOST_SHARE = 8, 24
 _PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 

@@ -207,7 +207,7 @@ class TickStream:
         }
         chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
         self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
-        with np.errstate(over="ignore"):
+        with np.errstate(all="ignore"):
             plotted = rows[list(_PLOT.names or ())][rows["tick"] % PLOTTED_EVERY == 0].astype(_PLOT)
         for row in plotted:
             # By its number: across a stall of the server, tick times differ by more than the log times do.
