@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import inlined, kernel
+from netboard.base.compiled import inlined, kernel, machine_code
 from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
@@ -586,6 +586,9 @@ class Brain:
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
         awake(self.mind[0], self.person[0], rng)
+        # Looking its code up by the types of its arguments would take longer than deciding.
+        mind, person, shown = self.mind[0], self.person[0], self._glimpse[0]
+        self._decide = machine_code(decide, mind, person, rng, 0.0, shown, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Run `think` if `THINK_EVERY` has passed since the last decision; may be called at any rate.
@@ -626,7 +629,7 @@ class Brain:
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt
         mind, person, shown = self.mind[0], self.person[0], self._glimpse[0]
-        count = decide(mind, person, self._rng, now, shown, force, self._moves)
+        count = self._decide(mind, person, self._rng, now, shown, force, self._moves)
         return tuple(
             Submovement(SIDES[move["side"]], float(move["start"]), float(move["duration"]), float(move["displacement"]))
             for move in self._moves[:count]

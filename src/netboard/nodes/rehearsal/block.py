@@ -86,9 +86,9 @@ def _loop(
             apply_force(bodies, side, coming, words, numbers, place)
         if tick % THINK_TICKS == 0:
             for which in range(len(hands)):
-                late = tick - newest_seen(minds[which], tick)
+                late = tick - newest_seen(minds[which][5], tick)
                 if late <= min(tick, THINK_TICKS):  # otherwise the view is not new
-                    see(minds[which], words[place - late], numbers[place - late])
+                    see(minds[which][3], minds[which][4], words[place - late], numbers[place - late])
                 felt = bodies[hands[which]]["device"]["wanted"]
                 begun = think(minds[which], words[place], felt)
                 plan(bodies, minds[which][8], begun)

@@ -33,6 +33,8 @@ class Robot:
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
         self._body = Body(config, side, who, np.random.default_rng((*seed, 0)))
         self._mind = None if who is None else Mind(config, who, side, (side,), np.random.default_rng((*seed, 1)))
+        if self._mind is not None:
+            self._mind.warm()
 
     def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
         """Fill in the sample of a tick: live flag, sequence number, stamp, height and velocity.
