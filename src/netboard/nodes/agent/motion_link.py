@@ -1,7 +1,7 @@
 """The agent's endpoint of the motion channel: says hello until welcomed, sends samples, keeps the newest answer.
 
 Compiled code handles the frames that come a thousand times a second, from the sleep until they arrive on; all others
-are decoded as messages. Nothing here waits longer than it is told to, or knows the device.
+are decoded as messages. Nothing here waits longer than asked, or knows the device.
 """
 
 import logging
@@ -69,7 +69,7 @@ LINK = np.dtype(
 
 
 def empty() -> NDArray[Any]:
-    """Return the state of a link that has heard nothing."""
+    """Return the state of a link without any message."""
     state = np.zeros(1, LINK)
     state[0]["received_ns"], state[0]["looped"] = NEVER_NS, -1
     return state
