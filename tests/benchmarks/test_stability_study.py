@@ -101,7 +101,7 @@ def test_forces_where_the_board_tilts_far() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(3, of="quick benchmarks")
+@pytest.mark.daily(2, of="quick benchmarks")
 def test_energy_of_an_undamped_board() -> None:
     part = energy_drift(20_000, ["euler", "rk4", "midpoint", "etdrk4"])
     assert part.holds, part.verdicts
@@ -138,7 +138,7 @@ def test_odd_hands_through_the_live_tick() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "lagrangian"])
-@pytest.mark.daily(3, of="quick benchmarks")
+@pytest.mark.daily(2, of="quick benchmarks")
 def test_a_little_soaking(name: str) -> None:
     found = soak_kind(KINDS[name], 300_000, seed=5, scenes=16)
     assert found.steps >= 300_000

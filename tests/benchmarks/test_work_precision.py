@@ -215,7 +215,7 @@ def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(3, of="quick benchmarks")
+@pytest.mark.daily(2, of="quick benchmarks")
 def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
     wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)

@@ -24,7 +24,7 @@ from netboard.physics.methods.semilinear import remainder
 from netboard.physics.scene.linear import scene_matrix
 
 SCRIPT = Path(__file__).with_name("exponential_bits.py")
-BITS = daily.some("bits of exponential methods", CASES, 5)
+BITS = daily.some("bits of exponential methods", CASES, 2)
 KINDS: dict[str, dict[str, Any]] = {
     "both hands": {},
     "one hand, two balls, friction": {"coupling": "left", "balls": 2, "b_z": 0.3, "b_theta": 0.001},
