@@ -109,8 +109,6 @@ def phi(a: NDArray[np.float64], h: float, last: int) -> NDArray[np.float64]:
     ----------
     a : ndarray of float64, shape (n, n)
         Matrix of a linear system x' = a x [SI].
-    h : float
-        Length of a step [s].
     last : int
         Number k of the last function [1].
 
@@ -159,8 +157,6 @@ def integrals(
     ----------
     a : ndarray of float64, shape (n, n)
         Matrix of the system x' = a x [SI].
-    h : float
-        Step size [s].
     end : Decimal
         How much of the step, or how many of them [1].
     polynomials : sequence of sequence of Decimal

@@ -122,10 +122,6 @@ def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Part
         Heights of the styluses [m].
     p : tuple of float
         The balls along the board [m].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -170,10 +166,6 @@ def heave_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]
     ----------
     balls : int
         How many there are; by Lagrange, they are at the board's centre and add their mass to M [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -198,10 +190,6 @@ def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, compl
     balls : int
         How many there are; by Lagrange, fixed ones are at the board's centre and above it, and add to I what they turn
         and take from the stiffness what they tip [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -232,10 +220,6 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     ----------
     balls : int
         How many there are, at the same place [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------

@@ -130,11 +130,6 @@ class Loop:
 def loop_matrix(loop: Loop) -> Matrix:
     """Return the matrix of one tick of a loop.
 
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-
     Returns
     -------
     ndarray of float64, shape (n, n)
@@ -147,11 +142,6 @@ def loop_matrix(loop: Loop) -> Matrix:
 def growth(loop: Loop) -> float:
     """Return the spectral radius of a tick: the loop is stable if it is at most 1.
 
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-
     Returns
     -------
     float
@@ -162,11 +152,6 @@ def growth(loop: Loop) -> float:
 
 def turning(loop: Loop) -> float:
     """Return the frequency of the dominant mode, which decays last or grows first.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
 
     Returns
     -------
@@ -179,13 +164,7 @@ def turning(loop: Loop) -> float:
 
 
 def is_stable(loop: Loop) -> bool:
-    """Tell whether a loop is stable.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-    """
+    """Tell whether a loop is stable."""
     return growth(loop) <= 1.0 + ROUNDING
 
 
@@ -194,8 +173,6 @@ def delayed(loop: Loop, up: int, down: int) -> Loop:
 
     Parameters
     ----------
-    loop : Loop
-        The loop.
     up, down : int
         Delay to the server and back [ms].
     """
@@ -332,11 +309,6 @@ def ends_of(physics: Physics) -> dict[str, End]:
     """Return the end of the board as seen by each hand, linearised about the level board without balls.
 
     Both hands have half the board each, where they move alike and where they move against each other.
-
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
 
     Returns
     -------
