@@ -2,7 +2,8 @@
 
 Read from the syntax trees, so that it does not matter what a decorator makes of a function. A quantity is what is
 annotated with ``float``, ``int`` or ``NDArray``; its description ends with ``[unit]``, ``[1]`` for a pure number. An
-array of records is exempt, for its fields have their own, and so is what may be text as well.
+array of records is exempt, for its fields have their own, and so is what may be text as well. An argument that means
+the same throughout a package may be described once, in the Parameters of the package's docstring, or of the wing's.
 """
 
 import ast
@@ -28,6 +29,7 @@ RECORDS = re.compile(r"\b(ndarray|array|row) of [A-Z]+\b|\b[A-Z]+ (record|row)\b
 UNIT = re.compile(r"\[[^\[\]]+\]\.?$")
 HEADER = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+Described = dict[str, tuple[str, str]]
 
 
 def sections(docstring: str) -> dict[str, str]:
@@ -56,9 +58,24 @@ def decorators(node: Function | ast.ClassDef) -> str:
     return " ".join(ast.unparse(decorator) for decorator in node.decorator_list)
 
 
-def check_entries(where: str, section: str, annotations: dict[str, str]) -> Iterator[str]:
+def described_in(section: str) -> Described:
+    """Type and description of each name of a section."""
+    return {name: (kind, text) for names, kind, text in entries(section) for name in names}
+
+
+def shared_of(path: Path) -> Described:
+    """What the packages round a module describe for all their functions."""
+    found: Described = {}
+    for folder in (path.parent.parent, path.parent):
+        package = folder / "__init__.py"
+        docstring = ast.get_docstring(ast.parse(package.read_text(encoding="utf-8"))) if package.exists() else None
+        found |= described_in(sections(docstring or "").get("Parameters", ""))
+    return found
+
+
+def check_entries(where: str, section: str, annotations: dict[str, str], shared: Described) -> Iterator[str]:
     """Complain about what a section leaves out, and about quantities without a unit."""
-    described = {name: (kind, text) for names, kind, text in entries(section) for name in names}
+    described = shared | described_in(section)
     for name, annotation in annotations.items():
         if name not in described:
             yield f"{where}: {name} is not described"
@@ -68,7 +85,7 @@ def check_entries(where: str, section: str, annotations: dict[str, str]) -> Iter
             yield f"{where}: {name} has no [unit] at its end: {text!r}"
 
 
-def check_function(where: str, node: Function) -> Iterator[str]:
+def check_function(where: str, node: Function, shared: Described) -> Iterator[str]:
     docstring = ast.get_docstring(node)
     if not docstring:
         yield f"{where}: no docstring"
@@ -80,7 +97,7 @@ def check_function(where: str, node: Function) -> Iterator[str]:
         for argument in arguments
         if argument is not None and argument.arg not in ("self", "cls")
     }
-    yield from check_entries(where, parts.get("Parameters", ""), annotations)
+    yield from check_entries(where, parts.get("Parameters", ""), annotations, shared)
     returned = ast.unparse(node.returns) if node.returns else ""
     if not is_quantity(returned):
         return
@@ -93,7 +110,7 @@ def check_function(where: str, node: Function) -> Iterator[str]:
         yield f"{where}: a quantity is returned, and neither Returns nor the summary gives its [unit]"
 
 
-def check_class(where: str, node: ast.ClassDef) -> Iterator[str]:
+def check_class(where: str, node: ast.ClassDef, shared: Described) -> Iterator[str]:
     docstring = ast.get_docstring(node)
     if not docstring:
         yield f"{where}: no docstring"
@@ -106,27 +123,27 @@ def check_class(where: str, node: ast.ClassDef) -> Iterator[str]:
     described_elsewhere = any("__pydantic_config__" in ast.unparse(item) for item in node.body)
     if "dataclass" in decorators(node) and not described_elsewhere:
         parts = sections(docstring)
-        yield from check_entries(where, parts.get("Attributes", parts.get("Parameters", "")), fields)
+        yield from check_entries(where, parts.get("Attributes", parts.get("Parameters", "")), fields, {})
     for item in node.body:
         if isinstance(item, Function) and is_public(item.name) and ".setter" not in decorators(item):
-            yield from check_function(f"{where}.{item.name}", item)
+            yield from check_function(f"{where}.{item.name}", item, shared)
 
 
-def complaints(text: str) -> list[str]:
+def complaints(text: str, shared: Described | None = None) -> list[str]:
     """Everything that is wrong with the docstrings of a module."""
     module = ast.parse(text)
     found = [] if ast.get_docstring(module) else ["the module has no docstring"]
     for node in module.body:
         if isinstance(node, Function) and is_public(node.name):
-            found += check_function(node.name, node)
+            found += check_function(node.name, node, shared or {})
         elif isinstance(node, ast.ClassDef) and is_public(node.name):
-            found += check_class(node.name, node)
+            found += check_class(node.name, node, shared or {})
     return found
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_docstrings(path: Path) -> None:
-    assert complaints(path.read_text(encoding="utf-8")) == []
+    assert complaints(path.read_text(encoding="utf-8"), shared_of(path)) == []
 
 
 GOOD = '''"""A module."""
@@ -184,3 +201,10 @@ def test_a_good_module_passes() -> None:
 def test_what_is_missing_is_found(right: str, wrong: str, complaint: str) -> None:
     assert right in GOOD
     assert complaint in "\n".join(complaints(GOOD.replace(right, wrong)))
+
+
+@pytest.mark.parametrize(("description", "complaint"), [("Step [s].", None), ("Step.", "step: h has no [unit]")])
+def test_a_package_describes_for_its_functions(description: str, complaint: str | None) -> None:
+    text = GOOD.replace("    h : float\n        Step [s].\n", "")
+    found = complaints(text, {"h": ("float", description)})
+    assert complaint in "\n".join(found) if complaint else found == []

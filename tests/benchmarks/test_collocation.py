@@ -13,7 +13,7 @@ from independent import Hands, solution, waving
 from trajectories import Scene, drive, falling, scene_of
 
 from netboard.benchmarks.physics.collocation import prepare_collocation
-from netboard.physics.methods.phi import gauss_nodes
+from netboard.benchmarks.physics.quadrature import gauss_nodes
 
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
 DURATION = 0.16

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.base.tables.scene import Physics
+from netboard.benchmarks.coupling.stiffness import largest_stiffness, passive_stiffness, ruled_stiffness
 from netboard.physics.stability.delayed_coupling import (
     FIXED,
     End,
@@ -18,10 +19,7 @@ from netboard.physics.stability.delayed_coupling import (
     is_stable,
     largest_delay,
     largest_round_trip,
-    largest_stiffness,
     loop_matrix,
-    passive_stiffness,
-    ruled_stiffness,
 )
 
 BARE = Mechanism(0.045, 0.1)

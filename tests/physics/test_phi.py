@@ -11,7 +11,8 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from trajectories import scene_of
 
-from netboard.physics.methods.phi import cardinals, gauss_nodes, integrals, phi, phi_decimals
+from netboard.benchmarks.physics.quadrature import cardinals, gauss_nodes, integrals
+from netboard.physics.methods.phi import phi, phi_decimals
 from netboard.physics.scene.linear import scene_matrix
 
 KINDS: dict[str, dict[str, Any]] = {

@@ -91,10 +91,6 @@ def choose_steps(physics: Physics, free: bool = True, method: str = "auto", subs
 
     Parameters
     ----------
-    physics : Physics
-        The scene.
-    free : bool
-        The balls can move; otherwise they are fixed.
     method : str
         Name of a method, which takes `substeps` steps per interval; "auto" for a reference solution with as many steps
         as it needs.
@@ -135,12 +131,8 @@ def check_start(physics: Physics, start: State, free: bool) -> None:
 
     Parameters
     ----------
-    physics : Physics
-        The scene.
     start : tuple of float
         The state [SI].
-    free : bool
-        The balls can move; otherwise they are fixed.
 
     Raises
     ------
@@ -179,12 +171,8 @@ def simulate(
     ----------
     hands : Hands
         The styluses.
-    physics : Physics
-        The scene.
     start : tuple of float
         The state at the first sample [SI].
-    free : bool
-        The balls can move; otherwise they are fixed.
     hold : str
         Motion of a hand between samples, one of `netboard.physics.hands.sampled.INTERPOLATIONS`.
     dt : float
@@ -235,10 +223,6 @@ def is_stably_integrated(motion: Motion, physics: Physics, free: bool = True) ->
     ----------
     motion : Motion
         The result.
-    physics : Physics
-        Its scene.
-    free : bool
-        The balls can move; otherwise they are fixed.
     """
     matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
     return is_stable(motion.steps.method, matrix, motion.longest, matrix)
@@ -273,10 +257,6 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
         The result, with "hermite".
     hands : Hands
         Its styluses.
-    physics : Physics
-        Its scene.
-    free : bool
-        The balls can move; otherwise they are fixed.
 
     Returns
     -------

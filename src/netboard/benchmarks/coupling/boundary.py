@@ -14,21 +14,11 @@ from netboard.base.config import Config
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import VirtualDevice
 from netboard.benchmarks.coupling.far import Distance, Far
+from netboard.benchmarks.coupling.stiffness import largest_stiffness, passive_stiffness, ruled_stiffness
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
-from netboard.physics.stability.delayed_coupling import (
-    FIXED,
-    At,
-    Loop,
-    Mechanism,
-    ends_of,
-    largest_delay,
-    largest_stiffness,
-    passive_stiffness,
-    ruled_stiffness,
-    turning,
-)
+from netboard.physics.stability.delayed_coupling import FIXED, At, Loop, Mechanism, ends_of, largest_delay, turning
 from netboard.physics.stability.delayed_coupling import LONGEST as LONGEST_WAY
 
 HANDS = {

@@ -19,10 +19,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import borrowed, fast, inlined, loosened, specialised
+from netboard.benchmarks.physics.quadrature import cardinals, gauss_nodes, integrals
 from netboard.physics.arithmetic.simd import lanes_at, listed, pair_at, put, width_of, within, written
 from netboard.physics.arithmetic.trig import EIGHTH_TURN, sincos, small
 from netboard.physics.arithmetic.vectors import State
-from netboard.physics.methods.phi import DIGITS, cardinals, gauss_nodes, integrals
+from netboard.physics.methods.phi import DIGITS
 from netboard.physics.methods.semilinear import FIXED, columns_of, kicked_rows, known_of, needed_rows, remainder
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.models import stopped
@@ -268,7 +269,7 @@ def prepare_collocation(
     """Prepare a run by collocation, with tables and room for its states; every call of it returns the same array.
 
     - `hands` (shape (n, nodes, 2)): drives of the left and of the right hand at the nodes
-      (`netboard.physics.methods.phi.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
+      (`netboard.benchmarks.physics.quadrature.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
     """
     nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
     out = np.empty((len(hands) // every + 1, len(x)))

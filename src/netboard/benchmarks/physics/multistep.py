@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from netboard.base.compiled import borrowed, fast, loosened
 from netboard.benchmarks.physics.collocation import ROUNDING
+from netboard.benchmarks.physics.quadrature import cardinals, integrals
 from netboard.physics.arithmetic.simd import listed, width_of, written
 from netboard.physics.arithmetic.vectors import State
-from netboard.physics.methods.phi import cardinals, integrals
 from netboard.physics.methods.semilinear import kicked_rows, known_of, remainder
 from netboard.physics.scene.linear import scene_matrix
 from netboard.physics.scene.parameters import Parts

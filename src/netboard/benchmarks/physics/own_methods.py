@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.collocation import Tables, make_collocation, make_tables
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
+from netboard.benchmarks.physics.quadrature import gauss_nodes
 from netboard.benchmarks.physics.runs import OFFLINE, Offline
 from netboard.benchmarks.physics.solver import OURS, Contender, Solution
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import Grid, make_grid, make_march, run
-from netboard.physics.methods.phi import gauss_nodes
 from netboard.physics.scene.parameters import SCENE, Parts
 
 STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.collocation import prepare_collocation
 from netboard.benchmarks.physics.multistep import MULTISTEP, prepare_multistep
+from netboard.benchmarks.physics.quadrature import gauss_nodes
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import make_grid, make_march
-from netboard.physics.methods.phi import gauss_nodes
 from netboard.physics.scene.parameters import Parts
 
 Array = NDArray[np.float64]

@@ -409,11 +409,6 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
 def width_of(length: int) -> int:
     """Return how many lanes hold a state.
 
-    Parameters
-    ----------
-    length : int
-        Length of the state [1].
-
     Returns
     -------
     int

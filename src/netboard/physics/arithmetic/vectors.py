@@ -32,8 +32,6 @@ def plus(x: State, h: float, k: State) -> State:
 
     Parameters
     ----------
-    x : tuple of float
-        A state [SI].
     h : float
         Factor; a time where k is a rate [s].
     k : tuple of float
@@ -50,10 +48,6 @@ def blend(x: State, h: float, weights: State, ks: tuple[State, ...]) -> State:
 
     Parameters
     ----------
-    x : tuple of float
-        A state [SI].
-    h : float
-        Length of a step [s].
     weights : tuple of float
         A weight for each rate; compile-time constants [1].
     ks : tuple of tuple of float
@@ -100,11 +94,6 @@ _unrolled(row, "table, i, like", lambda table, i, like: _listed(like.count, "tab
 def places(x: State) -> State:
     """Return the positions of the balls.
 
-    Parameters
-    ----------
-    x : tuple of float
-        A state [SI].
-
     Returns
     -------
     tuple of float
@@ -118,11 +107,6 @@ _unrolled(places, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(4, x.c
 
 def speeds(x: State) -> State:
     """Return the speeds of the balls along the board.
-
-    Parameters
-    ----------
-    x : tuple of float
-        A state [SI].
 
     Returns
     -------
@@ -231,13 +215,7 @@ board between resting hands would reach them [SI]."""
 
 
 def calm(x: State) -> State:
-    """Return the state with negligible numbers set to 0.
-
-    Parameters
-    ----------
-    x : tuple of float
-        A state [SI].
-    """
+    """Return the state with negligible numbers set to 0."""
     return tuple([0.0 if abs(a) < TINY else a for a in x])
 
 
@@ -249,8 +227,6 @@ def replaced(x: State, i: int, value: float) -> State:
 
     Parameters
     ----------
-    x : tuple of float
-        A state [SI].
     i : int
         Index of the element [1].
     value : float

@@ -86,23 +86,6 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
     ----------
     method : int
         Number of the method; a compile-time constant [1].
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables from `Method.tables` for each step size, and the index of the current one.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     return METHODS[method].step(x, h, hands, tables, parts, scene)
 

@@ -111,28 +111,7 @@ _B = (
 
 @inlined
 def dop853(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of DOP853 without its control of the step (order 8).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
-    """
+    """Return the state after one step of DOP853 without its control of the step (order 8)."""
     left, right = drives(hands, 0, 0.0)
     k1 = rates(x, left, right, parts, scene)
     left, right = drives(hands, 1, NODES[1] * h)

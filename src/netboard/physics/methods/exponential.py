@@ -34,23 +34,8 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 4, n, n), and int
         Tables from `etd2rk_tables` for each step size, and the index of the current one.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     left, right = drives(hands, 0, 0.0)
     start = remainder(x, left, right, tables, parts, scene)
@@ -69,23 +54,8 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 11, n, n), and int
         Tables from `etdrk4_tables` for each step size, and the index of the current one.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     left, right = drives(hands, 0, 0.0)
     n1 = remainder(x, left, right, tables, parts, scene)
@@ -112,17 +82,6 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
     In the Lagrangian model a ball away from the centre adds less inertia to the heave than A assumes; the difference is
     in N. For stiff scenes it would make N unstable, so A is that of the lightest board: stable, but less accurate.
 
-    Parameters
-    ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
-    length : int
-        Length of its state vector [1].
-    h : float
-        Step size [s].
-
     Returns
     -------
     ndarray of float64, shape (length, length)
@@ -137,17 +96,6 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the tables of `etd2rk`: A, phi_0, h phi_1 and h phi_2.
 
-    Parameters
-    ----------
-    scene : SCENE record
-        The scene.
-    parts : Parts
-        Structure of the scene.
-    length : int
-        Length of its state vector [1].
-    h : float
-        Step size [s].
-
     Returns
     -------
     ndarray of float64, shape (4, length, length)
@@ -160,17 +108,6 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the tables of `etdrk4`: A, phi_0 of half and of the whole step, and the tableau of the method.
-
-    Parameters
-    ----------
-    scene : SCENE record
-        The scene.
-    parts : Parts
-        Structure of the scene.
-    length : int
-        Length of its state vector [1].
-    h : float
-        Step size [s].
 
     Returns
     -------
@@ -195,23 +132,8 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
     tables : tuple of ndarray of float64, shape (kinds, 1, 2, 11), and int
         Tables from `exact_tables` for each step size, and the index of the current one.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        Unused.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     by, drive = _both(hands)
     z = _row(x, drive, tables[0], tables[1], 0, by)
@@ -249,17 +171,6 @@ def _write_both(hands: Any) -> Any:
 
 def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return the table of `exact`, with columns for state, 1, coefficients of the drives, and their values at nodes.
-
-    Parameters
-    ----------
-    scene : SCENE record
-        The scene.
-    parts : Parts
-        Structure of the scene.
-    length : int
-        Length of its state vector [1].
-    h : float
-        Step size [s].
 
     Returns
     -------

@@ -101,26 +101,6 @@ def verlet(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     Lubich and Wanner, Acta Numerica 12, 2003, position Verlet). Damping does not limit the step size; stiffness limits
     it to two over the fastest frequency. Velocity Verlet has the same limit, but its explicit first half step is
     inaccurate under strong damping.
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     half = 0.5 * h
     left, right = drives(hands, 0, half)
@@ -135,26 +115,6 @@ def midpoint(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: A
 
     It is A-stable, and conserves the energy of linear oscillations (Hairer, Lubich and Wanner, Geometric Numerical
     Integration, II.1).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     half = 0.5 * h
     left, right = drives(hands, 0, half)

@@ -51,16 +51,10 @@ def make_grid(
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     lengths : ndarray of float64, shape (n,)
         Length of each interval [s].
     counts : ndarray of int64, shape (n,)
         Number of equal steps in each interval [1].
-    parts : Parts
-        Structure of the scene.
-    length : int
-        Length of its state vector [1].
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -182,16 +176,12 @@ def run(
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     x : tuple of float
         The first state [SI].
     hands : ndarray of float64, shape (n, 8) or (n, nodes, 2)
         Polynomials of both drives for each interval, or their values at the nodes of the method [N].
     grid : Grid
         The steps.
-    parts : Parts
-        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -230,8 +220,6 @@ def forces_along(
         The states [SI].
     drives : ndarray of float64, shape (n, 2)
         Drives of the left and of the right hand at the same times [N].
-    parts : Parts
-        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 

@@ -27,8 +27,6 @@ def moved(x: State, t: float, y: State, parts: Parts) -> State:
         Duration [s].
     y : tuple of float
         State with the velocities [SI].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -41,28 +39,7 @@ def moved(x: State, t: float, y: State, parts: Parts) -> State:
 
 @inlined
 def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of Euler's explicit method (order 1).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
-    """
+    """Return the state after one step of Euler's explicit method (order 1)."""
     left, right = drives(hands, 0, 0.0)
     return plus(x, h, rates(x, left, right, parts, scene))
 
@@ -73,26 +50,6 @@ def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, sce
 
     First the velocities, then the places with the new velocities (Hairer, Lubich and Wanner, Geometric Numerical
     Integration, I.1.2).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
     """
     left, right = drives(hands, 0, 0.0)
     return moved(x, h, plus(x, h, rates(x, left, right, parts, scene)), parts)
@@ -100,28 +57,7 @@ def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, sce
 
 @inlined
 def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of Heun's method, the explicit trapezoidal rule (order 2).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
-    """
+    """Return the state after one step of Heun's method, the explicit trapezoidal rule (order 2)."""
     left, right = drives(hands, 0, 0.0)
     k1 = rates(x, left, right, parts, scene)
     left, right = drives(hands, 1, h)
@@ -131,28 +67,7 @@ def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) 
 
 @inlined
 def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of the classical Runge-Kutta method (order 4).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    h : float
-        Step size [s].
-    hands : tuple
-        Drives of both hands during the step, for `netboard.physics.hands.extrapolation.drives` [N].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Unused.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the end of the step [SI].
-    """
+    """Return the state after one step of the classical Runge-Kutta method (order 4)."""
     half = 0.5 * h
     left, right = drives(hands, 0, 0.0)
     k1 = rates(x, left, right, parts, scene)

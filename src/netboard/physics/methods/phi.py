@@ -3,15 +3,12 @@
 ``phi_0(B) = e^B`` and ``phi_k(B) = integral over s from 0 to 1 of e^((1 - s) B) s^(k - 1) / (k - 1)!``: what a linear
 system makes of its state, and of a force that grows with the power k - 1 of the time.
 
-With them come the integrals of e^((c - s) B) and a polynomial, for methods that put polynomials through N.
-
 Method: scaling, Taylor's series, squaring (B. Skaflestad, W. M. Wright, "The scaling and modified squaring method for
 matrix functions related to the exponential", Appl. Numer. Math. 59, 2009), in decimal arithmetic of sixty digits and
 more. Squaring loses digits, and many of them where stiffness or damping is a thousand times the usual one; here enough
 are left for every float to be the nearest one. Recordings verify to the bit, and decimals are alike on every machine.
 """
 
-import math
 from collections.abc import Sequence
 from decimal import Decimal, localcontext
 
@@ -39,8 +36,16 @@ def _product(a: Matrix, b: Matrix) -> list[list[Decimal]]:
     return result
 
 
-def _sum(terms: Sequence[tuple[Decimal, Matrix]], diagonal: Decimal) -> list[list[Decimal]]:
-    """Return a linear combination of matrices and the identity."""
+def weighted_sum(terms: Sequence[tuple[Decimal, Matrix]], diagonal: Decimal) -> list[list[Decimal]]:
+    """Return a linear combination of matrices and the identity.
+
+    Parameters
+    ----------
+    terms : sequence of tuple of Decimal and matrix
+        Each matrix with its factor.
+    diagonal : Decimal
+        Factor of the identity.
+    """
     n = len(terms[0][1])
     result = [[diagonal if i == j else Decimal(0) for j in range(n)] for i in range(n)]
     for weight, matrix in terms:
@@ -51,12 +56,12 @@ def _sum(terms: Sequence[tuple[Decimal, Matrix]], diagonal: Decimal) -> list[lis
 def _series(b: Matrix, inverses: Sequence[Decimal]) -> list[list[list[Decimal]]]:
     """Return phi_0 ... phi_k of a small matrix: the last by its series, each other from the one after it."""
     last, one = len(inverses) - 1, Decimal(1)
-    top = _sum([(Decimal(0), b)], one)
+    top = weighted_sum([(Decimal(0), b)], one)
     for term in range(_TERMS, 0, -1):
-        top = _sum([(one / (last + term), _product(b, top))], one)
-    phis = [_sum([(inverses[last], top)], Decimal(0))]
+        top = weighted_sum([(one / (last + term), _product(b, top))], one)
+    phis = [weighted_sum([(inverses[last], top)], Decimal(0))]
     for inverse in inverses[-2::-1]:
-        phis.insert(0, _sum([(one, _product(b, phis[0]))], inverse))
+        phis.insert(0, weighted_sum([(one, _product(b, phis[0]))], inverse))
     return phis
 
 
@@ -67,7 +72,7 @@ def _doubled(phis: Sequence[Matrix], inverses: Sequence[Decimal]) -> list[list[l
         scale = Decimal(1) / 2**k
         terms: list[tuple[Decimal, Matrix]] = [(scale, _product(phis[0], phis[k]))]
         terms += [(scale * inverses[k - j], phis[j]) for j in range(1, k + 1)]
-        result.append(_sum(terms, Decimal(0)))
+        result.append(weighted_sum(terms, Decimal(0)))
     return result
 
 
@@ -109,8 +114,6 @@ def phi(a: NDArray[np.float64], h: float, last: int) -> NDArray[np.float64]:
     ----------
     a : ndarray of float64, shape (n, n)
         Matrix of a linear system x' = a x [SI].
-    h : float
-        Length of a step [s].
     last : int
         Number k of the last function [1].
 
@@ -122,95 +125,3 @@ def phi(a: NDArray[np.float64], h: float, last: int) -> NDArray[np.float64]:
     if not (np.isfinite(a).all() and np.isfinite(h)):
         return np.full((last + 1, *a.shape), np.nan)
     return np.array(phi_decimals(a, Decimal(h), last), dtype=np.float64)
-
-
-def cardinals(points: Sequence[Decimal]) -> list[list[Decimal]]:
-    """Return the Lagrange basis polynomials of some points.
-
-    Parameters
-    ----------
-    points : sequence of Decimal
-        Different points [1].
-
-    Returns
-    -------
-    list of list of Decimal
-        The coefficients of each, from the constant term up [1].
-    """
-    result = []
-    with localcontext() as context:
-        context.prec = DIGITS
-        for own in points:
-            terms, scale = [Decimal(1)], Decimal(1)
-            for other in points:
-                if other != own:
-                    terms = [a - other * b for a, b in zip([Decimal(0), *terms], [*terms, Decimal(0)], strict=True)]
-                    scale *= own - other
-            result.append([term / scale for term in terms])
-    return result
-
-
-def integrals(
-    a: NDArray[np.float64], h: float, end: Decimal, polynomials: Sequence[Sequence[Decimal]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the response of a linear system, in part of a step, to its state and to forces polynomial in time.
-
-    Parameters
-    ----------
-    a : ndarray of float64, shape (n, n)
-        Matrix of the system x' = a x [SI].
-    h : float
-        Step size [s].
-    end : Decimal
-        How much of the step, or how many of them [1].
-    polynomials : sequence of sequence of Decimal
-        The coefficients of each, from the constant term up, for the time in lengths of the step [1].
-
-    Returns
-    -------
-    flow : ndarray of float64, shape (n, n)
-        ``e^(end h a)`` [SI].
-    pushes : ndarray of float64, shape (polynomials, n, n)
-        Integrals of ``e^((end h - t) a)`` times each of them, from 0 to end h; every float is the nearest one [SI].
-    """
-    degree, n = len(polynomials[0]), len(a)
-    with localcontext() as context:
-        context.prec = DIGITS
-        span = end * Decimal(h)
-        phis = phi_decimals(a, span, degree)
-        # The integral with t^k is k! (end h)^(k + 1) phi_(k + 1).
-        factors = [span]
-        for k in range(1, degree):
-            factors.append(factors[-1] * end * k)
-        pushes = np.empty((len(polynomials), n, n))
-        for q, polynomial in enumerate(polynomials):
-            weights = [(f * x, m) for f, x, m in zip(factors, polynomial, phis[1:], strict=True)]
-            pushes[q] = np.array(_sum(weights, Decimal(0)), dtype=np.float64)
-    return np.array(phis[0], dtype=np.float64), pushes
-
-
-def gauss_nodes(count: int) -> list[Decimal]:
-    """Return the Gauss-Legendre nodes on (0, 1) to `DIGITS` digits, by Newton's method.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-
-    Returns
-    -------
-    list of Decimal
-        The nodes, rising [1].
-    """
-    nodes = []
-    with localcontext() as context:
-        context.prec = DIGITS
-        for i in range(count):
-            x = Decimal(-math.cos(math.pi * (i + 0.75) / (count + 0.5)))
-            for _ in range(7):
-                below, here = Decimal(1), x
-                for k in range(2, count + 1):
-                    below, here = here, ((2 * k - 1) * x * here - (k - 1) * below) / k
-                x -= here * (x * x - 1) / (count * (x * here - below))
-            nodes.append((1 + x) / 2)
-    return nodes

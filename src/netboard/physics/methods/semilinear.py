@@ -26,11 +26,6 @@ _EVEN_FIXED = EVEN | FIXED
 def known_of(parts: Parts) -> int:
     """Return the structure flags of a scene.
 
-    Parameters
-    ----------
-    parts : Parts
-        Structure of the scene.
-
     Returns
     -------
     int
@@ -64,8 +59,6 @@ def columns_of(row: int, length: int, known: int) -> list[int]:
     ----------
     row : int
         The row [1].
-    length : int
-        Length of a state vector [1].
     known : int
         Structure flags of the scene (`known_of`) [1].
 
@@ -82,8 +75,6 @@ def kicked_rows(length: int, known: int) -> list[int]:
 
     Parameters
     ----------
-    length : int
-        Length of a state vector [1].
     known : int
         Structure flags of the scene (`known_of`) [1].
 
@@ -103,8 +94,6 @@ def needed_rows(length: int, known: int) -> list[int]:
 
     Parameters
     ----------
-    length : int
-        Length of a state vector [1].
     known : int
         Structure flags of the scene (`known_of`) [1].
 
@@ -168,14 +157,8 @@ def times(x: State, tables: Any, k: int, parts: Parts) -> State:
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, and the index of their kind.
     k : int
         Number of the table [1].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -193,16 +176,10 @@ def pushed(x: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
-        Tables, and the index of their kind.
     k : int
         Number of the table [1].
     rest : tuple of float
         N, or a sum of values of N [SI].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -257,16 +234,8 @@ def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, sc
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
-    left, right : float
-        Drives of the hands [N].
     tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
         Tables, of which the first is A, and the index of their kind.
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------

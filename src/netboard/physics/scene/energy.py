@@ -92,14 +92,8 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
     left_z, right_z : float
         Heights of the styluses [m].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -133,14 +127,8 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
     left_z, left_vz, right_z, right_vz : float
         Heights of the styluses and their rates [m, m/s].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -266,8 +254,6 @@ def stored_along(
         The states [SI].
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-    parts : Parts
-        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 
@@ -301,8 +287,6 @@ def work_along(
         The states [SI].
     hands : ndarray of float64, shape (n, 4)
         left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
-    parts : Parts
-        Structure of the scene.
     scene : ndarray of SCENE, shape (1,)
         The scene.
 

@@ -14,13 +14,6 @@ from netboard.physics.scene.parameters import Parts
 def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
     """Return the state matrix of the board without balls.
 
-    Parameters
-    ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
-
     Returns
     -------
     ndarray of float64, shape (4, 4)
@@ -34,10 +27,6 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
     length : int
         Length of its state: four for the board and two for each ball [1].
 

@@ -40,8 +40,6 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
     ----------
     theta : float
         Tilt [rad].
-    parts : Parts
-        Structure of the scene.
 
     Returns
     -------
@@ -54,17 +52,6 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
 @inlined
 def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
     """Return the forces of both virtual couplings on the board; the hands feel the reactions (paper eq. 1-2).
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    left, right : float
-        Drives of the hands [N].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -88,10 +75,6 @@ def friction(vp: State, load: float, parts: Parts, scene: Any) -> State:
         Speed of each ball along the board [m/s].
     load : float
         The normal force of a ball on the board [N].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -168,14 +151,8 @@ def inertia(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[flo
 
     Parameters
     ----------
-    x : tuple of float
-        The state [SI].
     s, c : float
         Sine and cosine of the tilt [1].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -207,8 +184,6 @@ def solved(a11: float, a12: float, a22: float, force: float, torque: float, part
         Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
     force, torque : float
         Force on the heave and torque on the tilt [N, N m].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
 
     Returns
     -------
@@ -262,17 +237,6 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
 def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
     """Return the rate of change of a state.
 
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    left, right : float
-        Drives of the hands [N].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
-
     Returns
     -------
     tuple of float
@@ -307,15 +271,6 @@ def stopped(x: State, parts: Parts, scene: Any) -> State:
     """Return the state after a step, with balls beyond a stop put on it and reflected (Newton's restitution).
 
     An impact takes effect at the end of its step.
-
-    Parameters
-    ----------
-    x : tuple of float
-        The state [SI].
-    parts : Parts
-        Structure of the scene; a compile-time constant.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------

@@ -81,11 +81,6 @@ _SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "
 def pack_scene(physics: Physics) -> NDArray[Any]:
     """Pack the parameters of a scene for the kernels.
 
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
-
     Returns
     -------
     ndarray of SCENE, shape (1,)
@@ -120,13 +115,6 @@ for _key, _words in _KNOWN.items():
 def parts_of(physics: Physics, free: bool = True) -> Parts:
     """Return the structure of a scene.
 
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
-    free : bool
-        The balls can move; otherwise they are fixed.
-
     Returns
     -------
     Parts
@@ -157,11 +145,6 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
 
 def state_length(physics: Physics) -> int:
     """Return the length of the state vector of a scene.
-
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
 
     Returns
     -------

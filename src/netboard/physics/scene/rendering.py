@@ -232,13 +232,6 @@ def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, 
 
     Plain arithmetic instead of a library gives the same bits on every machine, so that recordings verify.
 
-    Parameters
-    ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
-
     Returns
     -------
     left, right : tuple of float

@@ -1,4 +1,4 @@
-"""Closed forms of a scene: static equilibrium, and poles of the motion near it.
+"""Closed forms of a scene: static equilibrium, and poles of the balls near it.
 
 Tests, documentation and studies compare the kernels with them; nothing here runs in a tick. All results follow from the
 equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". Balls are at given
@@ -122,10 +122,6 @@ def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Part
         Heights of the styluses [m].
     p : tuple of float
         The balls along the board [m].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------
@@ -156,72 +152,6 @@ def _poles(inertia: float, damping: float, stiffness: float) -> tuple[complex, c
     return fast, slow
 
 
-def _stirred(balls: int, parts: Parts, scene: Any) -> float:
-    """Return the mass of the balls that has to move with the board [kg]; refuse a scene whose modes are mixed."""
-    if not parts.even and parts.heaves and parts.tilts:
-        raise ValueError("uneven couplings mix heave and tilt: take the eigenvalues of netboard.physics.scene.linear")
-    return balls * _load(parts, scene) if parts.lagrangian else 0.0
-
-
-def heave_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
-    """Poles of the level board moving up and down: ``M z'' + (c_l + c_r + b_z) z' + (k_l + k_r + k_s) z = 0``, linear.
-
-    Parameters
-    ----------
-    balls : int
-        How many there are; by Lagrange, they are at the board's centre and add their mass to M [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of complex
-        The two poles, the faster first [1/s].
-
-    Raises
-    ------
-    ValueError
-        If the couplings are uneven.
-    """
-    mass = float(scene["M"]) + _stirred(balls, parts, scene)
-    damping = float(scene["c_left"]) + float(scene["c_right"]) + float(scene["b_z"])
-    return _poles(mass, damping, float(scene["k_left"]) + float(scene["k_right"]) + float(scene["k_s"]))
-
-
-def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
-    """Poles of the level board turning: ``I t'' + ((c_l + c_r) l^2 + b_theta) t' + (k_l + k_r) l^2 t = 0``, linear.
-
-    Parameters
-    ----------
-    balls : int
-        How many there are; by Lagrange, fixed ones are at the board's centre and above it, and add to I what they turn
-        and take from the stiffness what they tip [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
-
-    Returns
-    -------
-    tuple of complex
-        The two poles, the faster first [1/s].
-
-    Raises
-    ------
-    ValueError
-        If the couplings are uneven.
-    """
-    square, above = float(scene["l"]) ** 2, float(scene["ball_height"])
-    stirred = _stirred(0 if parts.free else balls, parts, scene)
-    return _poles(
-        float(scene["I"]) + stirred * above**2 / float(scene["mass_ratio"]),
-        (float(scene["c_left"]) + float(scene["c_right"])) * square + float(scene["b_theta"]),
-        (float(scene["k_left"]) + float(scene["k_right"])) * square - stirred * float(scene["g"]) * above,
-    )
-
-
 def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     """Poles of the balls rolling together, with both hands still and the board following at once, linear.
 
@@ -232,10 +162,6 @@ def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
     ----------
     balls : int
         How many there are, at the same place [1].
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
 
     Returns
     -------

@@ -30,9 +30,6 @@ ROUNDING = 1e-7
 """Tolerance of the spectral radius. A free body has a double eigenvalue 1, which rounding moves by the square root of
 the machine precision, 1.5e-8; growth this slow takes hours to be noticed [1]."""
 
-STIFFEST = 1e6
-"""Largest stiffness considered [N/m]."""
-
 LONGEST = 60
 """Largest delay considered [ms]."""
 
@@ -130,11 +127,6 @@ class Loop:
 def loop_matrix(loop: Loop) -> Matrix:
     """Return the matrix of one tick of a loop.
 
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-
     Returns
     -------
     ndarray of float64, shape (n, n)
@@ -147,11 +139,6 @@ def loop_matrix(loop: Loop) -> Matrix:
 def growth(loop: Loop) -> float:
     """Return the spectral radius of a tick: the loop is stable if it is at most 1.
 
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-
     Returns
     -------
     float
@@ -162,11 +149,6 @@ def growth(loop: Loop) -> float:
 
 def turning(loop: Loop) -> float:
     """Return the frequency of the dominant mode, which decays last or grows first.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
 
     Returns
     -------
@@ -179,13 +161,7 @@ def turning(loop: Loop) -> float:
 
 
 def is_stable(loop: Loop) -> bool:
-    """Tell whether a loop is stable.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-    """
+    """Tell whether a loop is stable."""
     return growth(loop) <= 1.0 + ROUNDING
 
 
@@ -194,8 +170,6 @@ def delayed(loop: Loop, up: int, down: int) -> Loop:
 
     Parameters
     ----------
-    loop : Loop
-        The loop.
     up, down : int
         Delay to the server and back [ms].
     """
@@ -247,84 +221,6 @@ def _furthest(stable: Callable[[int], bool], most: int) -> int:
     return min(next((number for number in range(first, start) if not stable(number)), start) - 1, most)
 
 
-def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most: float = STIFFEST) -> float:
-    """Return the stiffness up to which a loop is stable.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop; its own stiffness does not matter.
-    start : float
-        Where to begin looking [N/m].
-    factor : float
-        Stiffnesses are tried in such steps, from there up, before the limit is halved in on [1].
-    most : float
-        Where to stop looking [N/m].
-
-    Returns
-    -------
-    float
-        The stiffness, to a hundredth of a per cent; 0 if not even the first is stable, infinite if all are [N/m].
-    """
-    stable, k = 0.0, start
-    while is_stable(replace(loop, k=k)):
-        stable, k = k, k * factor
-        if stable >= most:
-            return math.inf
-    if stable == 0.0:
-        return 0.0
-    while k - stable > 1e-4 * stable:
-        middle = 0.5 * (stable + k)
-        stable, k = (middle, k) if is_stable(replace(loop, k=middle)) else (stable, middle)
-    return stable
-
-
-# --- rules of thumb ----------------------------------------------------------------------------------------------
-
-
-def passive_stiffness(mechanism: Mechanism, c: float) -> float:
-    """Return the largest stiffness of a passive sampled-data wall without delay: b > K T / 2 + |B|.
-
-    J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, J. Robotic Systems 14 (1997).
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The device.
-    c : float
-        Damping of the wall [N s/m].
-
-    Returns
-    -------
-    float
-        0 where none is [N/m].
-    """
-    return max(0.0, 2.0 * (mechanism.damping - abs(c)) / TICK_SECONDS)
-
-
-def ruled_stiffness(mechanism: Mechanism, c: float, delay: float) -> float:
-    """Return the largest stable stiffness of a wall with a short delay: K < (b + B) / (T / 2 + t_d).
-
-    J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, Stability boundary for haptic rendering: influence of
-    damping and delay, J. Computing and Information Science in Engineering 9 (2009) 011005.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The device.
-    c : float
-        Damping of the wall [N s/m].
-    delay : float
-        From sample to force [s].
-
-    Returns
-    -------
-    float
-        The stiffness [N/m].
-    """
-    return (mechanism.damping + c) / (0.5 * TICK_SECONDS + delay)
-
-
 # --- the board of a scene ----------------------------------------------------------------------------------------
 
 
@@ -332,11 +228,6 @@ def ends_of(physics: Physics) -> dict[str, End]:
     """Return the end of the board as seen by each hand, linearised about the level board without balls.
 
     Both hands have half the board each, where they move alike and where they move against each other.
-
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
 
     Returns
     -------

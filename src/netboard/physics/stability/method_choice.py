@@ -78,8 +78,6 @@ def choose(physics: Physics, h: float) -> Choice:
 
     Parameters
     ----------
-    physics : Physics
-        The configuration's table.
     h : float
         Length of a tick [s].
 

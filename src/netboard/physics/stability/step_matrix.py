@@ -46,10 +46,6 @@ def tilted_matrix(parts: Parts, scene: Any, balls: int = 0, tilt: float = 0.0, p
 
     Parameters
     ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
     balls : int
         Number of balls [1].
     tilt : float
@@ -95,14 +91,8 @@ def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
 
     Parameters
     ----------
-    parts : Parts
-        Structure of the scene.
-    scene : SCENE record
-        The scene.
     balls : int
         Number of balls [1].
-    h : float
-        Step size [s].
 
     Returns
     -------
@@ -117,12 +107,8 @@ def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) 
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
-    h : float
-        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if it is another one: that of the level board [SI].
 
@@ -237,12 +223,8 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
-    h : float
-        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
 
@@ -293,8 +275,6 @@ def stiffness(a: Matrix, h: float) -> float:
     ----------
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
-    h : float
-        Step size [s].
 
     Returns
     -------
@@ -309,12 +289,8 @@ def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) ->
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
-    h : float
-        Step size [s].
     solved : ndarray of float64, shape (4, 4), optional
         Matrix that an exponential method solves exactly, if that is another one [SI].
     """
@@ -329,8 +305,6 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
 
     Parameters
     ----------
-    method : str
-        Name of the method.
     a : ndarray of float64, shape (4, 4)
         Matrix of the board [SI].
     solved : ndarray of float64, shape (4, 4), optional
