@@ -135,7 +135,7 @@ def test_cost_that_grows_linearly_and_cost_that_does_not() -> None:
 
 
 def test_dyads_that_wait_should_cost_nothing() -> None:
-    found = {"agents, loggers, no trial": served(0.4), "nobody": served(0.04)}
+    found = {"agents, loggers, no trial": served(0.4), "nobody": served(0.02)}
     assert verdicts(waiting_part(8, found)) == [True]
     assert verdicts(waiting_part(2, found)) == [False]
 

@@ -70,10 +70,6 @@ class StudyFactor:
         """Label of a level, such as ``mass heavy (0.05 kg)``."""
         return f"{self.name} {level_text(self.of, level)}"
 
-    def values_of(self, levels: pd.Series) -> pd.Series:
-        """Value of each level; NaN if it has none [its unit]."""
-        return levels.map(dict(zip(self.of.levels, self.of.values, strict=False))).astype(np.float64)
-
 
 # --- of one recording ----------------------------------------------------------------------------------------------
 

@@ -23,13 +23,6 @@ from netboard.analysis.topics.windows import windows_of
 
 Kind = Literal["number", "count", "rises", "falls", "unchanged", "words"]
 
-REMINDER = (
-    "Four dyads show little by counts: a sign test of 4 of 4 gives p = 0.125 (two-sided), the least that four can "
-    "give, and 4 of 4 beside 2 of 4 gives p = 0.43 by Fisher's exact test. What there is between conditions is seen "
-    "better in the size of the differences and their intervals."
-)
-"""Note under a comparison of counts."""
-
 
 @dataclass(frozen=True, slots=True)
 class Reported:

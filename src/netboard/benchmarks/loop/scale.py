@@ -27,7 +27,7 @@ MANY_DYADS = 8
 MOST_GROWTH = 1.2
 """Largest ratio of the cost per dyad among many to that of one alone; up to it, cost counts as linear [1]."""
 
-MOST_IDLE = 0.01
+MOST_IDLE = 0.005
 """Largest share of a core for a dyad without peers [1]."""
 
 
@@ -138,7 +138,7 @@ def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
         (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
     ]
     idle = core_share(found["nobody"]) / dyads
-    claim = f"a dyad with nobody costs less than {MOST_IDLE:.0%} of a core"
+    claim = f"a dyad with nobody costs less than {MOST_IDLE:.1%} of a core"
     return Part(
         "waiting",
         f"{dyads} dyads that wait, at one server process",

@@ -224,11 +224,11 @@ class Agent:
         if alone:
             self._render(reading)
         self._shift_ns = 0
-        answered = self._await(reading, until_ns - TICK_NS // 4, alone)
+        rendered = self._await(reading, until_ns - TICK_NS // 4, alone)
         self._live()
         while now_ns() < until_ns:
-            answered |= self._await(reading, until_ns, alone)
-        if not (alone or answered):
+            rendered |= self._await(reading, until_ns, alone)
+        if not (alone or rendered):
             self._render(reading)
         if self._link.asked is not None:
             self._link.answer(self._ring.answer(self._link.asked))
@@ -237,11 +237,11 @@ class Agent:
     def _await(self, reading: Reading, until_ns: int, alone: bool) -> bool:
         """Wait for an answer until a time [ns], and render its force unless this agent computes it alone."""
         link, fixture = self._link, self._fixture
-        in_line = (fixture.stiffness, fixture.damping, reading.x, reading.y, reading.vx, reading.vy, reading.vz)
+        hand = (fixture.stiffness, fixture.damping, reading.x, reading.y, reading.vx, reading.vy, reading.vz)
         limits = not alone and self._passivity is None
         while True:
             came, fx, fy, fz, safeguards = self._answered(
-                link.fast, link.frame, link.state, self._safety.chain, until_ns, limits, *in_line
+                link.fast, link.frame, link.state, self._safety.chain, until_ns, limits, *hand
             )
             if came == LIMITED:
                 self._write(fx, fy, fz, safeguards)
