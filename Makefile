@@ -15,14 +15,14 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 	$(BIN)/netboard demo $(ARGS)
 
 # A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
-# Tests marked quiet have the machine to themselves, all others run three at a time: CONTRIBUTING.md says why. Files
+# Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do. Every test
 # has its own time limit; LIMIT ends a run whose workers are lost, and Python then prints where each thread was. Pytest
 # takes 8 s longer to collect the tests where Python may not keep what it compiles.
 test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
 	$(MAKE) -j 2 types imports lint docs-check
-	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 3 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
+	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 	$(LIMIT) $(BIN)/python -m pytest -m quiet tests/integration $(ARGS) || [ $$? = 5 ]
 
 test-quick: lint ## tests without processes and without those that take long, for while you work
