@@ -210,7 +210,7 @@ STABILITY = (
 )
 """Tables of `netboard bench stability` that are in the page on that."""
 
-LOOP = ("latency", "lateness", "costs", "scale", "waiting", "skips", "stage")
+LOOP = ("ratios", "latency", "lateness", "costs", "scale", "waiting", "skips", "stage")
 """Tables of `netboard bench loop` that are in the page on latency."""
 
 SOAK = ("records", "memory", "minutes", "costs")
