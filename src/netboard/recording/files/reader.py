@@ -47,6 +47,7 @@ _THREADS = 2
 _LEAST_SHARE, _MOST_SHARE = 8, 24
 _PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
+_WORDS = np.dtype("<i8")
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
 
@@ -284,26 +285,36 @@ class Recording:
     def _read_rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
         """Return the ticks at these locations as they are stored."""
         kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
+        stored = kind.names or ()
         rows = np.zeros(int(places["count"].sum()), kind)
-        self._read({name: rows[name] for name in kind.names or ()}, places)
+        words = rows.view(_WORDS).reshape(len(rows), len(stored))
+
+        def put(at: slice, found: dict[str, NDArray[Any]]) -> None:
+            # Row by row: written one by one, the columns would touch all memory once for each of them.
+            words[at] = np.stack([column.view(_WORDS) for column in found.values()]).T
+
+        self._read(stored, places, put)
         return rows
 
     def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return columns of the ticks at these locations."""
-        found = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
-        self._read(found, places)
-        return found
+        columns = {name: np.zeros(int(places["count"].sum()), TICK[name]) for name in names}
 
-    def _read(self, out: dict[str, NDArray[Any]], places: NDArray[Any]) -> None:
-        """Read columns of the ticks at these locations into arrays."""
-        names = tuple(out)
+        def put(at: slice, found: dict[str, NDArray[Any]]) -> None:
+            for name, column in found.items():
+                columns[name][at] = column
+
+        self._read(names, places, put)
+        return columns
+
+    def _read(self, names: Sequence[str], places: NDArray[Any], put: Callable[[slice, Any], None]) -> None:
+        """Decode columns of the ticks at these locations, and call `put` with slices of them by name."""
 
         def take(at: slice, offsets: Sequence[int]) -> None:
             found = self._decode(offsets, names)
             if any(len(column) != at.stop - at.start for column in found.values()):
                 raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offsets[0]}")
-            for name, column in out.items():
-                column[at] = found[name]
+            put(at, found)
 
         self._each(places, take)
 
