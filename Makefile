@@ -14,6 +14,7 @@ help: ## list what can be made
 demo: .venv/.ready-to-run ## a whole session with simulated people; options with ARGS="--trials 2"
 	$(BIN)/netboard demo $(ARGS)
 
+# Import contracts and generated pages are checked by tests, and so by no target before them.
 # A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
 # Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do. Every test
@@ -21,7 +22,7 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 # takes 8 s longer to collect the tests where Python may not keep what it compiles.
 test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
-	$(MAKE) -j 2 types imports lint docs-check
+	$(MAKE) -j 2 types lint
 	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 	$(LIMIT) $(BIN)/python -m pytest -m quiet tests/integration $(ARGS) || [ $$? = 5 ]
 
