@@ -22,11 +22,8 @@ WITH_RELAYS = (
     *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "device-gone", "logger-killed"),
     "emergency-stop",
 )
-OF_THE_SERVER = ("server-stopped-1s", "server-killed")
-OF_THE_RECORDING = ("directory-removed",)
-
-
-RELAYED_DAILY, OF_THE_SERVER_DAILY = 4, 1
+BY_THEMSELVES = ("server-stopped-1s", "server-killed", "directory-removed")
+RELAYED_DAILY, BY_THEMSELVES_DAILY = 4, 1
 """Cases that are played in a day [1]."""
 
 
@@ -47,9 +44,5 @@ def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
     all_hold([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
-def test_a_server_that_stands_still_and_one_that_is_killed(tmp_path: Path) -> None:
-    all_hold(choose(daily.some("faults of the server", OF_THE_SERVER, OF_THE_SERVER_DAILY), quick=True), tmp_path)
-
-
-def test_a_recording_that_is_deleted_while_it_is_written(tmp_path: Path) -> None:
-    all_hold(choose(OF_THE_RECORDING, quick=True), tmp_path)
+def test_a_server_that_stands_still_or_is_killed_and_a_recording_that_is_deleted(tmp_path: Path) -> None:
+    all_hold(choose(daily.some("faults by themselves", BY_THEMSELVES, BY_THEMSELVES_DAILY), quick=True), tmp_path)

@@ -1,4 +1,4 @@
-"""A few thousand malformed messages for every socket of every process: the parts of ``netboard bench fuzz``."""
+"""A thousand malformed messages for every socket of every process: the parts of ``netboard bench fuzz``."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from netboard.benchmarks.harness.results import Part
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
-MESSAGES = 2000
+MESSAGES = 1000
 UNDISTURBED = "the trial goes on"
 """On a machine that is busy with other things, that is a matter of luck."""
 

@@ -137,9 +137,7 @@ def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
-def test_what_was_sent_live_is_what_the_recording_shows(
-    live: tuple[Path, Seen], recording: LoadedRecording
-) -> None:
+def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen], recording: LoadedRecording) -> None:
     _, seen = live
     assert min(map(len, seen.values())) > 100
     assert any(view.phase == "running" for view in seen["left"])
