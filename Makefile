@@ -5,7 +5,7 @@ BIN := .venv/bin
 LIMIT := timeout --signal=ABRT --kill-after=30s 40m
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test test-quick lint imports types docs docs-check wheel lock clean tree
+.PHONY: help demo test test-parallel test-quiet test-quick lint imports types docs docs-check wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -14,15 +14,23 @@ help: ## list what can be made
 demo: .venv/.ready-to-run ## a whole session with simulated people; options with ARGS="--trials 2"
 	$(BIN)/netboard demo $(ARGS)
 
+# Import contracts and generated pages are checked by tests, and so by no target before them. Types are checked while
+# tests run: without a cache, mypy keeps one core busy for a minute.
+test-parallel test-quiet: export PYTHONDONTWRITEBYTECODE =
+test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
+	$(MAKE) lint
+	$(MAKE) -j 2 test-parallel types
+	$(MAKE) test-quiet
+
 # A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
 # Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do. Every test
 # has its own time limit; LIMIT ends a run whose workers are lost, and Python then prints where each thread was. Pytest
 # takes 8 s longer to collect the tests where Python may not keep what it compiles.
-test: export PYTHONDONTWRITEBYTECODE =
-test: .venv/.ready-to-develop ## all checks and all tests; options for pytest with ARGS="-k physics"
-	$(MAKE) -j 2 types imports lint docs-check
+test-parallel: .venv/.ready-to-develop
 	$(LIMIT) $(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
+
+test-quiet: .venv/.ready-to-develop
 	$(LIMIT) $(BIN)/python -m pytest -m quiet tests/integration $(ARGS) || [ $$? = 5 ]
 
 test-quick: lint ## tests without processes and without those that take long, for while you work

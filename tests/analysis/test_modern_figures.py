@@ -108,7 +108,7 @@ def test_the_same_study_gives_the_same_file(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
 
@@ -116,6 +116,7 @@ def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: St
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
+@pytest.mark.daily(9)
 def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials: list[dict[str, float]]) -> None:
     picture = draw(made_study([Block("D01", "D01", "dyadic", "full", trials)]))
     assert picture.caption
@@ -125,7 +126,7 @@ def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("find", FOUND)
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_missing(
     find: Callable[[Study], object], unusual: Study
 ) -> None:

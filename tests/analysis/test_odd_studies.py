@@ -58,7 +58,7 @@ def analysed(study: Study, folder: Path) -> None:
         ("holes", "many_falls", "unequal"),
     ],
 )
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_an_odd_study_is_analysed(tmp_path: Path, lacks: tuple[str, ...]) -> None:
     analysed(lacking(lacks, seed=1, dyads=1, trials=2), tmp_path)
 

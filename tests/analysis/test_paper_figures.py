@@ -85,6 +85,7 @@ def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], stud
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
+@pytest.mark.daily(2)
 def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], study: Study) -> None:
     first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
     assert first == second
@@ -92,6 +93,7 @@ def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
+@pytest.mark.daily(2)
 def test_a_study_of_other_conditions_is_drawn_too(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
 
@@ -106,6 +108,7 @@ def test_with_nothing_to_show_there_is_a_reason_instead(draw: Callable[[Study], 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.parametrize("trials", [1, 4])
+@pytest.mark.daily(3)
 def test_one_dyad_with_few_trials_is_drawn_as_far_as_it_goes(draw: Callable[[Study], Picture], trials: int) -> None:
     picture = draw(made_study(random_blocks(dyads=1, trials=trials)))
     assert picture.figure is None or as_bytes(picture.figure, "svg")

@@ -71,7 +71,7 @@ def assert_alike(found: Array, wanted: Array) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_a_thousand_steps_are_those_of_the_strict_method(name: str) -> None:
     physics = SCENES[name]
     scene, x, hands = pack_scene(physics), starts(state_length(physics)), pushes(physics, 1000)

@@ -76,7 +76,7 @@ def test_the_error_falls_with_twice_the_number_of_nodes() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("values", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("free", [True, False], ids=["rolling", "fixed"])
-@pytest.mark.daily(3)
+@pytest.mark.daily(2)
 def test_every_scene_is_solved_to_twelve_digits(free: bool, values: dict[str, Any]) -> None:
     scene = scene_of(free, **values)
     times = np.linspace(0.0, DURATION, 65)

@@ -27,7 +27,7 @@ BARE = VirtualDevice(friction=0.0)
     ],
     ids=str,
 )
-@pytest.mark.daily(2, of="quick benchmarks")
+@pytest.mark.daily(1, of="quick benchmarks")
 def test_the_simulated_service_is_stable_where_theory_is(case: Case) -> None:
     stiffness, mode = predicted(case)
     assert simulated_is_stable(case, stiffness * (1.0 - AGREED), mode)

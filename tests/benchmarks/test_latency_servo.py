@@ -76,7 +76,7 @@ def test_the_busy_thread_stops_when_told() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="quick benchmarks")
+@pytest.mark.daily(1, of="quick benchmarks")
 def test_the_study_runs_over_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     library, out, copy = str(fake_library()), tmp_path / "out", tmp_path / "copy.json"
     assert main(library, out, copy, 0.05, quick=True, force=False) == 0

@@ -53,7 +53,7 @@ def test_the_error_falls_with_the_order_of_the_method(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("values", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("free", [True, False], ids=["rolling", "fixed"])
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_every_scene_can_be_run(free: bool, values: dict[str, Any]) -> None:
     scene = scene_of(free, **values)
     start = start_of(scene)

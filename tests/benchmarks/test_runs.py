@@ -16,7 +16,7 @@ DURATION = 0.08
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", OFFLINE, ids=lambda method: method.name)
-@pytest.mark.daily(4)
+@pytest.mark.daily(3)
 def test_a_run_ends_where_it_should(method: Offline) -> None:
     scene, start = scene_of(), START
     if not method.suits(scene.parts):

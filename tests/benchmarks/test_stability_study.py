@@ -51,7 +51,7 @@ SCENES = [{}, {"k_h": 1000.0}, {"c_h": 100.0}, {"k_h": 31.6, "c_h": 31.6}, {"M":
 @pytest.mark.slow
 @pytest.mark.parametrize("factors", SCENES, ids=str)
 @pytest.mark.parametrize("method", LIMITED)
-@pytest.mark.daily(10)
+@pytest.mark.daily(6)
 def test_theory_says_how_long_steps_may_be(method: str, factors: dict[str, float]) -> None:
     cell = measure_cell(scaled(Physics(), **factors), method)
     assert cell.counts
@@ -101,7 +101,7 @@ def test_forces_where_the_board_tilts_far() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="quick benchmarks")
+@pytest.mark.daily(1, of="quick benchmarks")
 def test_energy_of_an_undamped_board() -> None:
     part = energy_drift(20_000, ["euler", "rk4", "midpoint", "etdrk4"])
     assert part.holds, part.verdicts
@@ -138,7 +138,7 @@ def test_odd_hands_through_the_live_tick() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "lagrangian"])
-@pytest.mark.daily(2, of="quick benchmarks")
+@pytest.mark.daily(1, of="quick benchmarks")
 def test_a_little_soaking(name: str) -> None:
     found = soak_kind(KINDS[name], 300_000, seed=5, scenes=16)
     assert found.steps >= 300_000

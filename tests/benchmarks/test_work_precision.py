@@ -187,6 +187,7 @@ def test_the_exact_method_is_for_level_boards_only() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
+@pytest.mark.daily(1)
 def test_a_better_hold_is_better_in_every_signal(model: Model) -> None:
     problem = Problem(model, "settled", duration=1.0)
     rows = {
@@ -209,13 +210,13 @@ def test_sampling_is_within_what_is_claimed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("skip", SKIPS, ids=lambda skip: f"{skip.name}, {skip.method}")
-@pytest.mark.daily(6)
+@pytest.mark.daily(4)
 def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
     assert difference(model, replace(skip, ticks=min(skip.ticks, 1000))) <= SAME
 
 
 @pytest.mark.slow
-@pytest.mark.daily(2, of="quick benchmarks")
+@pytest.mark.daily(1, of="quick benchmarks")
 def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
     wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)

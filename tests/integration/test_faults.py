@@ -22,12 +22,9 @@ WITH_RELAYS = (
     *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "device-gone", "logger-killed"),
     "emergency-stop",
 )
-OF_THE_SERVER = ("server-stopped-1s", "server-killed")
-OF_THE_RECORDING = ("directory-removed",)
-
-
-DAILY = 5
-"""Cases with relays that are played in a day [1]."""
+BY_THEMSELVES = ("server-stopped-1s", "server-killed", "directory-removed")
+RELAYED_DAILY, BY_THEMSELVES_DAILY = 4, 1
+"""Cases that are played in a day [1]."""
 
 
 def all_hold(cases: list[Case], folder: Path) -> None:
@@ -43,13 +40,9 @@ def all_hold(cases: list[Case], folder: Path) -> None:
 
 
 def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
-    names = daily.some("faults", WITH_RELAYS, DAILY)
+    names = daily.some("faults", WITH_RELAYS, RELAYED_DAILY)
     all_hold([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
-def test_a_server_that_stands_still_and_one_that_is_killed(tmp_path: Path) -> None:
-    all_hold(choose(OF_THE_SERVER, quick=True), tmp_path)
-
-
-def test_a_recording_that_is_deleted_while_it_is_written(tmp_path: Path) -> None:
-    all_hold(choose(OF_THE_RECORDING, quick=True), tmp_path)
+def test_a_server_that_stands_still_or_is_killed_and_a_recording_that_is_deleted(tmp_path: Path) -> None:
+    all_hold(choose(daily.some("faults by themselves", BY_THEMSELVES, BY_THEMSELVES_DAILY), quick=True), tmp_path)

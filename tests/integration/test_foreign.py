@@ -5,7 +5,6 @@ Node.js and npm must be there; the two packages that the clients need are fetche
 
 import json
 import subprocess
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +63,7 @@ def lines(rig: Rig, what: str) -> list[Line]:
 
 
 @pytest.fixture(scope="module")
-def played(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Played]:
+def played(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Played:
     with Rig(tmp_path_factory.mktemp("foreign"), EASY) as rig:
         rig.start("logger", "logger", "--once")
         rig.start("server", "server")
@@ -76,7 +75,7 @@ def played(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         (path,) = rig.finish()
         for what in ("agent", "display"):
             assert rig.stop(f"left {what}") == 0, rig.said(f"left {what}")
-        yield Played(status, path, lines(rig, "agent"), lines(rig, "display"))
+        return Played(status, path, lines(rig, "agent"), lines(rig, "display"))
 
 
 def golden_lines(clients: Path) -> list[Line]:
@@ -148,7 +147,7 @@ def test_foreign_clients_are_welcomed_and_never_refused(played: Played) -> None:
     assert any(line["armed"] for line in played.agent if "armed" in line)
 
 
-@pytest.mark.daily(4, of="sessions in real time")
+@pytest.mark.daily(3, of="sessions in real time")
 def test_foreign_clients_go_on_with_the_next_block(clients: Path, tmp_path: Path) -> None:
     with Rig(tmp_path, (*EASY, "session.pilot=true")) as rig:
         study = rig.folder / "two.toml"

@@ -31,6 +31,19 @@ SOON_LEVEL = (
 )
 
 
+Seen = dict[Side, list[View]]
+"""The views that each station was sent."""
+
+
+def anything(seen: Seen) -> bool:
+    return all(seen.values())
+
+
+def enough(seen: Seen) -> bool:
+    """Whether what was seen is worth comparing: a second of views, and some of a ball that rolls."""
+    return min(map(len, seen.values())) > 100 and any(view.phase == "running" for view in seen["left"])
+
+
 class Eyes:
     """Both stations, as far as one loop can look at them."""
 
@@ -40,11 +53,11 @@ class Eyes:
             where = keys.reach(rig.config.network, f"display.{side}")
             self._ends[side] = sockets.view_subscriber(rig.context, where.reach(channels.VIEW[side]))
 
-    def see(self, seconds: float) -> dict[Side, list[View]]:
-        """What is sent from now on, for some time from when both have seen something."""
-        seen: dict[Side, list[View]] = {side: [] for side in SIDES}
+    def see(self, seconds: float, what: Callable[[Seen], bool] = anything) -> Seen:
+        """What is sent from now on, for some time from when both have seen something, and until all has been seen."""
+        seen: Seen = {side: [] for side in SIDES}
         since_ns, until, rounds = now_ns(), time.monotonic() + PATIENCE, round(seconds * 1000)
-        while rounds > 0:
+        while rounds > 0 or not what(seen):
             assert time.monotonic() < until, "nothing is sent"
             for side, end in self._ends.items():
                 if poller.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
@@ -59,17 +72,19 @@ class Eyes:
             end.close(linger=0)
 
 
-def watch(rig: Rig, seconds: float, begin: Callable[[], None] = lambda: None) -> dict[Side, list[View]]:
+def watch(
+    rig: Rig, seconds: float, begin: Callable[[], None] = lambda: None, what: Callable[[Seen], bool] = anything
+) -> Seen:
     """What both stations are sent for some time from when something begins, which they are there to see."""
     eyes = Eyes(rig)
     eyes.see(0.001)
     begin()
-    seen = eyes.see(seconds)
+    seen = eyes.see(seconds, what)
     eyes.close()
     return seen
 
 
-def differing(recording: LoadedRecording, seen: dict[Side, list[View]]) -> list[tuple[View, View]]:
+def differing(recording: LoadedRecording, seen: Seen) -> list[tuple[View, View]]:
     """Views that are not what is recorded of their tick, with what is."""
     numbers = recording.ticks["tick"]
     pairs = [
@@ -81,19 +96,19 @@ def differing(recording: LoadedRecording, seen: dict[Side, list[View]]) -> list[
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[Side, list[View]]]]:
+def live(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
     """A recording, and what was seen while it was made."""
     with Rig(tmp_path_factory.mktemp("live"), (*SOON_LEVEL, "block.trials=50")) as rig:
         rig.start_all()
         rig.until(lambda status: status.phase == "levelling")
-        seen = watch(rig, 4.0)
-        rig.until(lambda status: status.successes >= 2)
+        seen = watch(rig, 1.0, what=enough)
+        rig.until(lambda status: status.successes >= 1 and status.phase == "running")
         (path,) = rig.finish()
-        yield path, seen
+    return path, seen
 
 
 @pytest.fixture(scope="module")
-def recording(live: tuple[Path, dict[Side, list[View]]]) -> LoadedRecording:
+def recording(live: tuple[Path, Seen]) -> LoadedRecording:
     return load(live[0])
 
 
@@ -105,7 +120,7 @@ def served(folder: Path, path: Path, *settings: str) -> Rig:
 
 
 @pytest.fixture(scope="module")
-def rig(live: tuple[Path, dict[Side, list[View]]], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+def rig(live: tuple[Path, Seen], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     """A replay behind a authenticator with keys."""
     folder = tmp_path_factory.mktemp("served")
     keys.init(folder / "keys")
@@ -122,9 +137,7 @@ def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
-def test_what_was_sent_live_is_what_the_recording_shows(
-    live: tuple[Path, dict[Side, list[View]]], recording: LoadedRecording
-) -> None:
+def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen], recording: LoadedRecording) -> None:
     _, seen = live
     assert min(map(len, seen.values())) > 100
     assert any(view.phase == "running" for view in seen["left"])
@@ -192,7 +205,7 @@ def test_it_ends_when_it_is_told_to(rig: Rig) -> None:
 
 @pytest.mark.daily(2, of="replay served")
 def test_a_foreign_display_cannot_tell_it_from_a_live_server(
-    live: tuple[Path, dict[Side, list[View]]], clients: Path, tmp_path: Path
+    live: tuple[Path, Seen], clients: Path, tmp_path: Path
 ) -> None:
     with served(tmp_path, live[0]) as rig:
         rig.until(lambda status: True)
@@ -212,7 +225,7 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
 
 
 @pytest.mark.daily(2, of="replay served")
-def test_keys_of_its_terminal_steer_it(live: tuple[Path, dict[Side, list[View]]], tmp_path: Path) -> None:
+def test_keys_of_its_terminal_steer_it(live: tuple[Path, Seen], tmp_path: Path) -> None:
     keyboard, terminal = os.openpty()
     with Rig(tmp_path) as rig:
         command = [

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import TypeAlias, final
 
 import pytest
@@ -222,3 +223,5 @@ def test_the_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
         rig.server.may_arm = False
 
     rig.run((rig.armed, forbid), (lambda: rig.says(0), nothing))
+    armed = [bool(bits & Safeguard.ARMED) for bits in rig.samples()]
+    assert sum(before and not after for before, after in pairwise(armed)) == 1, "it is not armed again"

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from independent import Hands
 from trajectories import Scene, sampled, samples, scene_of, trajectory
 
+import daily
 from netboard.base.errors import ConfigError
 from netboard.physics.scene.energy import stored_along, work_along
 from netboard.physics.scene.statics import equilibrium
 from netboard.physics.stability.method_choice import choose
 
 TICK = 1e-3
+EXAMPLES = 40 if daily.ALL else 20
 
 
 def log(least: float, most: float) -> st.SearchStrategy[float]:
@@ -100,7 +102,7 @@ def mirror(x: Any) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@settings(max_examples=40)
+@settings(max_examples=EXAMPLES)
 @given(scenes(), smooth())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
 @pytest.mark.daily(1, of="any scene")
@@ -117,7 +119,7 @@ def test_what_is_accepted_stays_finite_and_mirrors_itself(scene: Scene, hands: H
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@settings(max_examples=40)
+@settings(max_examples=EXAMPLES)
 @given(scenes(), smooth())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
 @pytest.mark.daily(1, of="any scene")

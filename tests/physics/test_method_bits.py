@@ -14,7 +14,7 @@ from method_bits import CLASSICAL, digests
 import daily
 
 SCRIPT = Path(__file__).with_name("method_bits.py")
-BITS = daily.some("bits of classical methods", CLASSICAL, 4)
+BITS = daily.some("bits of classical methods", CLASSICAL, 3)
 
 
 def elsewhere(**environment: str) -> Any:

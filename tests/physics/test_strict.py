@@ -20,7 +20,7 @@ from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_march
 
 SCRIPT = Path(__file__).with_name("random_steps.py")
-BITS = daily.some("bits of scenes", SCENES, 3)
+BITS = daily.some("bits of scenes", SCENES, 2)
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 

@@ -45,7 +45,7 @@ def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.daily(8)
+@pytest.mark.daily(5)
 def test_whatever_an_operator_does_is_no_damage(tmp_path: Path, kind: str, seed: int) -> None:
     chance = random.Random(f"{kind} {seed}")
     config = KINDS[kind]

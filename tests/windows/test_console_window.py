@@ -135,6 +135,7 @@ def test_a_button_does_what_its_key_does(table: Table) -> None:
     button = next(button for button in table.window.bar.buttons if button.command.name == "pause")
     button.click()
     table.heard("pause")
+    assert table.server.said() == [("pause", "")]
 
 
 def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,6 +167,7 @@ def test_a_refusal_is_shown_with_its_reason(table: Table) -> None:
     table.server.refuse["pause"] = "the trial is over already"
     table.press("F5")
     table.replied("Pause now REFUSED: the trial is over already")
+    assert table.window.headline.text() == "RUNNING"
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -211,6 +213,7 @@ def test_its_button_stops_when_it_is_pressed_and_before_it_is_let_go(table: Tabl
 
     QTest.mousePress(table.window.stop.button, Qt.MouseButton.LeftButton)
     table.heard(STOP)
+    assert table.window.stop.button.isDown()
     QTest.mouseRelease(table.window.stop.button, Qt.MouseButton.LeftButton)
 
 
@@ -328,8 +331,10 @@ def test_a_server_that_does_not_know_it_any_more_is_greeted_anew(table: Table) -
     table.server._peers.clear()
     table.server.change(tick=RUNNING.tick + 77)
     table.until(lambda: table.window.state.status.tick == RUNNING.tick + 77)
+    assert table.server.said() == []
     table.press("F5")
     table.heard("pause")
+    assert table.server.said() == [("pause", "")]
 
 
 def test_the_strips_show_the_last_ten_seconds(app) -> None:

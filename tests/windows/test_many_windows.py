@@ -16,6 +16,7 @@ COUNTS = {"participant": 100, "console": 3, "monitor": 10}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", COUNTS)
+@pytest.mark.daily(1)
 def test_the_process_outlives_its_windows(app, kind: str) -> None:
     count = os.environ.get("NETBOARD_WINDOWS", str(COUNTS[kind]))
     command = [sys.executable, "-X", "dev", "-W", "ignore", str(SCRIPT), kind, count]
