@@ -29,7 +29,6 @@ from netboard.benchmarks.faults.harm import (
 from netboard.benchmarks.faults.relay import FAIR, Weather
 from netboard.benchmarks.faults.sites import Setup
 
-_GONE = (falls("left"), paused(*OUTAGE), rendered_known("left"))
 _ANY = f"the trial goes on, or is {PAUSED}"
 
 
@@ -37,26 +36,35 @@ def _case(name: str, done: str, expected: str, act: Act, *checks: Check, setup: 
     return Case(name, "links", done, expected, setup, act, checks)
 
 
+def _gone(name: str, done: str, act: Act, also: str = "", setup: Setup = RELAYED) -> Case:
+    """Return a case in which the left agent is out of reach for so long that the trial pauses."""
+    expected = f"{LEFT_FALLS}{PAUSED}; {also}{REMEMBERED}"
+    return _case(name, done, expected, act, falls("left"), paused(*OUTAGE), rendered_known("left"), setup=setup)
+
+
+def _missed(name: str, done: str, act: Act, setup: Setup = RELAYED) -> Case:
+    """Return a case in which the left agent is out of reach so briefly that the trial may go on."""
+    expected = f"the left force begins to fall in time; {_ANY}"
+    return _case(name, done, expected, act, falls("left", to_zero=False), either(*OUTAGE), setup=setup)
+
+
 def _blown(name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR) -> Case:
     """Return a case that degrades the left agent's line for 3 s."""
     return _case(name, done, expected, blow(LEFT, up, down), *checks)
 
 
-def _delayed(name: str, done: str, delay: float) -> Case:
-    """Return a case with the same delay [s] in both directions, under which a trial continues."""
-    return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay))
+def _blown_each_way(name: str, done: str, expected: str, check: Check, weather: Weather) -> Case:
+    return _blown(name, done, expected, check, up=weather, down=weather)
 
 
 LINKS = (
-    _case(
+    _missed(
         "line-held-20ms",
         "nothing passes between an agent and the server for 20 ms, and all of it comes later",
-        f"the left force begins to fall in time; {_ANY}",
         hold(LEFT, 0.02),
-        *(falls("left", to_zero=False), either(*OUTAGE)),
     ),
-    _case("line-held-200ms", "the same for 200 ms", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 0.2), *_GONE),
-    _case("line-held-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 5.0), *_GONE),
+    _gone("line-held-200ms", "the same for 200 ms", hold(LEFT, 0.2)),
+    _gone("line-held-5s", "the same for 5 s", hold(LEFT, 5.0)),
     _case(
         "lines-held-200ms",
         "the same on the lines of both agents for 200 ms",
@@ -64,37 +72,28 @@ LINKS = (
         together(hold(LEFT, 0.2), hold(RIGHT, 0.2)),
         *(falls(*SIDES), paused("agent", "not armed")),
     ),
-    _case(
-        "line-cut-20ms",
-        "an agent's connections are reset, and new ones for 20 ms",
-        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
-        cut(LEFT, 0.02),
-        *_GONE,
-    ),
-    _case(
-        "line-cut-200ms",
-        "the same for 200 ms",
-        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
-        cut(LEFT, 0.2),
-        *_GONE,
-    ),
-    _case("line-cut-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", cut(LEFT, 5.0), *_GONE),
-    _case(
+    _gone("line-cut-20ms", "an agent's connections are reset, and new ones for 20 ms", cut(LEFT, 0.02)),
+    _gone("line-cut-200ms", "the same for 200 ms", cut(LEFT, 0.2)),
+    _gone("line-cut-5s", "the same for 5 s", cut(LEFT, 5.0)),
+    _gone(
         "black-hole",
         "an agent's connections are reset; new ones are accepted and swallow everything for 2 s",
-        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
         swallow(LEFT, 2.0),
-        *_GONE,
     ),
-    _case(
+    _gone(
         "doubled",
         "an agent's connections are reset, and made twice for 2 s: the server gets every byte twice",
-        f"{LEFT_FALLS}{PAUSED}; one of the two gets the seat; {REMEMBERED}",
         double(LEFT),
-        *_GONE,
+        "one of the two gets the seat; ",
     ),
-    _delayed("delay-1ms", "1 ms each way on an agent's line for 3 s", 0.001),
-    _delayed("delay-10ms", "10 ms each way", 0.01),
+    _blown_each_way(
+        "delay-1ms",
+        "1 ms each way on an agent's line for 3 s",
+        "the trial goes on",
+        goes_on(),
+        Weather(0.001),
+    ),
+    _blown_each_way("delay-10ms", "10 ms each way", "the trial goes on", goes_on(), Weather(0.01)),
     _blown("delay-20ms-up", "20 ms from agent to server only", _ANY, either(*OUTAGE), up=Weather(0.02)),
     _blown(
         "delay-20ms-down",
@@ -103,29 +102,20 @@ LINKS = (
         *(falls("left", to_zero=False), either(*OUTAGE)),
         down=Weather(0.02),
     ),
-    _blown(
+    _blown_each_way(
         "delay-50ms",
         "50 ms each way",
         f"{PAUSED}; not resumed before it is over",
         paused(*OUTAGE),
-        up=Weather(0.05),
-        down=Weather(0.05),
+        Weather(0.05),
     ),
-    _blown(
-        "jitter-20ms",
-        "up to 20 ms each way, at random",
-        _ANY,
-        either(*OUTAGE),
-        up=Weather(jitter=0.02),
-        down=Weather(jitter=0.02),
-    ),
-    _blown(
+    _blown_each_way("jitter-20ms", "up to 20 ms each way, at random", _ANY, either(*OUTAGE), Weather(jitter=0.02)),
+    _blown_each_way(
         "loss",
         "stalls of 200 ms, as TCP makes of lost packets, twice a second on average",
         _ANY,
         either(*OUTAGE),
-        up=Weather(stalls=1.0),
-        down=Weather(stalls=1.0),
+        Weather(stalls=1.0),
     ),
     _blown(
         "throttled",
@@ -142,29 +132,8 @@ LINKS = (
         *(paused("left agent"), told("waiting for", "the left agent's clock")),
         setup=DISTRUSTED,
     ),
-    _case(
-        "cable-20ms",
-        "the cable of a station (veth) is pulled for 20 ms",
-        f"the left force begins to fall in time; {_ANY}",
-        pull_cable(LEFT, 0.02),
-        *(falls("left", to_zero=False), either(*OUTAGE)),
-        setup=CABLED,
-    ),
-    _case(
-        "cable-200ms",
-        "the same for 200 ms",
-        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
-        pull_cable(LEFT, 0.2),
-        *_GONE,
-        setup=CABLED,
-    ),
-    _case(
-        "cable-5s",
-        "the same for 5 s",
-        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
-        pull_cable(LEFT, 5.0),
-        *_GONE,
-        setup=CABLED,
-    ),
+    _missed("cable-20ms", "the cable of a station (veth) is pulled for 20 ms", pull_cable(LEFT, 0.02), CABLED),
+    _gone("cable-200ms", "the same for 200 ms", pull_cable(LEFT, 0.2), setup=CABLED),
+    _gone("cable-5s", "the same for 5 s", pull_cable(LEFT, 5.0), setup=CABLED),
 )
 """Link cases."""
