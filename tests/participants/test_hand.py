@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
+from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import BEYOND, CAPACITY, GRASP, STEP, Hand, pack_arm
+from netboard.participants.hand import BEYOND, CAPACITY, GRASP, STEP, Hand, hold, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -207,3 +208,44 @@ def test_compensation_at_rest_leaves_the_rest_of_the_friction() -> None:
     assert hand.position[2] == 0.0
     hand.advance(8000, 0.0, (0.0, 0.0, 0.0521))
     assert hand.position[2] > 0.0
+
+
+def stiffness(hand: Hand) -> float:
+    return float(hand.state["stiffness"][0])
+
+
+def test_a_hand_stiffens_until_its_error_is_the_ratio_of_decay_and_gain() -> None:
+    """With ``e = F/K``, ``dK/dt = alpha F/K - gamma`` has its equilibrium at ``K = alpha F / gamma``."""
+    hand = make(replace(PERSON, impedance_gain=2e5, impedance_decay=200.0))
+    hand.advance(60_000, 0.0, (0.0, 0.0, 0.3))
+    assert stiffness(hand) == pytest.approx(2e5 * 0.3 / 200.0, rel=1e-3)
+    assert hand.position[2] == pytest.approx(200.0 / 2e5, rel=1e-3)
+
+
+def test_a_hand_on_its_aim_relaxes_at_a_constant_rate_down_to_the_relaxed_arm() -> None:
+    hand = make(replace(PERSON, impedance_gain=2e5, impedance_decay=200.0))
+    hand.advance(60_000, 0.0, (0.0, 0.0, 0.3))
+    hand.advance(2000, 15.0, NO_FORCE)  # until it is back on its aim
+    before = stiffness(hand)
+    hand.advance(1000, 15.5, NO_FORCE)
+    assert before - stiffness(hand) == pytest.approx(200.0 * 0.25, rel=1e-2)
+    hand.advance(8000, 15.75, NO_FORCE)
+    assert stiffness(hand) == PERSON.arm_stiffness
+
+
+def test_no_hand_is_stiffer_than_its_limit() -> None:
+    hand = make(replace(PERSON, impedance_gain=1e6, impedance_limit=2.0))
+    hand.advance(8000, 0.0, (0.0, 0.0, 3.0))
+    assert stiffness(hand) == 2.0 * PERSON.arm_stiffness
+
+
+def test_a_constant_stiffness_is_the_default() -> None:
+    hand = make()
+    hand.advance(8000, 0.0, (0.0, 0.0, 3.0))
+    assert stiffness(hand) == PERSON.arm_stiffness
+
+
+def test_compliant_cables_refuse_a_stiffness_that_changes() -> None:
+    device = VirtualDevice(cable_stiffness=2000.0)
+    with pytest.raises(ConfigError, match="impedance_gain: found 100, expected 0: with compliant cables"):
+        hold(replace(PERSON, impedance_gain=100.0), device, np.random.default_rng(1))

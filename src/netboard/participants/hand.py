@@ -3,8 +3,8 @@
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
 force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
-white noise is an argument, so the kernel is deterministic. An optional response shifts the equilibrium point along an
-unexpected force.
+white noise is an argument, so the kernel is deterministic. Two optional responses shift the equilibrium point along an
+unexpected force, and stiffen the arm where the hand misses its aim.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, kernel
+from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
@@ -59,7 +60,10 @@ RECALL = 128
 ARM = np.dtype(
     [
         ("mass", "<f8"),  # mass of arm and device [kg]
-        ("stiffness", "<f8"),  # stiffness of the arm towards its equilibrium point [N/m]
+        ("stiffness", "<f8"),  # stiffness of the relaxed arm towards its equilibrium point [N/m]
+        ("stiffest", "<f8"),  # largest stiffness [N/m]
+        ("stiffening", "<f8"),  # growth of the stiffness in an update per distance from the aim [N/m/m]
+        ("relaxing", "<f8"),  # fall of the stiffness in an update [N/m]
         ("damping", "<f8"),  # damping of arm and device [N s/m]
         ("friction", "<f8"),  # Coulomb friction of each axis, minus the part that the arm compensates at rest [N]
         ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]
@@ -94,6 +98,7 @@ HAND = np.dtype(
         ("aim", "<f8"),  # equilibrium height after all completed submovements [m]
         ("muscle", "<f8"),  # output of the first muscle lag [m]
         ("equilibrium", "<f8"),  # output of the second lag: the present equilibrium height [m]
+        ("stiffness", "<f8"),  # present stiffness of the arm [N/m]
         ("effort", "<f8"),  # force with which the arm compensates friction, along z [N]
         ("moves", "<i8"),  # number of submovements under way or planned
         ("steps", "<i8"),  # steps so far
@@ -125,8 +130,18 @@ def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generat
     -------
     Hand
         The hand, with compliant cables if the device has them.
+
+    Raises
+    ------
+    ConfigError
+        If the cables are compliant and the arm's stiffness is not constant, which the cables' solver requires.
     """
     arm, own = pack_arm(participant, device, held), resolved(device)
+    if own.cable_stiffness > 0.0 and participant.impedance_gain > 0.0:
+        raise ConfigError(
+            f"[participant] impedance_gain: found {participant.impedance_gain:g}, expected 0: with compliant cables "
+            "(virtual.cable_stiffness) the stiffness of the simulated arm is constant"
+        )
     return Hand(arm, rng, pack_cables(own, arm, STEP) if own.cable_stiffness > 0.0 else RIGID)
 
 
@@ -158,6 +173,9 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
+        arm["stiffest"] = participant.impedance_limit * participant.arm_stiffness
+        arm["stiffening"] = participant.impedance_gain * UPDATE_STEPS * STEP
+        arm["relaxing"] = participant.impedance_decay * UPDATE_STEPS * STEP
         arm["skill"] = participant.friction_skill * own.friction * (1.0 - participant.rest_skill)
         arm["friction"] -= participant.friction_skill * own.friction * participant.rest_skill
         arm["loading"] = participant.load_skill / participant.arm_stiffness
@@ -212,14 +230,27 @@ def _yielded(s: Any, arm: Any, force: float) -> float:
     s["felt"][place & (RECALL - 1)] = force
     late = s["felt"][(place - arm["reflex_updates"]) & (RECALL - 1)]
     s["expected"] = late + (s["expected"] - late) * arm["habit"]
-    return float(arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"])
+    softer = arm["stiffness"] / s["stiffness"]  # the same force displaces a stiffer arm less
+    return float(softer * (arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"]))
+
+
+@inlined
+def _stiffen(s: Any, arm: Any) -> None:
+    """Adapt the arm's stiffness to the hand's distance from its aim: ``dK/dt = alpha |e| - gamma``, within limits.
+
+    A person contracts opposing muscles together where errors are large, and relaxes slowly where they are not
+    (Franklin et al., J. Neurosci. 2008).
+    """
+    if arm["stiffening"] > 0.0:
+        wanted = s["stiffness"] + arm["stiffening"] * abs(s["equilibrium"] - s["z"]) - arm["relaxing"]
+        s["stiffness"] = min(max(wanted, arm["stiffness"]), arm["stiffest"])
 
 
 @inlined
 def tense(
     s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
 ) -> None:
-    """Update equilibrium point, reflexes, friction compensation and tremor.
+    """Update stiffness, equilibrium point, reflexes, friction compensation and tremor.
 
     Parameters
     ----------
@@ -236,6 +267,7 @@ def tense(
     white_x, white_y, white_z : float
         Standard normal numbers that drive the tremor [1].
     """
+    _stiffen(s, arm)
     asked = _aim(s, plan, when, arm["stop"] + BEYOND) + _yielded(s, arm, force)
     s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
     before = s["equilibrium"]
@@ -267,7 +299,7 @@ def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     steps : int
         Number of steps of length `STEP` [1].
     """
-    stiffness = arm["stiffness"]
+    stiffness = s["stiffness"]
     push_x = stiffness * _nearer(s) + s["tremor_x"] + fx
     push_y = stiffness * s["rest_y"] + s["tremor_y"] + fy
     push_z = stiffness * s["equilibrium"] + s["effort"] + s["tremor_z"] + fz
@@ -388,6 +420,7 @@ class Hand:
         self.end = np.zeros(1, TIP)
         self.cables = cables
         self._record = self.state[0]
+        self._record["stiffness"] = arm["stiffness"][0]
         self.arm = arm
         self.course = np.zeros((CAPACITY, 3))
         self._rng = rng

@@ -72,6 +72,12 @@ class Participant:
     ] = 0.0
     reflex_delay: Annotated[float, about("delay of the reflexes", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
+    impedance_gain: Annotated[
+        float,
+        about("how fast the arm stiffens with the hand's distance from its aim; 0: never", "N/m/(m s)", ge=0, le=1e6),
+    ] = 0.0
+    impedance_decay: Annotated[float, about("how fast that stiffness falls again", "N/m/s", ge=0, le=10_000)] = 20.0
+    impedance_limit: Annotated[float, about("largest stiffness, over that of the relaxed arm", "1", ge=1, le=10)] = 3.0
     kp: Annotated[float, about("proportional gain: ball acceleration per distance", "1/s2", ge=0, le=100)] = 2.17
     kd: Annotated[float, about("derivative gain: ball acceleration per velocity", "1/s", ge=0, le=100)] = 2.50
     max_tilt_deg: Annotated[float, about("largest desired tilt", "deg", gt=0, le=45)] = 2.97

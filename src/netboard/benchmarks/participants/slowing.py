@@ -23,6 +23,7 @@ CASES: dict[str, tuple[str, dict[str, float]]] = {
     "full force, no load compensation": ("full", {"load_skill": 0.0}),
     "full force, friction not compensated at rest": ("full", {"rest_skill": 0.0}),
     "full force, with reflex yielding": ("full", {"reflex_gain": 1.0}),
+    "full force, with impedance adaptation": ("full", {"impedance_gain": 20_000.0}),
 }
 """Force condition and changed parameters of each case."""
 

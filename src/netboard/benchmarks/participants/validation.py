@@ -32,9 +32,10 @@ ABLATIONS = {
     "no information": replace(USUAL, haptic_gain=0.0),
     "fixed partner": replace(USUAL, mirror_rate=0.0),
     "no learning": replace(USUAL, novice=1.0),
-    "with reflex": replace(USUAL, reflex_gain=1.0),
+    "with yielding": replace(USUAL, reflex_gain=1.0),
+    "with impedance": replace(USUAL, impedance_gain=20_000.0),
 }
-"""Variants of the model: each but the last is without one part; the last has a part that the model leaves out."""
+"""Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
 
 
 def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
