@@ -69,4 +69,4 @@ def test_nothing_acts_outside_a_trial() -> None:
     assert body.apply_force(words) == 0.0
     row["phase"] = Phase.HOLDING
     assert body.apply_force(words) == 0.5
-    assert body.wanted == 0.5
+    assert body.commanded == 0.5

@@ -8,12 +8,12 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
-from netboard.nodes.rehearsal.closed_loop import Mind, scale_in, seats_of
+from netboard.nodes.rehearsal.closed_loop import SimulatedParticipant, scale_in, seats_of
 from netboard.nodes.rehearsal.population import people_of, performers, person_of
 
 
-def mind(config: Config, station: str, sides: tuple[str, ...]) -> Mind:
-    return Mind(config, config.participant, station, sides, np.random.default_rng(1))
+def participant(config: Config, station: str, sides: tuple[str, ...]) -> SimulatedParticipant:
+    return SimulatedParticipant(config, config.participant, station, sides, np.random.default_rng(1))
 
 
 def test_a_person_is_the_same_person_whenever_asked() -> None:
@@ -71,11 +71,11 @@ def test_a_robot_and_a_still_partner_learn_nothing() -> None:
 
 def test_views_come_as_often_as_the_server_makes_them_and_one_tick_late() -> None:
     config = Config()
-    left, right = mind(config, "left", ("left",)), mind(config, "right", ("right",))
+    left, right = participant(config, "left", ("left",)), participant(config, "right", ("right",))
     assert [left.shown(tick) for tick in (1, 9, 10, 18, 19)] == [0, 0, 9, 9, 18]
     assert [right.shown(tick) for tick in (4, 5, 13, 14)] == [-5, 4, 4, 13]
     slow = replace(config, network=replace(config.network, view_rate_hz=50.0))
-    assert [mind(slow, "left", ("left",)).shown(tick) for tick in (20, 21)] == [0, 20]
+    assert [participant(slow, "left", ("left",)).shown(tick) for tick in (20, 21)] == [0, 20]
 
 
 def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
@@ -84,7 +84,7 @@ def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
 
     def tells(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
-        some = mind(replace(config, block=replace(config.block, **keys)), "left", sides)
+        some = participant(replace(config, block=replace(config.block, **keys)), "left", sides)
         return scale_in(some.parts, row.view(np.int64)) > 0.0
 
     assert tells()

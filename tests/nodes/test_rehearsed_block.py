@@ -116,7 +116,7 @@ def test_everybody_has_a_seat() -> None:
 
 @pytest.mark.slow
 def test_who_cannot_do_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsed, "PATIENCE", 1.0)
+    monkeypatch.setattr(rehearsed, "MAX_MEAN_TRIAL", 1.0)
     rows, summary = play(with_block(trials=2))
     assert summary.given_up
     assert rows["event"][-1] == Cause.STOP

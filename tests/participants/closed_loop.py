@@ -16,7 +16,7 @@ from netboard.devices.safety.chain import Guard, Safety
 from netboard.devices.safety.fixture import lateral_force
 from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.network.protocol.motion import Safeguard
-from netboard.participants.controller import Brain
+from netboard.participants.controller import Controller
 from netboard.participants.senses import Glimpse
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
@@ -43,11 +43,11 @@ def with_block(config: Config, configuration: str, haptics: bool, trials: int, s
     return replace(config, block=block)
 
 
-def make_brains(config: Config) -> list[tuple[tuple[Side, ...], Brain]]:
+def make_controllers(config: Config) -> list[tuple[tuple[Side, ...], Controller]]:
     groups = [("left",), ("right",)] if config.block.configuration == "dyadic" else [SIDES]
     seeds = np.random.default_rng((config.block.seed, 99)).spawn(2)
     return [
-        (sides, Brain(config.participant, config.physics, config.task, sides, rng))
+        (sides, Controller(config.participant, config.physics, config.task, sides, rng))
         for sides, rng in zip(groups, seeds, strict=False)
     ]
 
@@ -62,7 +62,7 @@ def play(config: Config, most_seconds: float) -> Played:
     chains = {side: Safety(config.safety, infos[side].max_force, infos[side].continuous_force) for side in SIDES}
     for chain in chains.values():
         chain.arm()
-    brains = make_brains(config)
+    controllers = make_controllers(config)
     views: deque[tuple[float, dict[str, object]]] = deque()
     glimpses: dict[Side, Glimpse] = {}
     readings = {}
@@ -94,11 +94,11 @@ def play(config: Config, most_seconds: float) -> Played:
             views.append((now + VIEW_DELAY, {name: state[name][0] for name in state.dtype.names}))
         while views and views[0][0] <= now:
             when, shown = views.popleft()
-            for sides, _ in brains:
+            for sides, _ in controllers:
                 glimpses[sides[0]] = glimpse_of(when, shown, sides, config)
-        for sides, brain in brains:
+        for sides, controller in controllers:
             felt = devices[sides[0]].felt if len(sides) == 1 and config.block.haptics else None
-            for move in brain.step(now, glimpses.get(sides[0]), felt):
+            for move in controller.step(now, glimpses.get(sides[0]), felt):
                 devices[move.side].command((move,))
         stage.advance(state, rows, tick)
         if row["event"] == Cause.HELD:

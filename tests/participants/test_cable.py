@@ -1,4 +1,4 @@
-"""Cables against closed forms: what they give, how they swing, and that nothing makes them unstable."""
+"""Cables against closed forms: what they give, how they advance_hand, and that nothing makes them unstable."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import pack_cables, stretch
 from netboard.participants.device_models import MODELS, DeviceModel, resolved
-from netboard.participants.hand import STEP, Hand, hold, pack_arm
+from netboard.participants.hand import STEP, Hand, make_hand, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -19,7 +19,7 @@ NO_FORCE = (0.0, 0.0, 0.0)
 
 
 def make(device: VirtualDevice, held: bool = True, person: Participant = PERSON) -> Hand:
-    return hold(person, device, np.random.default_rng(1), held)
+    return make_hand(person, device, np.random.default_rng(1), held)
 
 
 def constants(device: VirtualDevice, held: bool = False) -> np.ndarray:

@@ -9,7 +9,7 @@ from scipy.signal import lti, step
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import BEYOND, CAPACITY, GRASP, STEP, Hand, hold, pack_arm
+from netboard.participants.hand import AIM_BEYOND_STOP, CAPACITY, LATERAL_SD, STEP, Hand, make_hand, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0, rest_skill=0.0, load_skill=0.0)
@@ -42,9 +42,9 @@ def test_it_swings_like_a_damped_oscillator() -> None:
     hand.state["z"] = 0.01
     m, k = PERSON.arm_mass + TOUCH.mass, PERSON.arm_stiffness
     decay = (PERSON.arm_damping + TOUCH.damping) / (2 * m)
-    swing = np.sqrt(k / m - decay**2)
+    advance_hand = np.sqrt(k / m - decay**2)
     t = STEP * np.arange(1, 2001)
-    theory = 0.01 * np.exp(-decay * t) * (np.cos(swing * t) + decay / swing * np.sin(swing * t))
+    theory = 0.01 * np.exp(-decay * t) * (np.cos(advance_hand * t) + decay / advance_hand * np.sin(advance_hand * t))
     assert np.abs(heights(hand, 2000) - theory).max() < 0.01 * 5e-3
 
 
@@ -101,7 +101,7 @@ def test_a_hand_at_its_stop_does_not_aim_ever_farther_beyond_it() -> None:
         hand.plan([Submovement("left", 0.5 * k, 0.3, 0.05)])
         hand.advance(2000, 0.5 * k, NO_FORCE)
     assert hand.position[2] == pytest.approx(TOUCH.workspace)
-    hand.plan([Submovement("left", 10.0, 0.3, -TOUCH.workspace - BEYOND)])
+    hand.plan([Submovement("left", 10.0, 0.3, -TOUCH.workspace - AIM_BEYOND_STOP)])
     hand.advance(8000, 10.0, NO_FORCE)
     assert hand.position[2] == pytest.approx(0.0, abs=1e-6)
 
@@ -131,19 +131,19 @@ def test_practice_makes_up_for_most_of_the_friction() -> None:
     assert abs(hand.position[2] - 0.02) < 0.7 * TOUCH.friction / PERSON.arm_stiffness
 
 
-def test_tremor_has_the_strength_asked_for() -> None:
+def test_force_noise_has_the_strength_asked_for() -> None:
     hand = make(Participant(force_noise=0.02), seed=3)
     samples = []
     for _ in range(4000):
         hand.advance(400, 0.0, NO_FORCE)
-        samples.append(float(hand.state["tremor_z"][0]))
+        samples.append(float(hand.state["noise_z"][0]))
     assert np.std(samples) == pytest.approx(0.02, rel=0.06)
     assert np.mean(samples) == pytest.approx(0.0, abs=0.002)
 
 
 def test_the_stylus_is_held_a_little_beside_the_line() -> None:
     places = np.array([make(seed=seed).position[:2] for seed in range(400)])
-    assert places.std() == pytest.approx(GRASP, rel=0.1)
+    assert places.std() == pytest.approx(LATERAL_SD, rel=0.1)
 
 
 def test_the_same_seed_gives_the_same_bits_however_time_is_cut() -> None:
@@ -248,4 +248,4 @@ def test_a_constant_stiffness_is_the_default() -> None:
 def test_compliant_cables_refuse_a_stiffness_that_changes() -> None:
     device = VirtualDevice(cable_stiffness=2000.0)
     with pytest.raises(ConfigError, match="impedance_gain: found 100, expected 0: with compliant cables"):
-        hold(replace(PERSON, impedance_gain=100.0), device, np.random.default_rng(1))
+        make_hand(replace(PERSON, impedance_gain=100.0), device, np.random.default_rng(1))

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.controller import pack_person
+from netboard.participants.controller import pack_constants
 from netboard.participants.partner import SIGN, haptic_weight, partner_height, partner_seen
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.statics import equilibrium
 
 PHYSICS = Physics()
-KNOWN = pack_person(Participant(), PHYSICS, Task(), ("left",))[0]
+KNOWN = pack_constants(Participant(), PHYSICS, Task(), ("left",))[0]
 PARTS, SCENE = parts_of(PHYSICS), pack_scene(PHYSICS)[0]
 
 height = st.floats(-0.02, 0.02)

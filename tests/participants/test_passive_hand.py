@@ -9,7 +9,7 @@ from dataclasses import astuple, replace
 import closed_loop
 import numpy as np
 import pytest
-from closed_loop import make_brains, play, with_block
+from closed_loop import make_controllers, play, with_block
 from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
@@ -37,7 +37,7 @@ def cooperative(left: NDArray[np.float64], right: NDArray[np.float64]) -> float:
 def test_a_passive_hand_with_the_device_moves_as_in_the_whole_model(
     stiffness: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(closed_loop, "make_brains", lambda config: make_brains(config)[:1])
+    monkeypatch.setattr(closed_loop, "make_controllers", lambda config: make_controllers(config)[:1])
     config = with_block(Config(), "dyadic", True, 4, 3)
     inert = replace(config.participant, arm_stiffness=stiffness, force_noise=0.0, rest_skill=0.0, load_skill=0.0)
     config = replace(config, participant=inert)

@@ -11,7 +11,7 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.jobs import Job, rehearse
 from netboard.nodes.server.robot import Robot
-from netboard.participants.controller import THINK_EVERY, Brain
+from netboard.participants.controller import DECISION_INTERVAL, Controller
 from netboard.participants.policy import Policy, identity_of
 from netboard.recording.files.reader import Recording
 
@@ -29,13 +29,13 @@ def test_the_identity_is_the_kind_and_the_parameters_with_their_sum() -> None:
 def test_live_in_the_server_and_rehearsed_it_is_the_same_policy(tmp_path: Path) -> None:
     config = Config(participant=PERSON)
     config = replace(config, block=replace(config.block, right="robot", trials=1))
-    brain: Policy = Brain(PERSON, config.physics, config.task, ("left",), np.random.default_rng(1))
+    controller: Policy = Controller(PERSON, config.physics, config.task, ("left",), np.random.default_rng(1))
     robot = Robot(config, "right")
     sheet = rehearse(Job(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
     with Recording(Path(sheet.recording)) as recording:
         said = recording.metadata
-    assert brain.interval == THINK_EVERY
-    assert brain.identity == robot.identity == {name: said[f"A_{name}"] for name in robot.identity}
+    assert controller.interval == DECISION_INTERVAL
+    assert controller.identity == robot.identity == {name: said[f"A_{name}"] for name in robot.identity}
     assert json.loads(said["A_policy_parameters"]) == asdict(PERSON)
 
 

@@ -12,9 +12,9 @@ from netboard.participants.senses import (
     SENSES,
     Glimpse,
     force_at,
-    look,
-    take,
-    wander,
+    ou_step,
+    perceive,
+    store,
     write_glimpse,
 )
 
@@ -28,13 +28,13 @@ def glimpse(time: float, p: float | None = 0.0, phase: str = "running") -> NDArr
 def watching(positions: list[tuple[float, float | None]], phase: str = "running") -> NDArray[np.void]:
     senses = np.zeros(1, SENSES)
     for time, p in positions:
-        take(senses[0], time, glimpse(time, p, phase)[0], nan)
+        store(senses[0], time, glimpse(time, p, phase)[0], nan)
     return senses
 
 
 def seen_at(senses: NDArray[np.void], until: float) -> np.void | None:
     percept = np.zeros(1, PERCEPT)
-    return percept[0] if look(senses[0], until, percept[0]) else None
+    return percept[0] if perceive(senses[0], until, percept[0]) else None
 
 
 def test_nothing_is_seen_before_it_was_shown() -> None:
@@ -62,7 +62,7 @@ def test_the_velocity_of_a_steady_ball_is_right() -> None:
 
 def test_a_fixed_ball_has_no_velocity_and_its_jump_is_not_taken_for_one() -> None:
     senses = watching([(0.00, 0.1), (0.01, 0.2)], phase="levelling")
-    take(senses[0], 0.02, glimpse(0.02, 0.2)[0], nan)
+    store(senses[0], 0.02, glimpse(0.02, 0.2)[0], nan)
     fixed, released = seen_at(senses, 0.01), seen_at(senses, 0.02)
     assert fixed is not None
     assert released is not None
@@ -80,7 +80,7 @@ def test_only_the_last_second_is_remembered_but_always_the_newest_view() -> None
     assert senses["seen_count"][0] == 101
     assert seen_at(senses, 2.98) is None
     for k in range(400, 600):
-        take(senses[0], 0.01 * k, glimpse(3.99)[0], 0.1)
+        store(senses[0], 0.01 * k, glimpse(3.99)[0], 0.1)
     assert senses["seen_count"][0] == 1
     assert senses["felt_count"][0] == 101
     assert seen_at(senses, 6.0) is not None
@@ -89,19 +89,19 @@ def test_only_the_last_second_is_remembered_but_always_the_newest_view() -> None
 def test_forces_are_felt_late_and_forgotten_where_none_is_rendered() -> None:
     senses, nothing = np.zeros(1, SENSES), np.zeros(1, SEEN)
     write_glimpse(None, nothing)
-    take(senses[0], 0.00, nothing[0], 0.5)
-    take(senses[0], 0.01, nothing[0], 0.7)
+    store(senses[0], 0.00, nothing[0], 0.5)
+    store(senses[0], 0.01, nothing[0], 0.7)
     assert isnan(force_at(senses[0], -0.01))
     assert force_at(senses[0], 0.005) == 0.5
     assert force_at(senses[0], 0.01) == 0.7
-    take(senses[0], 0.02, nothing[0], nan)
+    store(senses[0], 0.02, nothing[0], nan)
     assert isnan(force_at(senses[0], 0.02))
     assert seen_at(senses, 1.0) is None
 
 
 def test_noise_has_its_deviation_and_its_correlation_time() -> None:
     rng, value = np.random.default_rng(2), 0.3
-    values = np.array([value := wander(value, 0.3, 0.2, 0.05, rng.standard_normal()) for _ in range(40_000)])
+    values = np.array([value := ou_step(value, 0.3, 0.2, 0.05, rng.standard_normal()) for _ in range(40_000)])
     assert values.std() == pytest.approx(0.3, rel=0.03)
     after = np.corrcoef(values[:-4], values[4:])[0, 1]
     assert after == pytest.approx(np.exp(-1.0), abs=0.03)

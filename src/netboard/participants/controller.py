@@ -1,5 +1,9 @@
 """Controller of a simulated participant: an intermittent, predictive, delayed PD controller of the ball.
 
+Wanted tilt ``theta* = clip((kp (p - target) + kd v) / g, +- max_tilt)`` with the predicted ball ``p'' = -g theta``;
+expected tilt ``theta + sum of the remaining displacements of the right hand less those of the left / (2 l)``; the
+participant acts where they differ by more than a threshold. Tilt is positive when the right end is up.
+
 Every 10 ms the controller takes the ball as it was one visual delay ago, extrapolates it, and computes the tilt that
 would bring it to rest in the target. It acts only if the expected tilt differs from this by more than a threshold and
 the refractory time has passed. The action is one ballistic submovement of each own hand, which tilts the board and
@@ -9,7 +13,7 @@ to share its lifting, unless the force on its hand shows otherwise. In a bimanua
 Each part can be switched off by a parameter: ``haptic_gain = 0`` (force carries no information), ``mirror_rate = 0``
 (the partner's share is not learned) and ``novice = 1`` (no learning over trials).
 
-`decide` is the controller as one kernel over records; `Brain` runs it for one live participant.
+`decide` is the controller as one kernel over records; `Controller` runs it for one live participant.
 
 Rule 1: the inputs are a `Glimpse`, the force on its own hand, and the constants of the scene; nothing else.
 Rule 2: time is an argument and the random generator is passed in, so that results are reproducible.
@@ -38,23 +42,23 @@ from netboard.participants.senses import (
     Glimpse,
     force_at,
     is_free,
-    look,
-    take,
-    wander,
+    ou_step,
+    perceive,
+    store,
     write_glimpse,
 )
 from netboard.participants.submovement import Submovement, minimum_jerk
 
-THINK_EVERY = 0.010
+DECISION_INTERVAL = 0.010
 """Interval between two decisions [s]."""
 
-FELT_AHEAD = 0.100
+FORCE_HORIZON = 0.100
 """Horizon over which the partner's height is extrapolated from the force [s]."""
 
-FELT_SPAN = 0.030
+FORCE_WINDOW = 0.030
 """Window over which the partner's velocity is estimated [s]."""
 
-TOUCH_TIME = 0.5
+HAPTIC_ERROR_TIME = 0.5
 """Correlation time of the error of a height inferred from force [s]."""
 
 REACTION_CV = 0.2
@@ -71,11 +75,11 @@ LEVEL_MARGIN = 0.7
 """Share of the levelling limits above which a participant corrects tilt or height [1]."""
 
 INTENTS = 64
-"""Submovements that a participant can have in mind at once [1]."""
+"""Submovements of a participant whose effect it has not seen yet, at most [1]."""
 
 _SCENE = ("M", "ball", "g", "l", "k_h", "k_s")
 
-PERSON = np.dtype(
+CONSTANTS = np.dtype(
     [
         *((field.name, "<f8") for field in fields(Participant)),  # haptic_gain: -1 for "noise"
         *((name, "<f8") for name in _SCENE),  # constants of the scene; `ball` is the ball's mass, 0 without one [SI]
@@ -93,8 +97,8 @@ INTENT = np.dtype(
         ("duration", "<f8"),  # [s]
         ("displacement", "<f8"),  # without motor noise [m]
         ("turn", "<f8"),  # part of it that tilts the board; the rest lifts it [m]
-        ("echo", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
-        ("other", "<f8"),  # height of the partner's hand as seen at the decision; NaN if unknown [m]
+        ("mirrored", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
+        ("partner", "<f8"),  # height of the partner's hand as seen at the decision; NaN if unknown [m]
     ]
 )
 """An intended submovement: its expected effect until it becomes visible."""
@@ -102,20 +106,20 @@ INTENT = np.dtype(
 MOVE = np.dtype([("side", "<i8"), ("start", "<f8"), ("duration", "<f8"), ("displacement", "<f8")])
 """A new submovement [s, s, m]."""
 
-MIND = np.dtype(
+STATE = np.dtype(
     [
         ("senses", SENSES),
         ("percept", PERCEPT),
         ("intents", INTENT, (INTENTS,)),
         ("intent_count", "<i8"),
-        ("touch", "<f8"),  # present error of a height inferred from force [m]
-        ("thought", "<f8"),  # time of the last decision [s]
+        ("haptic_error", "<f8"),  # present error of a height inferred from force [m]
+        ("decision_time", "<f8"),  # time of the last decision [s]
         ("ready", "<f8"),  # earliest time of the next action [s]
         ("threshold", "<f8"),  # tilt error that triggers the next submovement [rad]
         ("phase", "<f8"),  # phase seen at the last decision
         ("mirror", "<f8"),  # share of own tilting that the partner is expected to mirror [1]
         ("practice", "<f8"),  # attempts done [1]
-        ("skill", "<f8"),  # present noise, threshold and reaction time, over those of a trained participant [1]
+        ("learning_factor", "<f8"),  # of noise, threshold and reaction time; 1: trained [1]
     ]
 )
 """State of a controller."""
@@ -125,7 +129,7 @@ _WORDS = {"haptic_gain": -1.0, "practice": inf}
 """How a word in place of a number is packed: the gain follows from the noise; without a plan, all is learned."""
 
 
-def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
+def pack_constants(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
     """Pack the constants of a participant for the kernels.
 
     Parameters
@@ -141,12 +145,12 @@ def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[
 
     Returns
     -------
-    ndarray of PERSON, shape (1,)
+    ndarray of CONSTANTS, shape (1,)
         The packed record.
     """
     if not sides or len(set(sides)) != len(sides):
         raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
-    packed = np.zeros(1, PERSON)
+    packed = np.zeros(1, CONSTANTS)
     for field in fields(Participant):
         value = getattr(person, field.name)
         packed[field.name] = _WORDS[field.name] if isinstance(value, str) else value
@@ -159,27 +163,27 @@ def pack_person(person: Participant, physics: Physics, task: Task, sides: tuple[
 
 
 @kernel
-def awake(mind: Any, k: Any, rng: np.random.Generator) -> None:
+def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
     """Begin: draw the first noises and the first threshold.
 
     Parameters
     ----------
-    mind : record of MIND
+    state : record of STATE
         The state, changed in place.
-    k : record of PERSON
+    k : record of CONSTANTS
         The constants.
     rng : numpy.random.Generator
         Source of the participant's variability.
     """
-    senses = mind["senses"]
-    mind["mirror"], mind["practice"] = k["mirror"], k["practice"]
-    skill = mind["skill"] = learned(k["novice"], k["practice"], k["learning_trials"])
-    senses["noise_p"] = skill * k["position_noise"] * rng.standard_normal()
-    senses["noise_v"] = skill * k["velocity_noise"] * rng.standard_normal()
-    senses["noise_theta"] = skill * radians(k["tilt_noise_deg"]) * rng.standard_normal()
-    mind["touch"] = skill * k["haptic_noise"] * rng.standard_normal()
-    mind["thought"] = mind["ready"] = -inf
-    mind["threshold"] = _draw_threshold(mind, k, rng)
+    senses = state["senses"]
+    state["mirror"], state["practice"] = k["mirror"], k["practice"]
+    factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
+    senses["noise_p"] = factor * k["position_noise"] * rng.standard_normal()
+    senses["noise_v"] = factor * k["velocity_noise"] * rng.standard_normal()
+    senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * rng.standard_normal()
+    state["haptic_error"] = factor * k["haptic_noise"] * rng.standard_normal()
+    state["decision_time"] = state["ready"] = -inf
+    state["threshold"] = _draw_threshold(state, k, rng)
 
 
 @kernel
@@ -208,15 +212,15 @@ def learned(novice: float, practice: float, trials: float) -> float:
 
 @kernel
 def decide(
-    mind: Any, k: Any, rng: np.random.Generator, now: float, glimpse: Any, felt: float, moves: NDArray[Any]
+    state: Any, k: Any, rng: np.random.Generator, now: float, glimpse: Any, felt: float, moves: NDArray[Any]
 ) -> int:
-    """Take in display and force, and decide. The caller keeps the interval `THINK_EVERY` between two calls.
+    """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
 
     Parameters
     ----------
-    mind : record of MIND
+    state : record of STATE
         The state, changed in place.
-    k : record of PERSON
+    k : record of CONSTANTS
         The constants.
     rng : numpy.random.Generator
         Source of the participant's variability.
@@ -234,26 +238,28 @@ def decide(
     int
         Number of new submovements; 0 most of the time [1].
     """
-    dt = min(now - mind["thought"], 1.0)
-    mind["thought"] = now
-    senses, seen = mind["senses"], mind["percept"]
-    take(senses, now, glimpse, felt)
-    skill = mind["skill"]
-    mind["touch"] = wander(mind["touch"], skill * k["haptic_noise"], TOUCH_TIME, dt, rng.standard_normal())
-    senses["noise_p"] = wander(senses["noise_p"], skill * k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
-    senses["noise_v"] = wander(senses["noise_v"], skill * k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
-    tilt_noise = skill * radians(k["tilt_noise_deg"])
-    senses["noise_theta"] = wander(senses["noise_theta"], tilt_noise, NOISE_TIME, dt, rng.standard_normal())
-    if not look(senses, now - k["visual_delay"], seen):
+    dt = min(now - state["decision_time"], 1.0)
+    state["decision_time"] = now
+    senses, seen = state["senses"], state["percept"]
+    store(senses, now, glimpse, felt)
+    factor = state["learning_factor"]
+    state["haptic_error"] = ou_step(
+        state["haptic_error"], factor * k["haptic_noise"], HAPTIC_ERROR_TIME, dt, rng.standard_normal()
+    )
+    senses["noise_p"] = ou_step(senses["noise_p"], factor * k["position_noise"], NOISE_TIME, dt, rng.standard_normal())
+    senses["noise_v"] = ou_step(senses["noise_v"], factor * k["velocity_noise"], NOISE_TIME, dt, rng.standard_normal())
+    tilt_noise = factor * radians(k["tilt_noise_deg"])
+    senses["noise_theta"] = ou_step(senses["noise_theta"], tilt_noise, NOISE_TIME, dt, rng.standard_normal())
+    if not perceive(senses, now - k["visual_delay"], seen):
         return 0
-    _notice(mind, k, rng)
-    _forget(mind, k, seen["time"] - _lag(k))
-    if now < mind["ready"]:
+    _detect_release(state, k, rng)
+    _drop_completed(state, k, seen["time"] - _lag(k))
+    if now < state["ready"]:
         return 0
     if seen["phase"] == LEVELLING:
-        return _level(mind, k, rng, now, moves)
+        return _level(state, k, rng, now, moves)
     if is_free(seen["phase"]):
-        return _play(mind, k, rng, now, moves)
+        return _steer(state, k, rng, now, moves)
     return 0
 
 
@@ -264,53 +270,53 @@ def _lag(k: Any) -> float:
 
 
 @inlined
-def _notice(mind: Any, k: Any, rng: np.random.Generator) -> None:
+def _detect_release(state: Any, k: Any, rng: np.random.Generator) -> None:
     """Once the release of the ball is seen, count the attempt and wait for a reaction time."""
-    phase = mind["percept"]["phase"]
-    if is_free(phase) and not is_free(mind["phase"]):
-        mind["skill"] = learned(k["novice"], mind["practice"], k["learning_trials"])
-        mind["practice"] += 1.0
-        reaction = mind["skill"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
-        mind["ready"] = mind["percept"]["time"] + reaction
-    mind["phase"] = phase
+    phase = state["percept"]["phase"]
+    if is_free(phase) and not is_free(state["phase"]):
+        state["learning_factor"] = learned(k["novice"], state["practice"], k["learning_trials"])
+        state["practice"] += 1.0
+        reaction = state["learning_factor"] * k["reaction_time"] * max(0.0, 1.0 + REACTION_CV * rng.standard_normal())
+        state["ready"] = state["percept"]["time"] + reaction
+    state["phase"] = phase
 
 
 @inlined
-def _forget(mind: Any, k: Any, shown: float) -> None:
+def _drop_completed(state: Any, k: Any, shown: float) -> None:
     """Forget the intents whose whole effect has been seen, and learn from the partner's part in it."""
-    intents, kept = mind["intents"], 0
-    for i in range(mind["intent_count"]):
+    intents, kept = state["intents"], 0
+    for i in range(state["intent_count"]):
         intent = intents[i]
         if _done(intent, shown) < 1.0:
             if kept < i:
                 to = intents[kept]
                 to["side"], to["start"], to["duration"] = intent["side"], intent["start"], intent["duration"]
-                to["displacement"], to["turn"], to["echo"] = intent["displacement"], intent["turn"], intent["echo"]
-                to["other"] = intent["other"]
+                to["displacement"], to["turn"] = intent["displacement"], intent["turn"]
+                to["mirrored"], to["partner"] = intent["mirrored"], intent["partner"]
             kept += 1
-        elif k["hands"] != 3 and is_free(mind["percept"]["phase"]):
-            _learn_partner(mind, k, intent)
-    mind["intent_count"] = kept
+        elif k["hands"] != 3 and is_free(state["percept"]["phase"]):
+            _learn_partner(state, k, intent)
+    state["intent_count"] = kept
 
 
 @inlined
-def _learn_partner(mind: Any, k: Any, intent: Any) -> None:
+def _learn_partner(state: Any, k: Any, intent: Any) -> None:
     """Correct the expected share of the partner by what was seen of it during an own movement (delta rule).
 
     The partner is expected to lift the board as far as oneself, and to mirror a share of the turn.
     """
-    rise = _other_seen(mind, k, intent["side"]) - intent["other"]
+    rise = _partner_height_seen(state, k, intent["side"]) - intent["partner"]
     if isnan(rise) or intent["turn"] == 0.0:
         return
     share = (intent["displacement"] - intent["turn"] - rise) / intent["turn"]
-    mirror = mind["mirror"] + k["mirror_rate"] * (share - mind["mirror"])
-    mind["mirror"] = min(max(mirror, 0.0), 1.0)
+    mirror = state["mirror"] + k["mirror_rate"] * (share - state["mirror"])
+    state["mirror"] = min(max(mirror, 0.0), 1.0)
 
 
 @inlined
-def _other_seen(mind: Any, k: Any, side: int) -> float:
+def _partner_height_seen(state: Any, k: Any, side: int) -> float:
     """Return the height of the partner's hand as the board showed it; NaN if one's own hand is hidden [m]."""
-    return partner_seen(_own_height(mind, side), mind["percept"]["theta"], 2.0 * side - 1.0, k["l"])
+    return partner_seen(_own_height(state, side), state["percept"]["theta"], 2.0 * side - 1.0, k["l"])
 
 
 @inlined
@@ -320,43 +326,43 @@ def _done(intent: Any, when: float) -> float:
 
 
 @inlined
-def _draw_threshold(mind: Any, k: Any, rng: np.random.Generator) -> float:
+def _draw_threshold(state: Any, k: Any, rng: np.random.Generator) -> float:
     """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
-    drawn = mind["skill"] * k["threshold_deg"] * exp(spread * rng.standard_normal())
+    drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * rng.standard_normal())
     return radians(min(drawn, LARGEST_THRESHOLD * k["max_tilt_deg"]))
 
 
 @inlined
-def _play(mind: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+def _steer(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
-    expected = _expected_tilt(mind, k, now)
-    error = _wanted_tilt(mind, k, expected) - expected
-    if abs(error) <= mind["threshold"]:
+    expected = _expected_tilt(state, k, now)
+    error = _wanted_tilt(state, k, expected) - expected
+    if abs(error) <= state["threshold"]:
         return 0
-    lift = -k["centring"] * _height(mind, k)
-    return _act(mind, k, rng, now, error, lift, moves)
+    lift = -k["centring"] * _height(state, k)
+    return _act(state, k, rng, now, error, lift, moves)
 
 
 @inlined
-def _wanted_tilt(mind: Any, k: Any, expected: float) -> float:
+def _wanted_tilt(state: Any, k: Any, expected: float) -> float:
     """Return the tilt that takes the predicted ball to the target: the PD law [rad]."""
     if k["g"] == 0.0:
         return 0.0
-    ball, speed = _foresee(mind, k, expected)
+    ball, speed = _predict_ball(state, k, expected)
     most = radians(k["max_tilt_deg"])
-    wanted = (k["kp"] * (ball - mind["percept"]["target"]) + k["kd"] * speed) / k["g"]
+    wanted = (k["kp"] * (ball - state["percept"]["target"]) + k["kd"] * speed) / k["g"]
     return float(min(max(wanted, -most), most))
 
 
 @inlined
-def _foresee(mind: Any, k: Any, expected: float) -> tuple[float, float]:
+def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
     """Predict the ball `lookahead` visual delays after it was seen, without new actions [m, m/s]."""
-    seen = mind["percept"]
+    seen = state["percept"]
     dt = k["lookahead"] * k["visual_delay"] / FORESIGHT_STEPS
     ball, speed = seen["p"], seen["v"]
     for step in range(FORESIGHT_STEPS):
-        share = _share_done(mind, k, seen["time"] + (step + 0.5) * dt)
+        share = _share_done(state, k, seen["time"] + (step + 0.5) * dt)
         pull = -k["g"] * (seen["theta"] + share * (expected - seen["theta"]))
         ball += speed * dt + pull * dt * dt / 2.0
         speed += pull * dt
@@ -364,88 +370,90 @@ def _foresee(mind: Any, k: Any, expected: float) -> tuple[float, float]:
 
 
 @inlined
-def _share_done(mind: Any, k: Any, when: float) -> float:
+def _share_done(state: Any, k: Any, when: float) -> float:
     """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
     lag = _lag(k)
     left = done = 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
         size = abs(intent["turn"])
-        before = _done(intent, mind["percept"]["time"] - lag)
+        before = _done(intent, state["percept"]["time"] - lag)
         left += size * (1.0 - before)
         done += size * (_done(intent, when - lag) - before)
     return done / left if left > 0.0 else 1.0
 
 
 @inlined
-def _expected_tilt(mind: Any, k: Any, now: float) -> float:
+def _expected_tilt(state: Any, k: Any, now: float) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
-    lever, theta = 2.0 * k["l"], mind["percept"]["theta"]
+    lever, theta = 2.0 * k["l"], state["percept"]["theta"]
     if k["hands"] == 3:
-        return float(theta + (_under_way(mind, k, 1) - _under_way(mind, k, 0)) / lever)
+        return float(theta + (_under_way(state, k, 1) - _under_way(state, k, 0)) / lever)
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
-    own = _under_way(mind, k, side)
-    other = _other_rise(mind, k, now, side)
+    own = _under_way(state, k, side)
+    other = _partner_rise(state, k, now, side)
     return float(theta + sign * own / lever - sign * other / lever)
 
 
 @inlined
-def _under_way(mind: Any, k: Any, side: int) -> float:
+def _under_way(state: Any, k: Any, side: int) -> float:
     """Return the remaining displacement of an own hand from where it was seen [m]."""
-    when, rise = mind["percept"]["time"] - _lag(k), 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
+    when, rise = state["percept"]["time"] - _lag(k), 0.0
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
         if intent["side"] == side:
             rise += intent["displacement"] * (1.0 - _done(intent, when))
     return rise
 
 
 @inlined
-def _turning(mind: Any, k: Any, side: int) -> float:
+def _turning(state: Any, k: Any, side: int) -> float:
     """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
-    when, rise = mind["percept"]["time"] - _lag(k), 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
+    when, rise = state["percept"]["time"] - _lag(k), 0.0
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
         if intent["side"] == side:
             rise += intent["turn"] * (1.0 - _done(intent, when))
     return rise
 
 
 @inlined
-def _other_moved(mind: Any, k: Any, when: float) -> float:
+def _partner_moved(state: Any, k: Any, when: float) -> float:
     """Return the expected displacement of the partner's hand from where it was seen to a later time [m]."""
     lag, rise = _lag(k), 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
-        progress = _done(intent, when - lag) - _done(intent, mind["percept"]["time"] - lag)
-        rise += (intent["displacement"] - intent["turn"] - intent["echo"]) * progress
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
+        progress = _done(intent, when - lag) - _done(intent, state["percept"]["time"] - lag)
+        rise += (intent["displacement"] - intent["turn"] - intent["mirrored"]) * progress
     return rise
 
 
 @inlined
-def _other_rise(mind: Any, k: Any, now: float, side: int) -> float:
+def _partner_rise(state: Any, k: Any, now: float, side: int) -> float:
     """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
 
-    The correction is a Kalman filter's: the weight times the difference between what is felt and what was expected to
-    be felt then, carried on at its present rate.
+    The correction is the difference between the height inferred from the force and the height expected then, carried on
+    at its present rate, times its weight by reliability.
     """
     then = now - k["haptic_delay"]
-    late, early = force_at(mind["senses"], then), force_at(mind["senses"], then - FELT_SPAN)
-    shown = _other_seen(mind, k, side)
-    expected = _other_moved(mind, k, inf)
+    late, early = force_at(state["senses"], then), force_at(state["senses"], then - FORCE_WINDOW)
+    shown = _partner_height_seen(state, k, side)
+    expected = _partner_moved(state, k, inf)
     unknown = isnan(late) or isnan(early) or isnan(shown)
-    weight = _haptic_weight(mind, k)
+    weight = _haptic_weight(state, k)
     if unknown or weight == 0.0 or k["k_s"] == 0.0:
         return expected
-    surprise = _partner_at(mind, k, then, late, side) - shown - _other_moved(mind, k, then)
-    before = _partner_at(mind, k, then - FELT_SPAN, early, side) - shown - _other_moved(mind, k, then - FELT_SPAN)
-    rate = (surprise - before) / FELT_SPAN
-    return float(expected + weight * (surprise + rate * FELT_AHEAD + mind["touch"]))
+    surprise = _partner_at(state, k, then, late, side) - shown - _partner_moved(state, k, then)
+    before = (
+        _partner_at(state, k, then - FORCE_WINDOW, early, side) - shown - _partner_moved(state, k, then - FORCE_WINDOW)
+    )
+    rate = (surprise - before) / FORCE_WINDOW
+    return float(expected + weight * (surprise + rate * FORCE_HORIZON + state["haptic_error"]))
 
 
 @inlined
-def _haptic_weight(mind: Any, k: Any) -> float:
+def _haptic_weight(state: Any, k: Any) -> float:
     """Return the weight of the height inferred from force against the visual prediction [1].
 
     The partner is taken to make, in each movement time, one unforeseen movement of `partner_noise` times the hand's
@@ -453,76 +461,78 @@ def _haptic_weight(mind: Any, k: Any) -> float:
     """
     if k["haptic_gain"] >= 0.0:
         return float(k["haptic_gain"])
-    seen = mind["skill"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
+    seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
     drift = (k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"]
     apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
-    return haptic_weight(seen, drift, apart, mind["skill"] * k["haptic_noise"])
+    return haptic_weight(seen, drift, apart, state["learning_factor"] * k["haptic_noise"])
 
 
 @inlined
-def _partner_at(mind: Any, k: Any, when: float, force: float, side: int) -> float:
+def _partner_at(state: Any, k: Any, when: float, force: float, side: int) -> float:
     """Return the height of the partner's hand at a time, inferred from the force then [m]."""
-    seen = mind["percept"]
-    own = _own_height(mind, side) + _moved(mind, k, side, when)
+    seen = state["percept"]
+    own = _own_height(state, side) + _moved(state, k, side, when)
     return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)
 
 
 @inlined
-def _moved(mind: Any, k: Any, side: int, when: float) -> float:
+def _moved(state: Any, k: Any, side: int, when: float) -> float:
     """Return the displacement of an own hand from where it was seen to a later time [m]."""
     lag, rise = _lag(k), 0.0
-    for i in range(mind["intent_count"]):
-        intent = mind["intents"][i]
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
         if intent["side"] == side:
-            progress = _done(intent, when - lag) - _done(intent, mind["percept"]["time"] - lag)
+            progress = _done(intent, when - lag) - _done(intent, state["percept"]["time"] - lag)
             rise += intent["displacement"] * progress
     return rise
 
 
 @inlined
-def _own_height(mind: Any, side: int) -> float:
+def _own_height(state: Any, side: int) -> float:
     """Return the height of an own hand as seen; NaN if it is hidden [m]."""
-    return float(mind["percept"]["left"] if side == 0 else mind["percept"]["right"])
+    return float(state["percept"]["left"] if side == 0 else state["percept"]["right"])
 
 
 @inlined
-def _height(mind: Any, k: Any) -> float:
+def _height(state: Any, k: Any) -> float:
     """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
     total, count = 0.0, 0
     for side in range(2):
-        shown = _own_height(mind, side)
+        shown = _own_height(state, side)
         if k["hands"] & (1 << side) and not isnan(shown):
-            lifting = _under_way(mind, k, side) - _turning(mind, k, side)
-            total += shown - (2.0 * side - 1.0) * k["l"] * mind["percept"]["theta"] + lifting
+            lifting = _under_way(state, k, side) - _turning(state, k, side)
+            total += shown - (2.0 * side - 1.0) * k["l"] * state["percept"]["theta"] + lifting
             count += 1
-    return total / count if count > 0 else mind["percept"]["z"]
+    return total / count if count > 0 else state["percept"]["z"]
 
 
 @inlined
-def _level(mind: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
+def _level(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that level the board at its neutral height; none if it is level."""
-    error, height = -_expected_tilt(mind, k, now), _height(mind, k)
+    error, height = -_expected_tilt(state, k, now), _height(state, k)
     tilted, off = abs(error) > LEVEL_MARGIN * k["level_angle"], abs(height) > LEVEL_MARGIN * k["level_height"]
     if not tilted and not off:
         return 0
-    count = _act(mind, k, rng, now, error if tilted else 0.0, -height if off else 0.0, moves)
-    mind["ready"] = now + moves[count - 1]["duration"] + _lag(k) + k["visual_delay"]
+    count = _act(state, k, rng, now, error if tilted else 0.0, -height if off else 0.0, moves)
+    state["ready"] = now + moves[count - 1]["duration"] + _lag(k) + k["visual_delay"]
     return count
 
 
 @kernel
-def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, lift: float, moves: NDArray[Any]) -> int:
+def _act(
+    state: Any, k: Any, rng: np.random.Generator, now: float, turn: float, lift: float, moves: NDArray[Any]
+) -> int:
     """Write one submovement of each own hand that tilts and lifts the board [rad, m]; return how many."""
-    mind["threshold"] = _draw_threshold(mind, k, rng)
+    state["threshold"] = _draw_threshold(state, k, rng)
     duration = k["movement_time"] * exp(k["movement_cv"] * rng.standard_normal())
-    scale = 1.0 + mind["skill"] * k["amplitude_cv"] * rng.standard_normal()
+    scale = 1.0 + state["learning_factor"] * k["amplitude_cv"] * rng.standard_normal()
     wait = uneven = 0.0
     late = -1
     if k["hands"] == 3:
         late = int(rng.integers(0, 2))
         wait = abs(k["bimanual_async"] * rng.standard_normal())
         uneven = k["bimanual_amplitude_cv"] / 2.0 * rng.standard_normal()
-    trust = min(max(k["partner_noise"] * rng.standard_normal(), -1.0), 1.0)
+    partner_error = min(max(k["partner_noise"] * rng.standard_normal(), -1.0), 1.0)
     count = 0
     for side in range(2):
         if not k["hands"] & (1 << side):
@@ -530,23 +540,23 @@ def _act(mind: Any, k: Any, rng: np.random.Generator, now: float, turn: float, l
         sign = 2.0 * side - 1.0
         share = sign * k["l"] * turn
         start = now + (wait if side == late else 0.0)
-        if mind["intent_count"] == INTENTS:
-            raise ValueError("a simulated participant has too many submovements in mind")
-        intent = mind["intents"][mind["intent_count"]]
+        if state["intent_count"] == INTENTS:
+            raise ValueError("a simulated participant has too many submovements in state")
+        intent = state["intents"][state["intent_count"]]
         intent["side"], intent["start"], intent["duration"] = side, start, duration
         intent["displacement"], intent["turn"] = share + lift, share
-        intent["echo"] = mind["mirror"] * share * (1.0 + trust)
-        intent["other"] = _other_seen(mind, k, side)
-        mind["intent_count"] += 1
+        intent["mirrored"] = state["mirror"] * share * (1.0 + partner_error)
+        intent["partner"] = _partner_height_seen(state, k, side)
+        state["intent_count"] += 1
         move = moves[count]
         move["side"], move["start"], move["duration"] = side, start, duration
         move["displacement"] = (share + lift) * scale * (1.0 + sign * uneven)
         count += 1
-    mind["ready"] = now + k["refractory"]
+    state["ready"] = now + k["refractory"]
     return count
 
 
-class Brain:
+class Controller:
     """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
 
     Parameters
@@ -579,19 +589,19 @@ class Brain:
         rng: np.random.Generator,
     ) -> None:
         self.identity = identity_of(SIMULATED_PARTICIPANT, person)
-        self.interval = THINK_EVERY
-        self.person = pack_person(person, physics, task, sides)
-        self.mind = np.zeros(1, MIND)
+        self.interval = DECISION_INTERVAL
+        self.constants = pack_constants(person, physics, task, sides)
+        self.state = np.zeros(1, STATE)
         self._rng = rng
         self._glimpse = np.zeros(1, SEEN)
         self._moves = np.zeros(2, MOVE)
-        awake(self.mind[0], self.person[0], rng)
+        initialise(self.state[0], self.constants[0], rng)
         # Looking its code up by the types of its arguments would take longer than deciding.
-        mind, person, shown = self.mind[0], self.person[0], self._glimpse[0]
-        self._decide = machine_code(decide, mind, person, rng, 0.0, shown, 0.0, self._moves)
+        state, constants, shown = self.state[0], self.constants[0], self._glimpse[0]
+        self._decide = machine_code(decide, state, constants, rng, 0.0, shown, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Run `think` if `THINK_EVERY` has passed since the last decision; may be called at any rate.
+        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate.
 
         Parameters
         ----------
@@ -607,10 +617,10 @@ class Brain:
         tuple of Submovement
             New submovements; empty most of the time.
         """
-        return () if now - self.mind[0]["thought"] < THINK_EVERY else self.think(now, glimpse, felt)
+        return () if now - self.state[0]["decision_time"] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
 
-    def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Take in display and force, and decide. The caller keeps the interval `THINK_EVERY` between two calls.
+    def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
+        """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
 
         Parameters
         ----------
@@ -628,8 +638,8 @@ class Brain:
         """
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt
-        mind, person, shown = self.mind[0], self.person[0], self._glimpse[0]
-        count = self._decide(mind, person, self._rng, now, shown, force, self._moves)
+        state, constants, shown = self.state[0], self.constants[0], self._glimpse[0]
+        count = self._decide(state, constants, self._rng, now, shown, force, self._moves)
         return tuple(
             Submovement(SIDES[move["side"]], float(move["start"]), float(move["duration"]), float(move["displacement"]))
             for move in self._moves[:count]

@@ -1,10 +1,10 @@
-"""Simulated hand on a stylus: mechanics of arm and device, integrated at 4 kHz; muscles and tremor at 1 kHz.
+"""Simulated hand on a stylus: mechanics at 4 kHz; muscles, delayed responses and force noise at 1 kHz.
 
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the planned
 submovements, low-passed by two muscle lags. The device adds its mass, viscous damping, Coulomb friction and motor
-force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Tremor is coloured force noise; its
-white noise is an argument, so the kernel is deterministic. Two optional responses shift the equilibrium point along an
-unexpected force, and stiffen the arm where the hand misses its aim.
+force; compliant cables (`netboard.participants.cable`) lie between motors and arm. Motor noise is a low-pass filtered
+force; its white noise is an argument, so the kernel is deterministic. Two optional responses shift the equilibrium
+point along an unexpected force, and stiffen the arm where the hand misses its aim.
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
@@ -31,31 +31,31 @@ STEP = STEP_NS * 1e-9
 """Length of an integration step [s]."""
 
 UPDATE_STEPS = 4
-"""Steps between two updates of equilibrium point, reflexes and tremor, whose spectra end far below 1 kHz [1]."""
+"""Integration steps in an update of muscles, delayed responses and force noise, which are slow [1]."""
 
-AHEAD = 250
-"""Number of updates for which the noise of the tremor is drawn at once [1]."""
+NOISE_BATCH = 250
+"""Number of updates for which force noise is drawn at once [1]."""
 
 CAPACITY = 32
 """Most submovements that a hand can have under way at once [1]."""
 
-TREMOR_TIME = 0.1
+FORCE_NOISE_TIME = 0.1
 """Correlation time of the arm's force noise [s]."""
 
 FOREARM = 0.30
 """Distance from elbow to stylus: a hand at height z is nearer to the body by about z^2 / (2 FOREARM) [m]."""
 
-GRASP = 0.002
-"""Standard deviation of the lateral rest position, along x and y [m]."""
+LATERAL_SD = 0.002
+"""Standard deviation of the lateral rest position (x, y) [m]."""
 
-BEYOND = 0.02
+AIM_BEYOND_STOP = 0.02
 """Largest distance beyond a mechanical stop at which a hand aims; aiming farther would not move it [m]."""
 
-PURPOSE = 0.005
-"""Friction compensation rises with the speed of the equilibrium point, and is full at this speed [m/s]."""
+COMPENSATION_SPEED = 0.005
+"""Friction compensation rises linearly with the speed of the equilibrium point, and is full at this speed [m/s]."""
 
-RECALL = 128
-"""Updates for which the force on the hand is kept for its reflexes, a power of 2 [1]."""
+FORCE_HISTORY = 128
+"""Updates for which the force on the hand is kept for delayed responses, a power of 2 [1]."""
 
 ARM = np.dtype(
     [
@@ -65,19 +65,19 @@ ARM = np.dtype(
         ("stiffening", "<f8"),  # growth of the stiffness in an update per distance from the aim [N/m/m]
         ("relaxing", "<f8"),  # fall of the stiffness in an update [N/m]
         ("damping", "<f8"),  # damping of arm and device [N s/m]
-        ("friction", "<f8"),  # Coulomb friction of each axis, minus the part that the arm compensates at rest [N]
+        ("friction", "<f8"),  # Coulomb friction of each axis, without the part that the arm compensates at rest [N]
         ("per_force", "<f8"),  # change of velocity per force in a step [m/s/N]
-        ("grip", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
-        ("glide", "<f8"),  # factor of the velocity by damping in a step [1]
-        ("skill", "<f8"),  # largest force with which the arm compensates friction [N]
+        ("friction_step", "<f8"),  # largest change of velocity by Coulomb friction in a step [m/s]
+        ("damping_factor", "<f8"),  # factor of the velocity by damping in a step [1]
+        ("largest_compensation", "<f8"),  # largest force with which the arm compensates friction [N]
         ("lag", "<f8"),  # decay factor of a muscle stage per update [1]
-        ("calm", "<f8"),  # decay factor of the tremor per update [1]
-        ("tremor", "<f8"),  # tremor force per standard normal number [N]
+        ("noise_decay", "<f8"),  # decay factor of the force noise per update [1]
+        ("noise_step", "<f8"),  # force noise per standard normal number [N]
         ("stop", "<f8"),  # mechanical stop of each axis [m]
         ("yielding", "<f8"),  # displacement of the equilibrium point per unexpected force [m/N]
         ("loading", "<f8"),  # displacement of the equilibrium point against an expected force [m/N]
-        ("habit", "<f8"),  # decay factor per update of the difference between force and expected force [1]
-        ("reflex_updates", "<i8"),  # delay of the reflexes [1]
+        ("expectation_decay", "<f8"),  # decay factor per update of the difference between force and expected force [1]
+        ("delay_updates", "<i8"),  # delay of the responses to forces, in updates [1]
     ]
 )
 """Constants of a hand, as one record for the kernels."""
@@ -92,18 +92,18 @@ HAND = np.dtype(
         ("vz", "<f8"),
         ("rest_x", "<f8"),  # rest position of the arm across the vertical path [m]
         ("rest_y", "<f8"),
-        ("tremor_x", "<f8"),  # force noise [N]
-        ("tremor_y", "<f8"),
-        ("tremor_z", "<f8"),
+        ("noise_x", "<f8"),  # force noise [N]
+        ("noise_y", "<f8"),
+        ("noise_z", "<f8"),
         ("aim", "<f8"),  # equilibrium height after all completed submovements [m]
         ("muscle", "<f8"),  # output of the first muscle lag [m]
         ("equilibrium", "<f8"),  # output of the second lag: the present equilibrium height [m]
         ("stiffness", "<f8"),  # present stiffness of the arm [N/m]
-        ("effort", "<f8"),  # force with which the arm compensates friction, along z [N]
+        ("compensation", "<f8"),  # force with which the arm compensates friction, along z [N]
         ("moves", "<i8"),  # number of submovements under way or planned
         ("steps", "<i8"),  # steps so far
-        ("expected", "<f8"),  # vertical motor force that the reflexes expect [N]
-        ("felt", "<f8", (RECALL,)),  # vertical motor force at the last updates [N]
+        ("expected", "<f8"),  # expected vertical motor force [N]
+        ("forces", "<f8", (FORCE_HISTORY,)),  # vertical motor force at the last updates [N]
     ]
 )
 """State of a hand."""
@@ -112,7 +112,7 @@ RIGID = np.zeros(0, CABLES)
 """Constants of rigid cables: none."""
 
 
-def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
+def make_hand(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
     """Put a hand on a device.
 
     Parameters
@@ -122,7 +122,7 @@ def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generat
     device : VirtualDevice
         The device.
     rng : numpy.random.Generator
-        Source of the tremor and of the rest position across the vertical path.
+        Source of the force noise and of the lateral rest position.
     held : bool
         False for a released stylus: the device alone.
 
@@ -168,7 +168,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     arm["friction"] = own.friction
     arm["stop"] = own.workspace
     arm["lag"] = np.exp(-UPDATE_STEPS * STEP / participant.muscle_lag)
-    arm["calm"] = np.exp(-UPDATE_STEPS * STEP / TREMOR_TIME)
+    arm["noise_decay"] = np.exp(-UPDATE_STEPS * STEP / FORCE_NOISE_TIME)
     if held:
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
@@ -176,16 +176,16 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["stiffest"] = participant.impedance_limit * participant.arm_stiffness
         arm["stiffening"] = participant.impedance_gain * UPDATE_STEPS * STEP
         arm["relaxing"] = participant.impedance_decay * UPDATE_STEPS * STEP
-        arm["skill"] = participant.friction_skill * own.friction * (1.0 - participant.rest_skill)
+        arm["largest_compensation"] = participant.friction_skill * own.friction * (1.0 - participant.rest_skill)
         arm["friction"] -= participant.friction_skill * own.friction * participant.rest_skill
         arm["loading"] = participant.load_skill / participant.arm_stiffness
         arm["yielding"] = participant.reflex_gain / participant.arm_stiffness
-        arm["habit"] = np.exp(-UPDATE_STEPS * STEP / participant.reflex_time)
-        arm["reflex_updates"] = round(participant.reflex_delay / (UPDATE_STEPS * STEP))
-        arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
+        arm["expectation_decay"] = np.exp(-UPDATE_STEPS * STEP / participant.reflex_time)
+        arm["delay_updates"] = round(participant.reflex_delay / (UPDATE_STEPS * STEP))
+        arm["noise_step"] = participant.force_noise * np.sqrt(1.0 - arm["noise_decay"] ** 2)
     arm["per_force"] = STEP / arm["mass"]
-    arm["grip"] = arm["per_force"] * arm["friction"]
-    arm["glide"] = 1.0 / (1.0 + arm["per_force"] * arm["damping"])
+    arm["friction_step"] = arm["per_force"] * arm["friction"]
+    arm["damping_factor"] = 1.0 / (1.0 + arm["per_force"] * arm["damping"])
     return arm
 
 
@@ -193,7 +193,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
     """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
     v += arm["per_force"] * force
-    v = arm["glide"] * (v - min(max(v, -arm["grip"]), arm["grip"]))
+    v = arm["damping_factor"] * (v - min(max(v, -arm["friction_step"]), arm["friction_step"]))
     there = x + STEP * v
     x = min(max(there, -arm["stop"]), arm["stop"])
     return x, v if x == there else 0.0
@@ -202,34 +202,34 @@ def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]
 @inlined
 def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
     """Return the commanded height at a time; completed submovements are added to ``aim`` and removed from the plan."""
-    asked = s["aim"]
+    wanted = s["aim"]
     kept = 0
     for i in range(s["moves"]):
         share = minimum_jerk((when - plan[i, 0]) / plan[i, 1])
-        asked += share * plan[i, 2]
+        wanted += share * plan[i, 2]
         if share >= 1.0:
             s["aim"] = min(max(s["aim"] + plan[i, 2], -bound), bound)
         else:
             plan[kept] = plan[i]
             kept += 1
     s["moves"] = kept
-    return float(min(max(asked, -bound), bound))
+    return float(min(max(wanted, -bound), bound))
 
 
 @inlined
-def _yielded(s: Any, arm: Any, force: float) -> float:
-    """Return the displacement of the equilibrium point by the reflexes, in the direction of an unexpected force [m].
+def _force_response(s: Any, arm: Any, force: float) -> float:
+    """Return the displacement of the equilibrium point by forces: along an unexpected one, against an expected one [m].
 
     ``r = G (F(t - delay) - expected) / K``, where the expected force follows the delayed one with a time constant; the
     two muscle lags smooth it. Short- and long-latency responses of the arm follow 25 to 100 ms after a perturbation and
-    the long-latency one depends on what the person intends (Cluff, Crevecoeur and Scott, Exp. Brain Res. 2015).
+    the long-latency one depends on what the person intends (Cluff, Crevecoeur and Scott, Exp. Controller Res. 2015).
     """
     if arm["yielding"] == 0.0 and arm["loading"] == 0.0:
         return 0.0
     place = s["steps"] // UPDATE_STEPS
-    s["felt"][place & (RECALL - 1)] = force
-    late = s["felt"][(place - arm["reflex_updates"]) & (RECALL - 1)]
-    s["expected"] = late + (s["expected"] - late) * arm["habit"]
+    s["forces"][place & (FORCE_HISTORY - 1)] = force
+    late = s["forces"][(place - arm["delay_updates"]) & (FORCE_HISTORY - 1)]
+    s["expected"] = late + (s["expected"] - late) * arm["expectation_decay"]
     softer = arm["stiffness"] / s["stiffness"]  # the same force displaces a stiffer arm less
     return float(softer * (arm["yielding"] * (late - s["expected"]) - arm["loading"] * s["expected"]))
 
@@ -247,10 +247,10 @@ def _stiffen(s: Any, arm: Any) -> None:
 
 
 @inlined
-def tense(
+def update_muscles(
     s: Any, arm: Any, plan: Any, when: float, force: float, white_x: float, white_y: float, white_z: float
 ) -> None:
-    """Update stiffness, equilibrium point, reflexes, friction compensation and tremor.
+    """Update stiffness, equilibrium point, friction compensation and force noise.
 
     Parameters
     ----------
@@ -265,27 +265,29 @@ def tense(
     force : float
         Vertical motor force on the hand [N].
     white_x, white_y, white_z : float
-        Standard normal numbers that drive the tremor [1].
+        Standard normal numbers that drive the force noise [1].
     """
     _stiffen(s, arm)
-    asked = _aim(s, plan, when, arm["stop"] + BEYOND) + _yielded(s, arm, force)
-    s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
+    wanted = _aim(s, plan, when, arm["stop"] + AIM_BEYOND_STOP) + _force_response(s, arm, force)
+    s["muscle"] = wanted + (s["muscle"] - wanted) * arm["lag"]
     before = s["equilibrium"]
     s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
-    s["effort"] = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (UPDATE_STEPS * STEP * PURPOSE)))
-    s["tremor_x"] = s["tremor_x"] * arm["calm"] + white_x * arm["tremor"]
-    s["tremor_y"] = s["tremor_y"] * arm["calm"] + white_y * arm["tremor"]
-    s["tremor_z"] = s["tremor_z"] * arm["calm"] + white_z * arm["tremor"]
+    s["compensation"] = arm["largest_compensation"] * max(
+        -1.0, min(1.0, (s["equilibrium"] - before) / (UPDATE_STEPS * STEP * COMPENSATION_SPEED))
+    )
+    s["noise_x"] = s["noise_x"] * arm["noise_decay"] + white_x * arm["noise_step"]
+    s["noise_y"] = s["noise_y"] * arm["noise_decay"] + white_y * arm["noise_step"]
+    s["noise_z"] = s["noise_z"] * arm["noise_decay"] + white_z * arm["noise_step"]
 
 
 @inlined
-def _nearer(s: Any) -> float:
+def _lateral_rest(s: Any) -> float:
     """Return the present rest position of the arm along x [m]."""
     return float(s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM))
 
 
 @inlined
-def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand between two updates, under a constant motor force.
 
     Parameters
@@ -300,9 +302,9 @@ def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
         Number of steps of length `STEP` [1].
     """
     stiffness = s["stiffness"]
-    push_x = stiffness * _nearer(s) + s["tremor_x"] + fx
-    push_y = stiffness * s["rest_y"] + s["tremor_y"] + fy
-    push_z = stiffness * s["equilibrium"] + s["effort"] + s["tremor_z"] + fz
+    push_x = stiffness * _lateral_rest(s) + s["noise_x"] + fx
+    push_y = stiffness * s["rest_y"] + s["noise_y"] + fy
+    push_z = stiffness * s["equilibrium"] + s["compensation"] + s["noise_z"] + fz
     x, y, z, vx, vy, vz = s["x"], s["y"], s["z"], s["vx"], s["vy"], s["vz"]
     for _ in range(steps):
         x, vx = _advanced(x, vx, push_x - stiffness * x, arm)
@@ -313,8 +315,8 @@ def push(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
 
 
 @kernel
-def push_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
-    """Advance a hand as `push` does, with compliant cables; `s` is then the state of the motor side.
+def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+    """Advance a hand as `integrate` does, with compliant cables; `s` is then the state of the motor side.
 
     Parameters
     ----------
@@ -329,20 +331,20 @@ def push_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: floa
     steps : int
         Number of steps of length `STEP` [1].
     """
-    t, load = tip, s["effort"] + s["tremor_z"]
+    t, load = tip, s["compensation"] + s["noise_z"]
     for _ in range(steps):
         s["x"], s["vx"], t["x"], t["vx"] = stretch(
-            s["x"], s["vx"], t["x"], t["vx"], fx, s["tremor_x"], _nearer(s), cables
+            s["x"], s["vx"], t["x"], t["vx"], fx, s["noise_x"], _lateral_rest(s), cables
         )
         s["y"], s["vy"], t["y"], t["vy"] = stretch(
-            s["y"], s["vy"], t["y"], t["vy"], fy, s["tremor_y"], s["rest_y"], cables
+            s["y"], s["vy"], t["y"], t["vy"], fy, s["noise_y"], s["rest_y"], cables
         )
         s["z"], s["vz"], t["z"], t["vz"] = stretch(s["z"], s["vz"], t["z"], t["vz"], fz, load, s["equilibrium"], cables)
     s["steps"] += steps
 
 
 @kernel
-def swing(
+def advance_hand(
     state: Any,
     tip: Any,
     constants: Any,
@@ -376,20 +378,20 @@ def swing(
     steps : int
         Number of steps of length `STEP` [1].
     white : ndarray, shape (n, 3)
-        Standard normal numbers that drive the tremor, a row for each update [1].
+        Standard normal numbers that drive the force noise, a row for each update [1].
     """
     s, arm = state[0], constants[0]
     done = updates = 0
     while done < steps:
         if s["steps"] % UPDATE_STEPS == 0:
             when = origin + (done + 0.5 * UPDATE_STEPS) * STEP
-            tense(s, arm, plan, when, fz, white[updates, 0], white[updates, 1], white[updates, 2])
+            update_muscles(s, arm, plan, when, fz, white[updates, 0], white[updates, 1], white[updates, 2])
             updates += 1
         part = min(UPDATE_STEPS - s["steps"] % UPDATE_STEPS, steps - done)
         if len(cables) > 0:
-            push_on_cables(s, tip[0], cables[0], fx, fy, fz, part)
+            integrate_on_cables(s, tip[0], cables[0], fx, fy, fz, part)
         else:
-            push(s, arm, fx, fy, fz, part)
+            integrate(s, arm, fx, fy, fz, part)
         done += part
 
 
@@ -401,7 +403,7 @@ class Hand:
     arm : ndarray of ARM, shape (1,)
         Constants, from `pack_arm`.
     rng : numpy.random.Generator
-        Source of the tremor and of the rest position across the vertical path.
+        Source of the force noise and of the lateral rest position.
     cables : ndarray of CABLES, shape (0,) or (1,)
         Constants of compliant cables, from `netboard.participants.cable.pack_cables`; empty for rigid ones.
 
@@ -422,13 +424,13 @@ class Hand:
         self._record = self.state[0]
         self._record["stiffness"] = arm["stiffness"][0]
         self.arm = arm
-        self.course = np.zeros((CAPACITY, 3))
+        self.submovements = np.zeros((CAPACITY, 3))
         self._rng = rng
         self._white = np.zeros((0, 3))
         self._drawn = 0
         if arm["stiffness"][0] > 0.0:
             for axis in ("x", "y"):
-                self._record[axis] = self._record[f"rest_{axis}"] = GRASP * rng.standard_normal()
+                self._record[axis] = self._record[f"rest_{axis}"] = LATERAL_SD * rng.standard_normal()
                 self.end[axis] = self._record[axis]
 
     def plan(self, moves: Iterable[Submovement]) -> None:
@@ -448,7 +450,7 @@ class Hand:
             count = int(self._record["moves"])
             if count >= CAPACITY:
                 raise ValueError(f"a hand can have at most {CAPACITY} submovements under way")
-            self.course[count] = move.start, move.duration, move.displacement
+            self.submovements[count] = move.start, move.duration, move.displacement
             self._record["moves"] = count + 1
 
     def put(self, z: float) -> None:
@@ -473,8 +475,8 @@ class Hand:
         force : tuple of float
             Motor force on the stylus along x, y, z [N].
         """
-        parts = self.state, self.end, self.arm, self.cables, self.course
-        swing(*parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
+        parts = self.state, self.end, self.arm, self.cables, self.submovements
+        advance_hand(*parts, origin, force[0], force[1], force[2], steps, self.noise(steps))
 
     def noise(self, steps: int) -> NDArray[np.float64]:
         """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
@@ -487,12 +489,12 @@ class Hand:
         Returns
         -------
         ndarray of float64, shape (n, 3)
-            Standard normal numbers that drive the tremor, a row for each update in these steps [1].
+            Standard normal numbers that drive the force noise, a row for each update in these steps [1].
         """
         done, start = int(self._record["steps"]), self._drawn
         updates = -(-(done + steps) // UPDATE_STEPS) + -done // UPDATE_STEPS
         if start + updates > len(self._white):
-            fresh = self._rng.standard_normal((max(AHEAD, updates), 3))
+            fresh = self._rng.standard_normal((max(NOISE_BATCH, updates), 3))
             self._white, start = np.concatenate([self._white[start:], fresh]), 0
         self._drawn = start + updates
         return self._white[start : self._drawn]
@@ -503,7 +505,7 @@ class Hand:
         Parameters
         ----------
         white : ndarray, shape (n, 3)
-            Output: standard normal numbers that drive the tremor, a row for each update [1].
+            Output: standard normal numbers that drive the force noise, a row for each update [1].
         """
         self._rng.standard_normal(out=white)
 

@@ -69,10 +69,10 @@ def partner_seen(own: float, theta: float, sign: float, l: float) -> float:  # n
 
 @kernel
 def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float:
-    """Return the Kalman gain of the partner's height inferred from force, against the visual prediction of it.
+    """Return the weight by reliability of the partner's height inferred from force, against its visual prediction.
 
     The partner's height is a random walk. Vision measured it `apart` before touch did, so its variance has grown to
-    ``P = seen**2 + drift * apart`` when the force measures it with the variance ``R = felt**2``: ``K = P / (P + R)``.
+    ``P = seen**2 + drift * apart`` when the force measures it with the variance ``R = felt**2``: ``w = P / (P + R)``.
     Vision and touch integrate in this way (Ernst and Banks, Nature 415:429, 2002), also when the force comes from a
     partner (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat. Hum. Behav. 1:0054, 2017).
 
@@ -90,7 +90,7 @@ def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float
     Returns
     -------
     float
-        The gain, from 0 to 1; 0 without any uncertainty [1].
+        The weight, from 0 to 1; 0 without any uncertainty [1].
     """
     prior = seen * seen + drift * apart
     total = prior + felt * felt

@@ -1,8 +1,8 @@
 """A policy: the controller of a hand that no person moves.
 
-The same policy runs in an agent beside a person's, in the server as a robot partner, and in a rehearsal. It gets what
-its seat may know, at its own interval, and answers with movements. Its identity is recorded, so that anybody can say
-later against what a person has played.
+The same policy can run in an agent, in the server as a robot partner, and in a rehearsal. At its own interval it
+receives the display and the force of its seat, and returns submovements. Its identity is recorded, so that the
+behaviour of a partner can be reproduced.
 """
 
 import hashlib
@@ -16,11 +16,11 @@ from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 
 SIMULATED_PARTICIPANT = "simulated participant"
-"""Kind of the policy of a `netboard.participants.controller.Brain`."""
+"""Kind of the policy of a `netboard.participants.controller.Controller`."""
 
 
 class Policy(Protocol):
-    """What decides for one hand, or for both hands of a simulated participant."""
+    """Controller of one hand, or of both hands in a bimanual block."""
 
     @property
     def interval(self) -> float:
@@ -28,10 +28,10 @@ class Policy(Protocol):
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """What is recorded of it; see `identity_of`."""
+        """Kind and parameters as a recording stores them; see `identity_of`."""
 
-    def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Decide.
+    def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
+        """Take in display and force, and decide.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class Policy(Protocol):
 
 
 def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, str]:
-    """Return what a recording says of a policy.
+    """Return the identity of a policy, as recorded.
 
     Parameters
     ----------

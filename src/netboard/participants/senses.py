@@ -25,7 +25,7 @@ MEMORY = 1.0
 """Time for which glimpses and forces are kept [s]."""
 
 ROOM = 128
-"""Glimpses and forces that are kept at most; a participant takes one each `THINK_EVERY` [1]."""
+"""Glimpses and forces that are kept at most; a participant takes one each `DECISION_INTERVAL` [1]."""
 
 LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
 """Phases of a trial that a participant tells apart."""
@@ -124,7 +124,7 @@ def is_free(phase: float) -> bool:
 
 
 @inlined
-def wander(value: float, deviation: float, time: float, dt: float, normal: float) -> float:
+def ou_step(value: float, deviation: float, time: float, dt: float, normal: float) -> float:
     """Advance coloured Gaussian noise (Ornstein-Uhlenbeck).
 
     Parameters
@@ -150,7 +150,7 @@ def wander(value: float, deviation: float, time: float, dt: float, normal: float
 
 
 @kernel
-def take(senses: Any, now: float, glimpse: Any, felt: float) -> None:
+def store(senses: Any, now: float, glimpse: Any, felt: float) -> None:
     """Store what the display shows and what the hand feels now.
 
     Parameters
@@ -203,7 +203,7 @@ def _feel(senses: Any, now: float, felt: float) -> None:
 
 
 @kernel
-def look(senses: Any, until: float, percept: Any) -> bool:
+def perceive(senses: Any, until: float, percept: Any) -> bool:
     """Perceive the display as it was at a time, with the present perceptual noise.
 
     Parameters

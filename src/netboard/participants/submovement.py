@@ -1,6 +1,6 @@
 """The unit of action of a simulated participant: one minimum-jerk movement of one hand.
 
-A `Brain` plans submovements, a `Hand` executes them. Submovements that overlap in time add up. This module knows
+A `Controller` plans submovements, a `Hand` executes them. Submovements that overlap in time add up. This module knows
 neither of the two.
 """
 
@@ -19,7 +19,7 @@ class Submovement:
     side : {"left", "right"}
         The hand that moves.
     start : float
-        Start, on the clock of `Brain.step` [s].
+        Start, on the clock of `Controller.step` [s].
     duration : float
         Duration [s].
     displacement : float

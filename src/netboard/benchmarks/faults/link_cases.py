@@ -37,7 +37,7 @@ def _case(name: str, done: str, expected: str, act: Act, *checks: Check, setup: 
 
 
 def _gone(name: str, done: str, act: Act, also: str = "", setup: Setup = RELAYED) -> Case:
-    """Return a case in which the left agent is out of reach for so long that the trial pauses."""
+    """Return a case in which the left agent is out of reach longer than the timeout, so the trial pauses."""
     expected = f"{LEFT_FALLS}{PAUSED}; {also}{REMEMBERED}"
     return _case(name, done, expected, act, falls("left"), paused(*OUTAGE), rendered_known("left"), setup=setup)
 

@@ -30,7 +30,7 @@ from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.contract.velocity import Velocimeter
 from netboard.participants.device_models import resolved
-from netboard.participants.hand import STEP, STEP_NS, hold
+from netboard.participants.hand import STEP, STEP_NS, make_hand
 from netboard.participants.submovement import Submovement
 
 CATCH_UP_NS = 50_000_000
@@ -147,7 +147,7 @@ class VirtualTouch(Device):
         self._device = own = resolved(virtual)
         held = self.read_options(Options).held
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
-        self._hand = hold(config.participant, virtual, rng, held)
+        self._hand = make_hand(config.participant, virtual, rng, held)
         self._written = self._acting = (0.0, 0.0, 0.0)
         self._limit = own.max_force
         self._time_ns: int | None = None

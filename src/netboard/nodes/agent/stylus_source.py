@@ -1,10 +1,11 @@
 """Who moves the stylus of a virtual device, in the agent's process: a simulated participant or a player with a mouse.
 
 A simulated participant sees the views of its station's display, feels the force that its device renders, and acts. In a
-dyadic block each station has its own brain, which moves the hand on that side's device. In a bimanual block one brain
-in the left agent sees the view of the block's station and moves both hands: commands for the right hand travel over the
-nerve, a channel from the left agent to the right one. Simulated participants are made anew for each block. A player
-sits at the display, which sends the pointer's position to its side's agent and receives the force on the hand.
+dyadic block each station has its own controller, which moves the hand on that side's device. In a bimanual block one
+controller in the left agent sees the view of the block's station and moves both hands: commands for the right hand
+travel over the nerve, a channel from the left agent to the right one. Simulated participants are made anew for each
+block. A player sits at the display, which sends the pointer's position to its side's agent and receives the force on
+the hand.
 """
 
 from collections.abc import Iterable
@@ -23,14 +24,14 @@ from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Move, Pointer
 from netboard.network.transport import channels, sockets
-from netboard.participants.controller import Brain
+from netboard.participants.controller import Controller
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.stage.view import View
 
 HOST: Side = "left"
-"""Side whose agent runs the brain of a bimanual participant."""
+"""Side whose agent runs the controller of a bimanual participant."""
 
 SHORTEST_MOVE = 1e-3
 """Shortest movement that the nerve may command [s]."""
@@ -97,7 +98,7 @@ class Eye:
 
 
 class Person:
-    """A brain with one or two hands; it moves the hand on this device directly, the other one over the nerve.
+    """A controller with one or two hands; it moves the hand on this device directly, the other one over the nerve.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ class Person:
         station = config.block.station if bimanual else device.side
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
-        self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
+        self._controller = Controller(config.participant, config.physics, config.task, sides, rng)
         self._eye = Eye(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
         self._device = device
         self._reads = config.block.force == "full"  # only the full force shows where the partner is
@@ -124,7 +125,7 @@ class Person:
         self._device.live(now_ns)
         self._eye.look(now_ns)
         felt = self._device.felt if haptics and self._reads and self._nerve is None else None
-        moves = self._brain.step(now_ns * 1e-9, self._eye.glimpse, felt)
+        moves = self._controller.step(now_ns * 1e-9, self._eye.glimpse, felt)
         for move in moves:
             if move.side == self._device.side:
                 self._device.command((move,))
@@ -138,7 +139,7 @@ class Person:
 
 
 class Limb:
-    """A hand without a brain of its own: it follows the commands of the nerve."""
+    """A hand without a controller of its own: it follows the commands of the nerve."""
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._device = device

@@ -23,7 +23,14 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
 from netboard.nodes.rehearsal.body import BODY, LEAD_NS, advance, apply_force, pack_body, plan, read
-from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, newest_seen, seats_of, see, think
+from netboard.nodes.rehearsal.closed_loop import (
+    DECISION_TICKS,
+    SimulatedParticipant,
+    decide_in_tick,
+    newest_seen,
+    seats_of,
+    see,
+)
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -33,10 +40,10 @@ PIECE = 1000
 START_TICK = 500
 """Tick at which a block starts: a live server waits for this time after everything is ready [1]."""
 
-PATIENCE = 120.0
+MAX_MEAN_TRIAL = 120.0
 """A block is stopped after this time for each planned trial: its participants cannot do it [s]."""
 
-KEPT = THINK_TICKS
+KEPT = DECISION_TICKS
 """Ticks kept before a piece, for participants that see them late [1]."""
 
 _FINISHED = int(Phase.FINISHED)
@@ -58,9 +65,9 @@ def _loop(
     book: Any,
     tables: Any,
     bodies: Any,
-    coming: NDArray[np.float64],
+    force_queue: NDArray[np.float64],
     white: NDArray[np.float64],
-    minds: Any,
+    participants: Any,
     hands: NDArray[np.int64],
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
@@ -71,8 +78,8 @@ def _loop(
     """
     count = len(rows) - KEPT
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
-    book, tables, bodies, coming = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(coming)
-    white, minds, hands, commands = borrowed(white), borrowed(minds), borrowed(hands), borrowed(commands)
+    book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
+    white, participants, hands, commands = borrowed(white), borrowed(participants), borrowed(hands), borrowed(commands)
     for k in range(count):
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
@@ -83,15 +90,15 @@ def _loop(
             read(bodies, side, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
         for side in range(2):
-            apply_force(bodies, side, coming, words, numbers, place)
-        if tick % THINK_TICKS == 0:
+            apply_force(bodies, side, force_queue, words, numbers, place)
+        if tick % DECISION_TICKS == 0:
             for which in range(len(hands)):
-                late = tick - newest_seen(minds[which][5], tick)
-                if late <= min(tick, THINK_TICKS):  # otherwise the view is not new
-                    see(minds[which][3], minds[which][4], words[place - late], numbers[place - late])
-                felt = bodies[hands[which]]["device"]["wanted"]
-                begun = think(minds[which], words[place], felt)
-                plan(bodies, minds[which][8], begun)
+                late = tick - newest_seen(participants[which][5], tick)
+                if late <= min(tick, DECISION_TICKS):  # otherwise the view is not new
+                    see(participants[which][3], participants[which][4], words[place - late], numbers[place - late])
+                felt = bodies[hands[which]]["device"]["commanded"]
+                begun = decide_in_tick(participants[which], words[place], felt)
+                plan(bodies, participants[which][8], begun)
         if state[0]["phase"] == _FINISHED:
             return k + 1
     return count
@@ -133,20 +140,22 @@ class Rehearsal:
         moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
         self._bodies = np.zeros(len(SIDES), BODY)
-        self._tremor = [
+        self._noise_sources = [
             pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), self._bodies)
             for place, side in enumerate(SIDES)
         ]
-        self._coming = np.zeros((len(SIDES), block.force_delay_ms + 1))
-        minds = [
-            Mind(config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))).parts
+        self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
+        participants = [
+            SimulatedParticipant(
+                config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))
+            ).parts
             for station, sides in seats_of(config)
             if (who := moving[sides[0]]) is not None
         ]
         self._hands = np.array([SIDES.index(sides[0]) for _, sides in seats_of(config)], np.int64)
-        nobody = Mind(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
-        self._minds = tuple(minds) or (nobody,)  # a kernel cannot take an empty tuple
-        self._last_tick = START_TICK + round(block.trials * PATIENCE / TICK_SECONDS)
+        nobody = SimulatedParticipant(config, config.participant, "left", ("left",), np.random.default_rng(0)).parts
+        self._participants = tuple(participants) or (nobody,)  # a kernel cannot take an empty tuple
+        self._last_tick = START_TICK + round(block.trials * MAX_MEAN_TRIAL / TICK_SECONDS)
         self._completions: list[float] = []
         self._ticks = 0
         self._given_up = False
@@ -170,7 +179,7 @@ class Rehearsal:
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
             self._command(commands)
-            for hand, own in zip(self._tremor, white, strict=True):
+            for hand, own in zip(self._noise_sources, white, strict=True):
                 hand.draw(own)
             before = int(self._state["successes"][0])
             count = self._run(rows, words, numbers, commands, white)
@@ -203,7 +212,7 @@ class Rehearsal:
         """Run the next ticks; return their number."""
         stage = self._stage
         parts = (self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables)
-        seats = (self._bodies, self._coming, white, self._minds, self._hands)
+        seats = (self._bodies, self._force_queue, white, self._participants, self._hands)
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)
         return self._code(*parts, *seats)

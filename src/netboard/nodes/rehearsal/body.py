@@ -31,10 +31,10 @@ from netboard.participants.hand import (
     STEP_NS,
     UPDATE_STEPS,
     Hand,
-    hold,
-    push,
-    push_on_cables,
-    tense,
+    integrate,
+    integrate_on_cables,
+    make_hand,
+    update_muscles,
 )
 from netboard.task.trials.state_machine import is_active
 
@@ -75,10 +75,10 @@ _DEVICE = np.dtype(
         ("fx", "<f8"),  # force that acts [N]
         ("fy", "<f8"),
         ("fz", "<f8"),
-        ("wanted", "<f8"),  # vertical force to act next [N]
+        ("commanded", "<f8"),  # vertical force to act next [N]
         ("count", "<i8"),  # positions from which the velocity is computed [1]
-        ("told", "<i8"),  # forces received [1]
-        ("moved", "<i8"),  # 1: a simulated hand moves it; 0: it is at rest at height 0
+        ("received", "<i8"),  # number of forces received [1]
+        ("simulated", "<i8"),  # 1: held by a simulated hand; 0: at rest at height 0
     ]
 )
 """A device as the kernels see it."""
@@ -90,7 +90,7 @@ BODY = np.dtype(
         ("arm", ARM),
         ("cables", CABLES),
         ("rigid", "<i8"),  # 1: without compliant cables
-        ("course", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
+        ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
         ("stamps", "<i8", (SAMPLES,)),  # times of the newest positions [ns]
         ("places", "<f8", (3, SAMPLES)),  # the positions [m]
@@ -100,12 +100,12 @@ BODY = np.dtype(
 
 
 @inlined
-def _live(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
+def _integrate(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Integrate a hand for some steps under a constant force."""
     if body["rigid"]:
-        push(body["hand"], body["arm"], fx, fy, fz, steps)
+        integrate(body["hand"], body["arm"], fx, fy, fz, steps)
     else:
-        push_on_cables(body["hand"], body["tip"], body["cables"], fx, fy, fz, steps)
+        integrate_on_cables(body["hand"], body["tip"], body["cables"], fx, fy, fz, steps)
 
 
 @inlined
@@ -117,7 +117,7 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
     bodies : ndarray of BODY, shape (2,)
         The left and the right hand.
     white : ndarray, shape (2, n, 3)
-        Standard normal numbers that drive the tremor of both hands: one update in a tick [1].
+        Standard normal numbers that drive the force noise of both hands: one update in a tick [1].
     update : int
         Row of `white` for this tick [1].
     words : ndarray of int64, shape (m, n)
@@ -134,18 +134,18 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
     words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
     words[place, _GUARDS[side]] = _ARMED
     numbers[place, _RENDERED[side]] = 0.0
-    if d["moved"] == 0:
+    if d["simulated"] == 0:
         return
     when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
     wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
-    tense(hand, body["arm"], body["course"], when, d["fz"], wx, wy, wz)
-    _live(body, d["fx"], d["fy"], d["fz"], _BEFORE)
+    update_muscles(hand, body["arm"], body["submovements"], when, d["fz"], wx, wy, wz)
+    _integrate(body, d["fx"], d["fy"], d["fz"], _BEFORE)
     fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
-    fx, fy, fz = within(d["limit"], fx, fy, d["wanted"])
+    fx, fy, fz = within(d["limit"], fx, fy, d["commanded"])
     d["fx"], d["fy"], d["fz"] = fx, fy, fz
-    _live(body, fx, fy, fz, STEPS - _BEFORE)
+    _integrate(body, fx, fy, fz, STEPS - _BEFORE)
     numbers[place, _RENDERED[side]], words[place, _LOOP[side]] = fz, LEAD_NS
-    if fz != d["wanted"]:
+    if fz != d["commanded"]:
         words[place, _GUARDS[side]] = _ARMED | _CLAMPED
 
 
@@ -157,7 +157,7 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
     """
     body = bodies[side]
     d = body["device"]
-    if d["moved"] == 0:
+    if d["simulated"] == 0:
         return
     stamp_ns = words[place, _TIME] - LEAD_NS
     x, y, z = encoder_position(body["hand"], d["resolution"])
@@ -169,14 +169,14 @@ def read(bodies: Any, side: int, words: Any, numbers: Any, place: int) -> None:
 
 
 @inlined
-def apply_force(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, place: int) -> float:
+def apply_force(bodies: Any, side: int, force_queue: Any, words: Any, numbers: Any, place: int) -> float:
     """Give a body the force of a tick; if the block has a force delay, an earlier tick's.
 
     Parameters
     ----------
     bodies : ndarray of BODY, shape (2,)
         The left and the right hand.
-    coming : ndarray, shape (2, n)
+    force_queue : ndarray, shape (2, n)
         Forces of the last n ticks on both hands, for a delay of n - 1 ticks [N].
 
     Returns
@@ -185,11 +185,11 @@ def apply_force(bodies: Any, side: int, coming: Any, words: Any, numbers: Any, p
         Vertical force on the hand that acts next, zero unless a trial is running [N].
     """
     d = bodies[side]["device"]
-    told, size = d["told"], coming.shape[1]
-    coming[side, told % size] = numbers[place, _FORCE[side]]
-    d["told"] = told + 1
-    d["wanted"] = coming[side, (told + 1) % size] if is_active(words[place, _PHASE]) else 0.0
-    return float(d["wanted"])
+    received, size = d["received"], force_queue.shape[1]
+    force_queue[side, received % size] = numbers[place, _FORCE[side]]
+    d["received"] = received + 1
+    d["commanded"] = force_queue[side, (received + 1) % size] if is_active(words[place, _PHASE]) else 0.0
+    return float(d["commanded"])
 
 
 @inlined
@@ -205,7 +205,7 @@ def plan(bodies: Any, moves: Any, count: int) -> None:
     """
     for k in range(count):
         move = moves[k]
-        hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["course"]
+        hand, course = bodies[move["side"]]["hand"], bodies[move["side"]]["submovements"]
         under_way = hand["moves"]
         if under_way == CAPACITY:
             raise ValueError("a simulated hand has too many submovements under way")
@@ -231,11 +231,11 @@ def pack_body(
     Returns
     -------
     Hand
-        The source of its tremor.
+        The source of its force noise.
     """
     refuse_flaws(config)
     own = resolved(config.virtual)
-    hand, body = hold(person or config.participant, config.virtual, rng), bodies[SIDES.index(side)]
+    hand, body = make_hand(person or config.participant, config.virtual, rng), bodies[SIDES.index(side)]
     body["hand"], body["tip"], body["arm"] = hand.state[0], hand.end[0], hand.arm[0]
     body["rigid"] = len(hand.cables) == 0
     if len(hand.cables):
@@ -243,7 +243,7 @@ def pack_body(
     device = body["device"]
     device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
     device["limit"] = min(own.max_force, config.safety.max_force)
-    device["resolution"], device["moved"] = own.resolution, person is not None
+    device["resolution"], device["simulated"] = own.resolution, person is not None
     return hand
 
 
@@ -262,13 +262,13 @@ class Body:
         self.bodies = np.zeros(len(SIDES), BODY)
         self._place = SIDES.index(side)
         self._hand = pack_body(config, side, person, rng, self.bodies)
-        self._coming = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
+        self._force_queue = np.zeros((len(SIDES), config.block.force_delay_ms + 1))
         self._white = np.zeros((len(SIDES), 1, 3))
 
     @property
-    def wanted(self) -> float:
+    def commanded(self) -> float:
         """Vertical force on the hand that acts next [N]."""
-        return float(self.bodies["device"]["wanted"][self._place])
+        return float(self.bodies["device"]["commanded"][self._place])
 
     def warm(self) -> None:
         """Compile or load the kernels by running a tick of this body, which changes its state."""
@@ -287,7 +287,7 @@ class Body:
     def apply_force(self, words: NDArray[np.int64]) -> float:
         """Take the force of a tick; return the vertical force that acts next [N]."""
         row = words.reshape(1, -1)
-        return apply_force(self.bodies, self._place, self._coming, row, row.view(np.float64), 0)
+        return apply_force(self.bodies, self._place, self._force_queue, row, row.view(np.float64), 0)
 
 
 def refuse_flaws(config: Config) -> None:

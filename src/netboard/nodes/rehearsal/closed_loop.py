@@ -17,26 +17,26 @@ from netboard.base.compiled import kernel, machine_code
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
-from netboard.participants.controller import MOVE, THINK_EVERY, Brain, decide
+from netboard.participants.controller import DECISION_INTERVAL, MOVE, Controller, decide
 from netboard.participants.senses import SEEN
 from netboard.stage.curtain import glimpse, make_curtain, pack_curtain
 from netboard.task.trials.state_machine import is_active
 
-THINK_TICKS = round(THINK_EVERY / TICK_SECONDS)
+DECISION_TICKS = round(DECISION_INTERVAL / TICK_SECONDS)
 """A participant decides after each tick whose number is a multiple of this [1]."""
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _TICK, _TIME, _PHASE, _TRIAL = (_AT[name] for name in ("tick", "time_ns", "phase", "trial"))
 
 
-class Mind:
+class SimulatedParticipant:
     """One participant's eyes, sense of force and controller."""
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
     ) -> None:
         block = config.block
-        brain = Brain(person, config.physics, config.task, sides, rng)
+        controller = Controller(person, config.physics, config.task, sides, rng)
         seen = replace(block, left="person", right="person")  # whoever moves a hand is shown the board, a robot too
         curtain = pack_curtain(make_curtain(replace(config, block=seen)), station)
         view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
@@ -47,14 +47,14 @@ class Mind:
         # What the kernels take: controller's state, constants and random generator; curtain, newest glimpse, view
         # timing, scales of the force by trial, catch trials, and room for new movements.
         self.parts = (
-            *(brain.mind, brain.person, rng, curtain, shown, timing),
+            *(controller.state, controller.constants, rng, curtain, shown, timing),
             *(np.array(scales, np.float64), np.array(block.catch, np.int64), np.zeros(2, MOVE)),
         )
-        self._think = think
+        self._decide = decide_in_tick
 
     def warm(self) -> None:
-        """Compile or load `think`, which is then not looked up by the types of its arguments: that takes 0.6 ms."""
-        self._think = machine_code(think, self.parts, np.zeros(len(_AT), np.int64), 0.0)
+        """Compile or load `decide_in_tick`: to look it up by the types of its arguments takes 0.6 ms each time."""
+        self._decide = machine_code(decide_in_tick, self.parts, np.zeros(len(_AT), np.int64), 0.0)
 
     def shown(self, tick: int) -> int:
         """Return the newest tick that has been seen when a tick is done.
@@ -63,22 +63,22 @@ class Mind:
         """
         return int(newest_seen(self.parts[5], tick))
 
-    def look(self, words: NDArray[np.int64]) -> None:
+    def see(self, words: NDArray[np.int64]) -> None:
         """Take the view of a tick."""
         see(*self.parts[3:5], words, words.view(np.float64))
 
-    def think(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
-        """Decide, at a multiple of `THINK_TICKS`; return the new movements, an array of `MOVE`.
+    def decide(self, words: NDArray[np.int64], force: float) -> NDArray[Any]:
+        """Decide, at a multiple of `DECISION_TICKS`; return the new movements, an array of `MOVE`.
 
         ``force``: vertical force that acts on the own hand from now on [N].
         """
         moves: NDArray[Any] = self.parts[-1]
-        return moves[: self._think(self.parts, words, force)]
+        return moves[: self._decide(self.parts, words, force)]
 
 
 @kernel
 def newest_seen(timing: Any, tick: int) -> int:
-    """Return the newest tick that has been seen when a tick is done; see `Mind.shown`."""
+    """Return the newest tick that has been seen when a tick is done; see `SimulatedParticipant.shown`."""
     return int(tick - 1 - (tick - 1 - timing[1]) % timing[0])
 
 
@@ -89,18 +89,18 @@ def see(curtain: Any, shown: Any, words: Any, numbers: Any) -> None:
 
 
 @kernel
-def think(mind: Any, words: Any, force: float) -> int:
+def decide_in_tick(parts: Any, words: Any, force: float) -> int:
     """Decide after a tick; return the number of new movements, which are in the last of the parts."""
-    state, person, rng, _, shown, _, _, _, moves = mind
-    scale = scale_in(mind, words)
+    state, constants, rng, _, shown, _, _, _, moves = parts
+    scale = scale_in(parts, words)
     felt = force / scale if scale != 0.0 else nan
-    return decide(state[0], person[0], rng, words[_TIME] * 1e-9, shown[0], felt, moves)
+    return decide(state[0], constants[0], rng, words[_TIME] * 1e-9, shown[0], felt, moves)
 
 
 @kernel
-def scale_in(mind: Any, words: Any) -> float:
+def scale_in(parts: Any, words: Any) -> float:
     """Return the factor by which to multiply the force on the hand; 0 where it tells nothing [1]."""
-    scales, catch, trial = mind[6], mind[7], words[_TRIAL]
+    scales, catch, trial = parts[6], parts[7], words[_TRIAL]
     if len(scales) == 0 or not is_active(words[_PHASE]):
         return 0.0
     for k in range(len(catch)):

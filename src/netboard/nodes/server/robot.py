@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.body import Body, plan
-from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind
+from netboard.nodes.rehearsal.closed_loop import DECISION_TICKS, SimulatedParticipant
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
@@ -32,9 +32,11 @@ class Robot:
         seed = (config.block.seed, config.block.number, SIDES.index(side))
         Body(config, side, config.participant, np.random.default_rng(seed)).warm()
         self._body = Body(config, side, who, np.random.default_rng((*seed, 0)))
-        self._mind = None if who is None else Mind(config, who, side, (side,), np.random.default_rng((*seed, 1)))
-        if self._mind is not None:
-            self._mind.warm()
+        self._participant = (
+            None if who is None else SimulatedParticipant(config, who, side, (side,), np.random.default_rng((*seed, 1)))
+        )
+        if self._participant is not None:
+            self._participant.warm()
 
     def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
         """Fill in the sample of a tick: live flag, sequence number, stamp, height and velocity.
@@ -46,12 +48,12 @@ class Robot:
 
     def take(self, words: NDArray[np.int64]) -> None:
         """Take what the hand sees and feels in a finished tick, and perhaps begin a movement."""
-        if self._mind is None:
+        if self._participant is None:
             return
         told = self._body.apply_force(words)
         tick = int(words[_TICK])
-        if tick % THINK_TICKS == 0:
-            moves = self._mind.think(words, told)
+        if tick % DECISION_TICKS == 0:
+            moves = self._participant.decide(words, told)
             plan(self._body.bodies, moves, len(moves))
-        if self._mind.shown(tick + 1) == tick:
-            self._mind.look(words)
+        if self._participant.shown(tick + 1) == tick:
+            self._participant.see(words)

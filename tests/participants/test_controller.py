@@ -11,7 +11,7 @@ from netboard.base.config import Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.controller import Brain, _learn_partner, learned
+from netboard.participants.controller import Controller, _learn_partner, learned
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 
@@ -29,8 +29,10 @@ CALM = Participant(
 )
 
 
-def make(sides: tuple[Side, ...], person: Participant = CALM, physics: Physics | None = None, seed: int = 1) -> Brain:
-    return Brain(person, physics or Physics(), Task(), sides, np.random.default_rng(seed))
+def make(
+    sides: tuple[Side, ...], person: Participant = CALM, physics: Physics | None = None, seed: int = 1
+) -> Controller:
+    return Controller(person, physics or Physics(), Task(), sides, np.random.default_rng(seed))
 
 
 def scene(phase: str = "running", p: float | None = -0.15, theta: float = 0.0, left: float = 0.0, right: float = 0.0):
@@ -40,12 +42,14 @@ def scene(phase: str = "running", p: float | None = -0.15, theta: float = 0.0, l
     return shown
 
 
-def moves_of(brain: Brain, shown, seconds: float, first: float = 0.0, felt: float | None = None) -> list[Submovement]:
-    """Show the same scene for a while, 120 times a second, and collect what the brain does."""
+def moves_of(
+    controller: Controller, shown, seconds: float, first: float = 0.0, felt: float | None = None
+) -> list[Submovement]:
+    """Show the same scene for a while, 120 times a second, and collect what the controller does."""
     moves: list[Submovement] = []
     for k in range(round(seconds * 1000)):
         now = first + k * 1e-3
-        moves.extend(brain.step(now, shown(np.floor(now * 120) / 120), felt))
+        moves.extend(controller.step(now, shown(np.floor(now * 120) / 120), felt))
     return moves
 
 
@@ -92,8 +96,8 @@ def test_it_keeps_still_while_the_ball_rests_in_the_target() -> None:
 
 
 def test_it_does_nothing_blind() -> None:
-    brain = make(("left",))
-    assert [brain.step(0.01 * k, None, None) for k in range(100)] == [()] * 100
+    controller = make(("left",))
+    assert [controller.step(0.01 * k, None, None) for k in range(100)] == [()] * 100
 
 
 @pytest.mark.slow
@@ -119,8 +123,8 @@ def test_movements_keep_their_distance() -> None:
 
 def test_it_does_not_repeat_what_is_under_way() -> None:
     """Seen is still the level board; expected is the tilt asked for, and the partner's share of it."""
-    brain = make(("left", "right"))
-    moves = moves_of(brain, scene(p=-0.3), CALM.reaction_time * 2)
+    controller = make(("left", "right"))
+    moves = moves_of(controller, scene(p=-0.3), CALM.reaction_time * 2)
     assert [m.side for m in moves] == ["left", "right"]
 
 
@@ -162,27 +166,27 @@ def test_learning_is_exponential_in_the_logarithm() -> None:
 def test_each_attempt_is_practice() -> None:
     """The skill of an attempt is that of the attempts before it."""
     person = replace(CALM, novice=3.0, practice=0.0, learning_trials=2.0)
-    brain = make(("left",), person)
-    skills = []
+    controller = make(("left",), person)
+    factors = []
     for attempt in range(4):
         for phase in ("levelling", "running"):
-            moves_of(brain, scene(phase, p=0.15), 1.0, first=2.0 * attempt + (phase == "running"))
-        skills.append(float(brain.mind["skill"][0]))
-    assert skills == pytest.approx([3.0 ** np.exp(-n / 2.0) for n in range(4)])
+            moves_of(controller, scene(phase, p=0.15), 1.0, first=2.0 * attempt + (phase == "running"))
+        factors.append(float(controller.state["learning_factor"][0]))
+    assert factors == pytest.approx([3.0 ** np.exp(-n / 2.0) for n in range(4)])
 
 
 def after_movements(rate: float, share: float, movements: int) -> float:
     """Return the expected share after movements that the partner mirrored by another share."""
-    brain = make(("right",), replace(CALM, mirror_rate=rate))
-    mind, person = brain.mind[0], brain.person[0]
-    intent, seen = mind["intents"][0], mind["percept"]
+    controller = make(("right",), replace(CALM, mirror_rate=rate))
+    state, constants = controller.state[0], controller.constants[0]
+    intent, seen = state["intents"][0], state["percept"]
     lift, turn = 0.002, 0.010
     for _ in range(movements):
-        intent["side"], intent["displacement"], intent["turn"], intent["other"] = 1, lift + turn, turn, 0.003
+        intent["side"], intent["displacement"], intent["turn"], intent["partner"] = 1, lift + turn, turn, 0.003
         other = 0.003 + lift - share * turn
         seen["right"], seen["theta"] = 0.02, (0.02 - other) / (2 * Physics().l)
-        _learn_partner(mind, person, intent)
-    return float(mind["mirror"])
+        _learn_partner(state, constants, intent)
+    return float(state["mirror"])
 
 
 @pytest.mark.parametrize("share", [0.2, 0.9])
@@ -208,9 +212,9 @@ def test_odd_scenes_do_no_harm(physics: Physics) -> None:
 @given(st.floats(-0.35, 0.35), st.floats(-0.1, 0.1), st.floats(-0.02, 0.02))
 def test_no_movement_is_wild(p: float, theta: float, own: float) -> None:
     """A turn never exceeds what the seen and the largest wanted tilt ask for, nor a lift the height that is off."""
-    brain = make(("left",))
+    controller = make(("left",))
     for k in range(60):
-        for move in brain.step(0.01 * k, scene(p=p, theta=theta, left=own)(0.01 * k), None):
+        for move in controller.step(0.01 * k, scene(p=p, theta=theta, left=own)(0.01 * k), None):
             reach = Physics().l * (np.radians(CALM.max_tilt_deg) + abs(theta))
             off = abs(own + Physics().l * theta)
             assert abs(move.displacement) <= reach + CALM.centring * off + 1e-12
