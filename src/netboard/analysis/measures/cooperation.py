@@ -9,12 +9,13 @@ thresholds. A threshold relative to each side's own peak avoids this bias; docs/
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.measures.segments import Segments
+from netboard.base.compiled import kernel
 
 Opposite = Literal["net", "majority"]
 Amount = Literal["net", "path"]
@@ -168,37 +169,83 @@ def delays(
     signed, truncated = np.full(shape, np.nan), np.zeros(shape, bool)
     peaks = np.full((2, len(segments)), np.nan)
     back = 0 if search == "inside" else round(search_back * rate)
-    for row in np.flatnonzero(moved.cooperative):
-        begin = max(int(segments.first[row]) - back, 0)
-        start, stop = int(segments.first[row]) - begin, int(segments.stop[row])
-        sides = [
-            np.abs(vz[begin:stop]) if velocity == "magnitude" else np.sign(went[row]) * vz[begin:stop]
-            for vz, went in ((left_vz, moved.left), (right_vz, moved.right))
-        ]
-        peaks[:, row] = [side[start:].max() for side in sides]
-        of_peaks = peaks[:, row] if threshold == "own_peak" else np.full(2, peaks[:, row].min())
-        for column, portion in enumerate(portions):
-            (left, left_cut), (right, right_cut) = (
-                _reached(side, portion * peak, start, search) for side, peak in zip(sides, of_peaks, strict=True)
-            )
-            signed[row, column] = (left - right) / rate
+    how = _Crossing(back, threshold == "own_peak", velocity == "magnitude", search == "inside", search == "before_peak")
+    _find_delays(
+        np.flatnonzero(moved.cooperative),
+        np.ascontiguousarray(segments.first),
+        np.ascontiguousarray(segments.stop),
+        (np.sign(moved.left), np.sign(moved.right)),
+        (np.ascontiguousarray(left_vz), np.ascontiguousarray(right_vz)),
+        np.array(portions, np.float64),
+        how,
+        signed,
+        truncated,
+        peaks,
+    )
+    return Delays(signed / rate, truncated, *peaks)
+
+
+class _Crossing(NamedTuple):
+    """What a crossing is: samples to search before a movement, and the choices of `delays` as flags."""
+
+    back: int
+    own_peak: bool
+    magnitude: bool
+    inside: bool
+    before_peak: bool
+
+
+@kernel
+def _find_delays(
+    rows: NDArray[np.int64],
+    first: NDArray[np.int64],
+    stop: NDArray[np.int64],
+    signs: tuple[NDArray[np.float64], NDArray[np.float64]],
+    rates: tuple[NDArray[np.float64], NDArray[np.float64]],
+    portions: NDArray[np.float64],
+    how: _Crossing,
+    signed: NDArray[np.float64],
+    truncated: NDArray[np.bool_],
+    peaks: NDArray[np.float64],
+) -> None:
+    """Write the delays of the movements in some rows [samples], whether truncated, and the peak velocities [m/s]."""
+    for row in rows:
+        begin = max(first[row] - how.back, 0)
+        start = first[row] - begin
+        left, right = rates[0][begin : stop[row]], rates[1][begin : stop[row]]
+        if how.magnitude:
+            left, right = np.abs(left), np.abs(right)
+        else:
+            left, right = signs[0][row] * left, signs[1][row] * right
+        # numpy's max and min of an array: NaN if any value is.
+        # Adding 0.0 turns a negative zero into a positive one, whichever of both `max` finds.
+        peaks[0, row], peaks[1, row] = np.max(left[start:]) + 0.0, np.max(right[start:]) + 0.0
+        lower = np.min(peaks[:, row])
+        for column in range(len(portions)):
+            left_level = portions[column] * (peaks[0, row] if how.own_peak else lower)
+            right_level = portions[column] * (peaks[1, row] if how.own_peak else lower)
+            left_at, left_cut = _reached(left, left_level, start, how)
+            right_at, right_cut = _reached(right, right_level, start, how)
+            signed[row, column] = left_at - right_at
             truncated[row, column] = left_cut or right_cut
-    return Delays(signed, truncated, *peaks)
 
 
-def _reached(u: NDArray[np.float64], level: float, start: int, search: Search) -> tuple[float, bool]:
+@kernel
+def _reached(u: NDArray[np.float64], level: float, start: int, how: _Crossing) -> tuple[float, bool]:
     """Return the sample at which a velocity reaches a level in a movement from `start`, and whether it is truncated."""
     if not level > 0:
-        return float("nan"), False
-    if search == "before_peak":
-        start += int(np.argmax(u[start:]))
-    if u[start] < level:
-        above = start + int(np.argmax(u[start:] >= level))
-    elif search == "inside":
-        return float(start), True
+        return np.nan, False
+    above = start
+    if how.before_peak:
+        above += int(np.argmax(u[start:]))
+    if u[above] < level:
+        while above < len(u) - 1 and u[above] < level:
+            above += 1
+    elif how.inside:
+        return float(above), True
     else:
-        below = np.flatnonzero(~(u[:start] >= level))
-        if below.size == 0 or np.isnan(u[below[-1]]):
-            return float("nan"), True
-        above = int(below[-1]) + 1
-    return above - 1 + float((level - u[above - 1]) / (u[above] - u[above - 1])), False
+        while above > 0 and u[above - 1] >= level:
+            above -= 1
+        if above == 0 or np.isnan(u[above - 1]):
+            return np.nan, True
+    return above - 1 + (level - u[above - 1]) / (u[above] - u[above - 1]), False
