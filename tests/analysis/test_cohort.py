@@ -11,7 +11,7 @@ import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
 from netboard.analysis.cohort.participants import jobs_of_dyad
-from netboard.analysis.cohort.power import levels_of
+from netboard.analysis.cohort.power import condition_means
 from netboard.analysis.cohort.rows import KEPT
 from netboard.analysis.cohort.virtual import LAST_SEED, Design
 from netboard.analysis.extraction.recordings import measure
@@ -77,7 +77,7 @@ def test_measures_are_those_of_an_analysis_of_the_recordings(cohort: Cohort, ana
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.measure.name)
 def test_levels_of_dyads_are_those_of_an_analysis(cohort: Cohort, analysed: Tables, kept) -> None:
-    found = levels_of(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
+    found = condition_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
     expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
     assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
     assert list(found.index) == ["D01", "D02"]

@@ -23,7 +23,7 @@ from netboard.network.transport import sockets
 from netboard.network.transport.sockets import LARGEST_SAMPLE
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.motion_port import BEAT_TICKS, GONE_NS
-from netboard.nodes.ports.samples import ARMED, LIVE, SANE_NS
+from netboard.nodes.ports.samples import ARMED, LIVE, MAX_STAMP_NS
 from netboard.nodes.ports.unregistered import DEAF_NS
 
 MS = 1_000_000
@@ -216,8 +216,8 @@ def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
         row = np.zeros(1, TICK)
         row["tick"], row["left_force"] = 12, force
         words, frame = np.zeros(5, np.int64), np.zeros(fixed.FORCE.size, np.uint8)
-        told = row.view(np.int64)
-        samples.tell_force(words, told, told, np.zeros((2, samples.WORDS), np.int64), np.ones(2), 0, 77)
+        commanded = row.view(np.int64)
+        samples.write_force(words, commanded, commanded, np.zeros((2, samples.WORDS), np.int64), np.ones(2), 0, 77)
         fixed.write(frame, *fixed.FORCE[:2], words)
         parts = (0x96, 11, 0xD3, 12, 0xD3, 77, 0xD3, 0, 0xCB, force, 0xD3, 0)
         assert frame.tobytes() == struct.pack(">BBBqBqBqBdBq", *parts)
@@ -388,7 +388,7 @@ def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("field", ["stamp_ns", "force_sent_ns", "force_received_ns", "sent_ns"])
-@pytest.mark.parametrize("value", [2**63 - 1, -(2**63), SANE_NS + 1])
+@pytest.mark.parametrize("value", [2**63 - 1, -(2**63), MAX_STAMP_NS + 1])
 def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, value: int) -> None:
     rig.registered()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]

@@ -128,17 +128,17 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         Of scalars, arrays and records, in numba's subset of Python; it also runs as it stands, with
         NUMBA_DISABLE_JIT=1.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(_told_apart(function))
+    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(_named_by_closure(function))
     return compiled
 
 
 def waiting(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that may sleep: as `kernel` does, and other threads of Python run meanwhile."""
-    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, **STRICT)(_told_apart(function))
+    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, **STRICT)(_named_by_closure(function))
     return compiled
 
 
-def _told_apart(function: Callable[P, R]) -> Callable[P, R]:
+def _named_by_closure(function: Callable[P, R]) -> Callable[P, R]:
     """Add a digest of its closure to the name of a function.
 
     Numba derives the symbols of machine code from the name and a number that counts compilations in a process. Code of
@@ -147,15 +147,15 @@ def _told_apart(function: Callable[P, R]) -> Callable[P, R]:
     """
     if not isinstance(function, FunctionType) or not function.__closure__:
         return function
-    known = [cell.cell_contents for cell in function.__closure__]
-    told = [getattr(getattr(one, "py_func", one), "__qualname__", None) or repr(one) for one in known]
-    function.__qualname__ += f"-{hashlib.sha256(repr(told).encode()).hexdigest()[:16]}"
+    values = [cell.cell_contents for cell in function.__closure__]
+    described = [getattr(getattr(one, "py_func", one), "__qualname__", None) or repr(one) for one in values]
+    function.__qualname__ += f"-{hashlib.sha256(repr(described).encode()).hexdigest()[:16]}"
     return function
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function into every kernel that calls it, so that dead code is removed there."""
-    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(_told_apart(function))
+    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(_named_by_closure(function))
     return compiled
 
 
@@ -165,9 +165,9 @@ def fast(function: Callable[P, R]) -> Callable[P, R]:
     Parameters
     ----------
     function : callable
-        As for `kernel`. Kernels that it calls stay strict, except those from `loosened`.
+        As for `kernel`. Kernels that it calls stay strict, except those from `relaxed`.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(_told_apart(function))
+    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(_named_by_closure(function))
     return compiled
 
 
@@ -216,7 +216,7 @@ def specialised(function: Callable[..., object]) -> Callable[[Callable[..., obje
     return register
 
 
-def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P, R]:
+def relaxed(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P, R]:
     """Return a copy of a strict kernel, and of all that it calls, for use in a `fast` one.
 
     So each equation is written once. The copy is compiled into its caller, and cached with it.
@@ -228,35 +228,35 @@ def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P
     """
     done = dict(instead)
 
-    def again(found: Any) -> Any:
+    def recompiled(found: Any) -> Any:
         text = getattr(found, "py_func", found)
         if not isinstance(text, FunctionType) or not text.__module__.startswith("netboard."):
             return found
         if found not in done:
-            done[found] = _copied(text, again)
+            done[found] = _copied(text, recompiled)
             if found in _CHOICES:
-                _choose_again(done[found], _CHOICES[found], again)
+                _choose_for_copy(done[found], _CHOICES[found], recompiled)
             elif found is not text:
                 done[found] = numba.njit(**LOOSE)(done[found])
         return done[found]
 
-    copy: Callable[P, R] = again(function)
+    copy: Callable[P, R] = recompiled(function)
     return copy
 
 
-def _copied(text: Any, again: Callable[[Any], Any]) -> FunctionType:
+def _copied(text: Any, recompiled: Callable[[Any], Any]) -> FunctionType:
     """Return a copy of a function with replaced globals and closure."""
-    known = {name: again(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
-    cells = tuple(CellType(again(cell.cell_contents)) for cell in text.__closure__ or ())
+    known = {name: recompiled(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
+    cells = tuple(CellType(recompiled(cell.cell_contents)) for cell in text.__closure__ or ())
     return FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
 
 
-def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Callable[[Any], Any]) -> None:
+def _choose_for_copy(copy: FunctionType, choose: Callable[..., object], recompiled: Callable[[Any], Any]) -> None:
     """Register the selection of a function for its copy."""
 
     def chosen(*arguments: Any) -> Any:
         text = choose(*arguments)
-        return text and _copied(text, again)
+        return text and _copied(text, recompiled)
 
     names = ", ".join(inspect.signature(choose).parameters)
     alike = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})

@@ -221,8 +221,8 @@ def _force_response(s: Any, arm: Any, force: float) -> float:
     """Return the displacement of the equilibrium point by forces: along an unexpected one, against an expected one [m].
 
     ``r = G (F(t - delay) - expected) / K``, where the expected force follows the delayed one with a time constant; the
-    two muscle lags smooth it. Short- and long-latency responses of the arm follow 25 to 100 ms after a perturbation and
-    the long-latency one depends on what the person intends (Cluff, Crevecoeur and Scott, Exp. Controller Res. 2015).
+    two muscle lags smooth it. Only the delay is that of short- and long-latency responses of the arm, 25 to 100 ms
+    (Cluff, Crevecoeur and Scott, Vision Res. 110, 2015); a stretch reflex would oppose the force.
     """
     if arm["yielding"] == 0.0 and arm["loading"] == 0.0:
         return 0.0

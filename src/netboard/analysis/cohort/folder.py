@@ -21,7 +21,7 @@ import pandas as pd
 
 from netboard.analysis.cohort.participants import compile_kernels, jobs_of_dyad
 from netboard.analysis.cohort.rows import STUDIES
-from netboard.analysis.cohort.virtual import Design, Packed, check, simulate, unpack
+from netboard.analysis.cohort.virtual import Design, StudyTables, check, simulate, unpack
 from netboard.analysis.cohort.workers import CODE, run_all
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
@@ -131,7 +131,7 @@ class Cohort:
         """Return whether a study is finished, and its file undamaged."""
         return self._store.get(_name(number)) is not None
 
-    def get(self, number: int) -> Packed:
+    def get(self, number: int) -> StudyTables:
         """Return a finished study."""
         content = self._store.get(_name(number))
         if content is None:

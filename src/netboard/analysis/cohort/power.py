@@ -138,7 +138,7 @@ def differences(
     for frame in frames:
         kept = frame[frame["group"] <= trials // SIZE] if trials else frame
         for measure in KEPT:
-            levels = levels_of(kept, measure)
+            levels = condition_means(kept, measure)
             for contrast in contrasts:
                 first, second = (_level(levels, contrast[place]) for place in ("first", "second"))
                 found.setdefault((measure.measure.name, str(contrast["name"])), []).append(first - second)
@@ -150,7 +150,7 @@ def differences(
     ]
 
 
-def levels_of(groups: pd.DataFrame, kept: Kept) -> pd.DataFrame:
+def condition_means(groups: pd.DataFrame, kept: Kept) -> pd.DataFrame:
     """Return the level of each dyad (rows, in their order) in each condition, as `topics.measures.levels` does."""
     value, weight = kept.value(groups), groups[kept.weight]
     known = np.isfinite(value) & (weight > 0)

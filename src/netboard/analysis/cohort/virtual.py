@@ -115,7 +115,7 @@ def simulate(design: Design, number: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Packed:
+class StudyTables:
     """Tables of a virtual study, read back from its file.
 
     Attributes
@@ -148,11 +148,11 @@ def _packed(whole: Mapping[str, Any], tables: Mapping[str, Columns], fields: Any
     return sink.getvalue()
 
 
-def unpack(content: bytes | memoryview) -> Packed:
+def unpack(content: bytes | memoryview) -> StudyTables:
     """Read packed tables."""
     line, _, rest = bytes(content).partition(b"\n")
     head, streams = json.loads(line), Streams("zstd")
     fields = {name: tuple(Field(*one) for one in own) for name, own in head["fields"].items()}
     source = streams.source(memoryview(rest))
     tables = {name: streams.read(source, own) for name, own in fields.items()}
-    return Packed(head["whole"], tables, fields, head["contrasts"], head["factors"])
+    return StudyTables(head["whole"], tables, fields, head["contrasts"], head["factors"])

@@ -18,7 +18,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from netboard.base.compiled import fast, inlined, loosened, specialised
+from netboard.base.compiled import fast, inlined, relaxed, specialised
 from netboard.physics.arithmetic.trig import EIGHTH_TURN, LARGEST_ANGLE, reduced, sincos, small
 from netboard.physics.arithmetic.vectors import calm
 from netboard.physics.methods.one_step import rk4
@@ -27,7 +27,7 @@ from netboard.physics.scene.parameters import SCENE, Parts
 
 Array = NDArray[np.float64]
 
-_small, _reduced, _calm = loosened(small, {}), loosened(reduced, {}), loosened(calm, {})
+_small, _reduced, _calm = relaxed(small, {}), relaxed(reduced, {}), relaxed(calm, {})
 
 
 @inlined
@@ -51,8 +51,8 @@ def anywhere(x: float) -> tuple[float, float]:
     return sine if fine else math.nan, cosine if fine else math.nan
 
 
-_short_step, _long_step = loosened(rk4, {sincos: _short}), loosened(rk4, {sincos: anywhere})
-_stopped = loosened(stopped, {sincos: anywhere})
+_short_step, _long_step = relaxed(rk4, {sincos: _short}), relaxed(rk4, {sincos: anywhere})
+_stopped = relaxed(stopped, {sincos: anywhere})
 
 LANES = 64
 """Simulations in a block: what one pass works on, and what fits the fastest memory [1]."""

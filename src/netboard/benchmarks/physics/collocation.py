@@ -18,7 +18,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, fast, inlined, loosened, specialised
+from netboard.base.compiled import borrowed, fast, inlined, relaxed, specialised
 from netboard.benchmarks.physics.quadrature import cardinals, gauss_nodes, integrals
 from netboard.physics.arithmetic.simd import lanes_at, listed, pair_at, put, width_of, within, written
 from netboard.physics.arithmetic.trig import EIGHTH_TURN, sincos, small
@@ -130,7 +130,7 @@ def _turned(theta: Any) -> Any:
     return angles[1], angles[2]
 
 
-_small = loosened(small, {})
+_small = relaxed(small, {})
 
 
 @inlined
@@ -153,7 +153,7 @@ def _turned_lanes(theta: Any) -> Any:
     return lambda theta: _turned_at_once(theta, count)
 
 
-_remainder = loosened(remainder, {sincos: _turned})
+_remainder = relaxed(remainder, {sincos: _turned})
 
 
 @cache

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import borrowed, fast, loosened
+from netboard.base.compiled import borrowed, fast, relaxed
 from netboard.benchmarks.physics.collocation import ROUNDING
 from netboard.benchmarks.physics.quadrature import cardinals, integrals
 from netboard.physics.arithmetic.simd import listed, width_of, written
@@ -101,7 +101,7 @@ _row = written("states, i, length", lambda _, __, n: listed([f"states[i, {j}]" f
 _blank = written("count, width", lambda count, width: listed([f"gathered((), {width})"] * count))
 """A history of zeros."""
 
-_remainder = loosened(remainder, {})
+_remainder = relaxed(remainder, {})
 
 
 @cache

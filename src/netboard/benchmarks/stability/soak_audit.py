@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.compiled import fast, inlined, loosened
+from netboard.base.compiled import fast, inlined, relaxed
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.physics.batch import LANES, anywhere, column_at, numbers_at
 from netboard.physics.arithmetic.trig import sincos
@@ -34,8 +34,8 @@ THROUGH, SUPPLY, GROWTH, WRONG, BEYOND = range(5)
 SUMS = 5
 """Magnitudes of the flows, the bound on what hands put in, growth, growth that is not work [J]; states beyond [1]."""
 
-_rates, _flows, _stored = (loosened(text, {sincos: anywhere}) for text in (rates, flows, stored))
-_turned, _plus = loosened(turned, {sincos: anywhere}), loosened(plus, {})
+_rates, _flows, _stored = (relaxed(text, {sincos: anywhere}) for text in (rates, flows, stored))
+_turned, _plus = relaxed(turned, {sincos: anywhere}), relaxed(plus, {})
 
 
 @inlined

@@ -27,11 +27,11 @@ Socket: TypeAlias = "zmq.Socket[bytes]"
 
 MOST_HANDSHAKES = 3
 """Handshakes answered, and failures read of a channel, in one call; it limits what unknown peers take of a tick [1]."""
-MOST_FULL = 20
+MAX_FULL_READS = 20
 """Consecutive full readings of failed handshakes after which a channel is not read for a while [1]."""
-DEAF_NS = 10_000_000_000
+MONITOR_PAUSE_NS = 10_000_000_000
 """Time for which a channel with too many failed handshakes is not read [ns]."""
-PRESSED_NS = 1_000_000_000
+LOW_PRIORITY_NS = 1_000_000_000
 """Time after a refused handshake for which libzmq's thread runs below the loop [ns]."""
 
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
@@ -117,8 +117,8 @@ class Authenticator:
     def reports(self, now_ns: int) -> list[dict[str, str]]:
         """Count the handshakes that failed, and return the reports of refusals that are due."""
         for monitor in self._monitors:
-            for reason in monitor.listen():
-                monitor.handler.press()
+            for reason in monitor.failures():
+                monitor.handler.note_failure()
                 self.refuse(monitor.channel, "", "", reason)
         return self._refused.reports(now_ns)
 
@@ -151,18 +151,18 @@ class _ZapHandler:
     def __init__(self, context: "Context") -> None:
         self.authenticators: dict[str, tuple[Authenticator, str]] = {}
         self._context = context
-        self._pressed_until_ns = 0
+        self._low_priority_until_ns = 0
         self._socket: Socket = context.socket(zmq.REP)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.bind(ZAP_ADDRESS)
 
-    def press(self) -> None:
+    def note_failure(self) -> None:
         """Note a handshake that was refused or failed."""
-        self._pressed_until_ns = time.monotonic_ns() + PRESSED_NS
+        self._low_priority_until_ns = time.monotonic_ns() + LOW_PRIORITY_NS
 
     def answer(self) -> None:
         """Answer some of the waiting handshakes."""
-        self._context.give_way(self._pressed_until_ns > 0 and time.monotonic_ns() < self._pressed_until_ns)
+        self._context.give_way(self._low_priority_until_ns > 0 and time.monotonic_ns() < self._low_priority_until_ns)
         for _ in range(MOST_HANDSHAKES):
             if not readable(self._socket):
                 return
@@ -173,7 +173,7 @@ class _ZapHandler:
             if reason:
                 authenticator.refuse(channel, address.decode(errors="replace"), key, reason)
                 verdict = (b"400", reason.encode(), b"")
-                self.press()
+                self.note_failure()
             else:
                 verdict = (b"200", b"OK", key.encode())
             self._socket.send_multipart((version, request, *verdict, b""), NOBLOCK)
@@ -186,17 +186,17 @@ class _HandshakeMonitor:
         self.channel, self.handler = channel, handler
         self._context = context
         self._socket = socket
-        self._deaf_until_ns = self._full = 0
+        self._paused_until_ns = self._full = 0
         self._monitor = self._open()
 
-    def listen(self) -> Iterator[str]:
+    def failures(self) -> Iterator[str]:
         """Yield why they failed."""
         if self._socket.closed:
             return
-        if self._deaf_until_ns:
-            if time.monotonic_ns() < self._deaf_until_ns:
+        if self._paused_until_ns:
+            if time.monotonic_ns() < self._paused_until_ns:
                 return
-            self._deaf_until_ns, self._monitor = 0, self._open()
+            self._paused_until_ns, self._monitor = 0, self._open()
         for _ in range(MOST_HANDSHAKES):
             if self._monitor.closed or not readable(self._monitor):
                 self._full = 0
@@ -207,12 +207,12 @@ class _HandshakeMonitor:
             elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
                 yield FAILURES.get(event["value"], NO_HANDSHAKE)
         self._full += 1
-        if self._full < MOST_FULL:
+        if self._full < MAX_FULL_READS:
             return
         self._full = 0
         self._socket.monitor(None, 0)
         self._monitor.close()
-        self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
+        self._paused_until_ns = time.monotonic_ns() + MONITOR_PAUSE_NS
         yield "more handshakes fail here than can be reported; none is for 10 s"
 
     def _open(self) -> Socket:
@@ -244,7 +244,7 @@ class Context(zmq.Context["zmq.Socket[bytes]"]):
     """
 
     handler: _ZapHandler | None = None
-    patient: "Context | None" = None
+    best_effort: "Context | None" = None
     threads: tuple[int, ...] = ()
     above = below = 0
     _gives_way = False

@@ -98,7 +98,7 @@ def open_context(
     """
     context = Context()
     if apart:
-        context.patient = _patient_context()
+        context.best_effort = _best_effort_context()
     cpus = set(io_cpus)
     if io_priority is not None and _granted(
         f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
@@ -113,7 +113,7 @@ def open_context(
     try:
         yield context
     finally:
-        for one in filter(None, (context.patient, context)):
+        for one in filter(None, (context.best_effort, context)):
             one.destroy()
 
 
@@ -134,7 +134,7 @@ def _started(context: Context) -> tuple[int, ...]:
     return ()
 
 
-def _patient_context() -> Context:
+def _best_effort_context() -> Context:
     """Return a context whose threads may run on any CPU, whatever the affinity of the calling thread."""
     context = Context(io_threads=len(_THREADS))
     cpus = range(os.cpu_count() or 1)
@@ -147,9 +147,9 @@ def _patient_context() -> Context:
 def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
     """Return the context of a server's socket, and the bit mask of its threads that serve the channel."""
     thread = _THREADS.get(endpoint.channel)
-    if context.patient is None or thread is None:
+    if context.best_effort is None or thread is None:
         return context, 0
-    return context.patient, 1 << thread
+    return context.best_effort, 1 << thread
 
 
 def _granted(what: str, ask: Callable[[], None]) -> bool:

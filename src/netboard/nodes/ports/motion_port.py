@@ -148,15 +148,15 @@ class MotionPort:
             self.fast.fail("motion")
         return found
 
-    def force(self, row: Any, told: Any) -> None:
+    def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
 
-        ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
+        ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
         fast, agents, gains = self.fast.record, self._words, self.gains
         if self._ends is None:
             form, words = fixed.FORCE[:2], self._force_words
-            sent = samples.send_forces(fast, self._force, row, told, agents, gains, *form, words)
+            sent = samples.send_forces(fast, self._force, row, commanded, agents, gains, *form, words)
         else:
             form, words = fixed.POINT[:2], self._point_words
             sent = samples.send_points(fast, self._point, row, agents, gains, self._ends, *form, words)

@@ -1,8 +1,8 @@
 """The server's state of both agents, as rows of 64-bit words that compiled code reads and writes.
 
-A row holds an agent's newest sample and the state of its link. Whatever happens 1000 times a second (a sample
-arrives, the row of a tick is filled, a force is sent) happens here, without a Python object for each number: in a loop
-that sleeps most of the time, each Python step costs four times what it costs in a benchmark.
+A row holds an agent's newest sample and the state of its link. All work of 1000 times a second (receiving samples,
+filling the row of a tick, sending forces) is compiled here: in a loop that sleeps most of the time, Python code takes
+four times as long as in a benchmark, because it finds cold caches.
 
 Times in a sample are on the agent's clock; `STAMP` is the sample's stamp in server time.
 """
@@ -21,7 +21,7 @@ from netboard.network.transport import fastpath
 from netboard.nodes.ports.unregistered import UNREGISTERED, keep
 from netboard.physics.arithmetic.trig import sincos
 
-SANE_NS = 2**60
+MAX_STAMP_NS = 2**60
 """Stamps beyond this (36 years) are invalid; arithmetic with them could overflow 64 bits [ns]."""
 
 OWN = (
@@ -111,7 +111,7 @@ MORE, OTHER, FAILED = 4, 8, 16
 FRAMES = 32
 """Value that `drain` adds to its result for each frame taken."""
 
-FEW_STRANGERS = 8
+FEW_UNREGISTERED = 8
 """Frames of unregistered peers taken at once while no sample is awaited [1]."""
 
 LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
@@ -128,9 +128,9 @@ def empty(agent: Any) -> None:
 
 @kernel
 def take(agent: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
-    """Take a sample if it is the newest; return False if it is older or its stamps are invalid."""
+    """Take a sample if it is the newest; return False if it is older, or (not counted) its stamps are invalid."""
     for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
-        if not -SANE_NS <= sample[k] <= SANE_NS:
+        if not -MAX_STAMP_NS <= sample[k] <= MAX_STAMP_NS:
             return False
     seq, newest = sample[SEQ], agent[SEQ]
     if seq <= newest:
@@ -159,9 +159,9 @@ def take_frame(agent: Any, frame: Any, head: Any, markers: Any, sample: Any, now
 
 @kernel
 def awaited(agents: Any) -> bool:
-    """Return whether a tick should wait for its deadline.
+    """Return whether a sample is still expected, so that a tick should wait for its deadline.
 
-    It should if a side that was punctual at the last tick has not sent a sample yet, or no side has. A sample that
+    It is if a side that was on time at the last tick has not sent one yet, or if no side has. A sample that
     arrived long before the deadline just missed the tick before, and the next one will come in time: a tick that did
     not wait for it would just miss that one too, and so on.
     """
@@ -195,8 +195,8 @@ def drain(
     Returns 1 and 2 for a sample taken from the left and right side, `MORE` if there may be more to take, `OTHER` if the
     last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
-    found = frames = strangers = give_up_ns = 0
-    while frames < most and (strangers < FEW_STRANGERS or awaited(agents)):
+    found = frames = from_unregistered = give_up_ns = 0
+    while frames < most and (from_unregistered < FEW_UNREGISTERED or awaited(agents)):
         place = fastpath.receive(fast, frame)
         if place == fastpath.NOTHING:
             if fastpath.now_ns(fast) < give_up_ns:
@@ -208,7 +208,7 @@ def drain(
         now_ns = fastpath.now_ns(fast)
         if place < 0:
             keep(unregistered, fast, frame, now_ns)
-            strangers += 1
+            from_unregistered += 1
             continue
         size = fast[0]["size"]
         taken = take_frame(agents[place], frame[:size], head, markers, sample, now_ns, due_ns)
@@ -226,7 +226,7 @@ def drain(
 def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
     """Begin the row of a tick with the newest samples; return which sides are live, armed, stopped or newly tripped.
 
-    The rendered force is NaN where the newest sample is too old, or too new, to tell it.
+    The rendered force is NaN where the newest sample is too old or too new to be valid.
 
     Returns the sum of `LIVE`, `ARMED`, `STOPPED` and `TRIPPED` for the left side, and twice that for the right one.
     """
@@ -261,18 +261,18 @@ def fill(row: Any, agents: Any, number: int, due_ns: int, late_ns: int, timeout_
 
 
 @kernel
-def tell_force(words: Any, row: Any, told: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
+def write_force(words: Any, row: Any, commanded: Any, agents: Any, gains: Any, place: int, now_ns: int) -> None:
     """Fill in one side's `Force` of a tick.
 
-    ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
+    ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
     """
     words[0], words[1], words[2] = row[_TICK], now_ns, agents[place, SEQ]
-    words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
+    words.view(np.float64)[3] = commanded.view(np.float64)[_ROW_FORCE[place]] * gains[place]
     words[4] = agents[place, LEAD]
 
 
 @kernel
-def tell_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
+def write_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
     """Fill in one side's `Point` of a tick: position and velocity of its end of the board after the tick.
 
     ``ends``: for each side: board's centre to control point, + = right; stiffness and damping of the virtual coupling
@@ -290,11 +290,11 @@ def tell_point(words: Any, row: Any, agents: Any, gains: Any, place: int, ends: 
 
 @kernel
 def send_forces(
-    fast: Any, frame: Any, row: Any, told: Any, agents: Any, gains: Any, head: Any, markers: Any, words: Any
+    fast: Any, frame: Any, row: Any, commanded: Any, agents: Any, gains: Any, head: Any, markers: Any, words: Any
 ) -> int:
     """Send each connected side its `Force` of a tick; the side that goes first alternates.
 
-    ``told``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
+    ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`). Returns
     `netboard.network.transport.fastpath.FAILED` if the socket is unusable; a peer that does not take its force is no
     failure.
     """
@@ -303,7 +303,7 @@ def send_forces(
         place = first ^ turn
         if fast[0]["known"][place] == 0:
             continue
-        tell_force(words, row, told, agents, gains, place, fastpath.now_ns(fast))
+        write_force(words, row, commanded, agents, gains, place, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
@@ -327,7 +327,7 @@ def send_points(
         place = first ^ turn
         if fast[0]["known"][place] == 0 or row[_LIVE[place]] == 0:
             continue
-        tell_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
+        write_point(words, row, agents, gains, place, ends, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED

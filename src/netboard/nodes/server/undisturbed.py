@@ -56,8 +56,8 @@ def _answer(
     if found != ALL_FINE:
         return found
     _ticks(state, rows, number, 1, book, tables)
-    told = words[(number - delay) % len(words)]
-    sent = send_forces(fast, frame, row, told, agents, gains, _HEAD, _MARKERS, force)
+    commanded = words[(number - delay) % len(words)]
+    sent = send_forces(fast, frame, row, commanded, agents, gains, _HEAD, _MARKERS, force)
     return sent if sent == fastpath.FAILED else found
 
 
