@@ -339,7 +339,7 @@ class TestAuthenticator:
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
-        for _ in range(2 * authenticator.MOST_FULL * authenticator.MOST_HANDSHAKES):
+        for _ in range(2 * authenticator.MAX_FULL_READS * authenticator.MOST_HANDSHAKES):
             with net.create_connection((place[0], int(place[1]))) as stranger:
                 stranger.sendall(WITHOUT_KEYS)
                 with contextlib.suppress(ConnectionResetError):

@@ -9,7 +9,7 @@ from netboard.base.config import Config
 from netboard.base.tables.rig import Network
 from netboard.base.tables.scene import Physics
 from netboard.nodes.ports.round_trips import DELAY_LIMIT, GAINS, MARGIN, PACE, REST, Delays, limit_ns, loops_of
-from netboard.physics.stability.delayed_coupling import Mechanism
+from netboard.physics.stability.delayed_coupling import Mechanism, largest_round_trip
 
 FIXED = replace(Physics(), board="hinged", I=1e9, hold="zoh")
 
@@ -111,3 +111,10 @@ def test_a_hand_is_softened_smoothly_and_no_more_than_needed(physics: Physics) -
     assert looks(watch, quick, quick, 100).count("softened") >= 1
     assert list(watch.gains) == [1.0, 1.0]
     assert not watch.trouble
+
+
+@pytest.mark.parametrize("changes", [{}, {"coupling": "left"}, {"k_h": 2000.0, "c_h": 0.5}])
+def test_the_limit_is_that_of_the_loop_that_stands_least(changes: dict[str, object]) -> None:
+    loops = loops_of(Config(physics=replace(Physics(), **changes)), Mechanism(0.045, 0.1))  # type: ignore[arg-type]
+    assert len(loops) > 1
+    assert limit_ns(loops) == 1_000_000 * max(min(largest_round_trip(loop) for loop in loops), 0)

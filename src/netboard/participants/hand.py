@@ -236,7 +236,7 @@ def _force_response(s: Any, arm: Any, force: float) -> float:
 
 @inlined
 def _stiffen(s: Any, arm: Any) -> None:
-    """Adapt the arm's stiffness to the hand's distance from its aim: ``dK/dt = alpha |e| - gamma``, within limits.
+    """Adapt the arm's stiffness to the hand's distance from its aim: ``dK/dt = alpha |d| - gamma``, within limits.
 
     A person contracts opposing muscles together where errors are large, and relaxes slowly where they are not
     (Franklin et al., J. Neurosci. 2008).

@@ -68,9 +68,9 @@ class Participant:
     rest_skill: Annotated[float, about("share of that compensation that acts at rest, too", "1", ge=0, le=1)] = 1.0
     load_skill: Annotated[float, about("share of an expected force that the arm compensates", "1", ge=0, le=1)] = 1.0
     reflex_gain: Annotated[
-        float, about("how far reflexes yield to an unexpected force, over the arm's own yielding", "1", ge=0, le=5)
+        float, about("how far the arm yields to an unexpected force, over its yielding by stiffness", "1", ge=0, le=5)
     ] = 0.0
-    reflex_delay: Annotated[float, about("delay of the reflexes", "s", ge=0, le=0.1)] = 0.060
+    reflex_delay: Annotated[float, about("delay of the responses to a force", "s", ge=0, le=0.1)] = 0.060
     reflex_time: Annotated[float, about("time after which a force is expected", "s", gt=0, le=10)] = 0.3
     impedance_gain: Annotated[
         float,

@@ -214,9 +214,9 @@ class Far:
         """Write the frame that one side receives after a tick."""
         words: Any = self._words
         if self._both:
-            samples.tell_point(words, self._row, self._seats, self._gains, place, self._ends, now_ns)
+            samples.write_point(words, self._row, self._seats, self._gains, place, self._ends, now_ns)
         else:
-            samples.tell_force(words, self._row, self._row, self._seats, self._gains, place, now_ns)
+            samples.write_force(words, self._row, self._row, self._seats, self._gains, place, now_ns)
         frame = np.zeros(self._form.size, np.uint8)
         fixed.write(frame, self._form.head, self._form.markers, words)
         return frame

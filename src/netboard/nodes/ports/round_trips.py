@@ -14,6 +14,7 @@ The stage does not depend on it, and a recording still verifies. Changes of the 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from math import isnan, nan
 
 import numpy as np
@@ -74,8 +75,19 @@ def loops_of(config: Config, device: Mechanism) -> list[Loop]:
 
 def limit_ns(loops: Sequence[Loop], gain: float = 1.0) -> int:
     """Return the largest round-trip delay with which all these loops are stable [ns]."""
-    softened = [replace(loop, gain=gain) for loop in loops]
-    return 1_000_000 * max(min((largest_round_trip(loop) for loop in softened), default=LONGEST), 0)
+    limit = LONGEST
+    for loop in loops:
+        limit = _largest_round_trip(replace(loop, gain=gain), limit)
+    return 1_000_000 * max(limit, 0)
+
+
+@cache
+def _largest_round_trip(loop: Loop, most: int) -> int:
+    """Return the largest stable round-trip delay up to a limit [ms]; the blocks of a session mostly have the same loops.
+
+    Beyond the limit of another loop none matters, and the longer a delay, the longer its eigenvalues take.
+    """
+    return largest_round_trip(loop, most)
 
 
 def _limits(loops: Sequence[Loop], first_ns: int) -> list[int]:
