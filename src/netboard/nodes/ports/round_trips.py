@@ -83,7 +83,7 @@ def limit_ns(loops: Sequence[Loop], gain: float = 1.0) -> int:
 
 @cache
 def _largest_round_trip(loop: Loop, most: int) -> int:
-    """Return the largest stable round-trip delay up to a limit [ms]; the blocks of a session mostly have the same loops.
+    """Return the largest stable round-trip delay up to a limit [ms]; blocks of a session have mostly the same loops.
 
     Beyond the limit of another loop none matters, and the longer a delay, the longer its eigenvalues take.
     """
