@@ -15,7 +15,7 @@ from netboard.benchmarks.harness.results import Folder
 from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
 from netboard.benchmarks.physics.figures import draw
 from netboard.benchmarks.physics.horizons import hold_rows
-from netboard.benchmarks.physics.own_methods import collocation_contenders, meeting, one_step_contenders
+from netboard.benchmarks.physics.own_methods import collocation_solvers, meeting, one_step_solvers
 from netboard.benchmarks.physics.parts import SAME, holds_part, ratios_parts
 from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
 from netboard.benchmarks.physics.skips import SKIPS, Skip, difference
@@ -34,11 +34,11 @@ from netboard.benchmarks.physics.work_precision import (
 SHORT = Problem("paper", "settled", duration=0.1)
 
 
-def row(error: float, cost: float, family: str = OURS, method: str = "rk4", problem: str = "paper, settled") -> Row:
+def row(error: float, cost: float, library: str = OURS, method: str = "rk4", problem: str = "paper, settled") -> Row:
     errors = (0.1 * error, error, 0.5 * error, error)
     return Row(
         problem,
-        family,
+        library,
         method,
         f"{cost} us",
         False,
@@ -153,8 +153,8 @@ def test_who_has_spent_the_budget_has_no_further_turn() -> None:
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("heun", 2), ("rk4", 4)])
 def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
     reference = make_reference(SHORT, "tight", tight(SHORT))
-    contenders = [one for one in one_step_contenders(SHORT, quick=False) if one.method == method]
-    rows = measure(SHORT, reference, contenders, 1, 0.0)
+    solvers = [one for one in one_step_solvers(SHORT, quick=False) if one.method == method]
+    rows = measure(SHORT, reference, solvers, 1, 0.0)
     errors = {one.setting: one.scaled for one in rows}
     slope = log10(errors["1 ms"] / errors["0.25 ms"]) / log10(4.0)
     assert slope == pytest.approx(order, abs=0.35)
@@ -162,7 +162,7 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
     for one in rows:
         assert one.whole > one.physics > 0.0
         assert one.physics_median >= one.physics
-        assert one.family == OURS
+        assert one.library == OURS
         assert one.turns >= 1
 
 
@@ -170,7 +170,7 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
 def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
     problem = Problem("paper", "cold", duration=0.3)
     reference = make_reference(problem, "tight", tight(problem))
-    rows = measure(problem, reference, collocation_contenders(problem, quick=True), 1, 0.0)
+    rows = measure(problem, reference, collocation_solvers(problem, quick=True), 1, 0.0)
     found = {(one.method, one.setting): one.scaled for one in rows}
     assert found["collocation 8", "10 ms, tol 1e-14"] < 1e-8
     assert found["collocation 8", "5 ms, tol 1e-14"] < 1e-10
@@ -179,7 +179,7 @@ def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
 
 
 def test_the_exact_method_is_for_level_boards_only() -> None:
-    assert "exact" not in {one.method for one in one_step_contenders(SHORT, quick=False)}
+    assert "exact" not in {one.method for one in one_step_solvers(SHORT, quick=False)}
 
 
 # --- the study ---------------------------------------------------------------------------------------------------

@@ -1,11 +1,11 @@
-"""Thousands of simulations of one kind of scene, side by side, a step at a time: for studies, never for a recording.
+"""A batch of thousands of simulations of one kind of scene, advanced step by step: for studies, never for a recording.
 
-The text of the strict step is compiled once more, loosely, and the processor does several simulations at once with it:
-each column of an array is contiguous (Fortran's order), and nothing in a step branches. The results are those of the
-strict step to roundoff, not to the bit.
+The source of the strict step is compiled a second time with relaxed floating-point rules, and vectorised over the
+simulations: each component is contiguous over them, and no step branches. Results agree with the strict step to
+rounding, not to the bit.
 
-Sine and cosine have two forms. The short one is good for tilts up to an eighth of a turn and gives NaN beyond; if it
-did, for any simulation, the long one does the step again for all. So no step is wrong for being quick.
+Sine and cosine have two forms. The short one is valid for tilts up to an eighth of a turn and returns NaN beyond; if it
+does so for any simulation of a block, the step of the block is repeated with the long one.
 """
 
 import math
@@ -40,7 +40,7 @@ def _short(x: float) -> tuple[float, float]:
 
 @inlined
 def anywhere(x: float) -> tuple[float, float]:
-    """Return sine and cosine, with the same work for every angle."""
+    """Return sine and cosine of any angle, without branches."""
     y, tail, n = _reduced(x)
     s, c = _small(y, tail)
     half = np.floor(0.5 * n)
@@ -55,15 +55,15 @@ _short_step, _long_step = relaxed(rk4, {sincos: _short}), relaxed(rk4, {sincos: 
 _stopped = relaxed(stopped, {sincos: anywhere})
 
 LANES = 64
-"""Simulations in a block: what one pass works on, and what fits the fastest memory [1]."""
+"""Simulations in a block, whose states fit into the first-level cache [1]."""
 
 _NAMES = SCENE.names or ()
 _Numbers = NamedTuple("_Numbers", [(name, float) for name in _NAMES])  # type: ignore[misc]
-"""The numbers of a scene, out of any array, so that a kernel need not read them again after each write to one."""
+"""The constants of a scene as values, so that a kernel need not read them again after each write to an array."""
 
 
 def numbers_at(scenes: Array, b: int, j: int) -> Any:
-    """Return the numbers of a simulation's scene, by name."""
+    """Return the constants of a simulation's scene, by name."""
     return dict(zip(_NAMES, scenes[b, :, j].tolist(), strict=True))
 
 
@@ -114,14 +114,13 @@ def _compiled_put(done: Any, j: Any, x: Any) -> Any:
 def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, Array, float], None]:
     """Compile a step of the classical Runge-Kutta method for many simulations of one kind of scene.
 
-    - `OWN`: every simulation has numbers of its own; otherwise all share those of one scene.
+    - `OWN`: each simulation has its own scene; otherwise all share one.
 
     Returns
     -------
     callable
-        ``step(x, hands, scenes, h)`` moves the states on, of shape (blocks, `LENGTH`, `LANES`), with the polynomials of
-        both drives through the step, of shape (blocks, 8, `LANES`), what `scene_blocks` makes of the scenes, and the
-        length of the step [SI].
+        ``step(x, hands, scenes, h)`` advances the states, shape (blocks, `LENGTH`, `LANES`), with the polynomials of
+        both drives during the step, shape (blocks, 8, `LANES`), the result of `scene_blocks`, and the step length [SI].
     """
 
     @fast
@@ -148,19 +147,19 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
 
 
 def in_blocks(values: Array) -> Array:
-    """Return values for each simulation as the kernels here take them, shape (n / LANES, k, LANES), contiguous [SI]."""
+    """Return the values of all simulations in blocks, shape (n / LANES, k, LANES), contiguous [SI]."""
     return np.ascontiguousarray(values.reshape(-1, LANES, values.shape[1]).transpose(0, 2, 1))
 
 
 def out_of_blocks(blocks: Array) -> Array:
-    """Return the values for each simulation: the inverse of `in_blocks`."""
+    """Return the values of all simulations from blocks: the inverse of `in_blocks`."""
     return np.ascontiguousarray(blocks.transpose(0, 2, 1)).reshape(-1, blocks.shape[1])
 
 
 def scene_blocks(scenes: NDArray[Any]) -> Array:
-    """Return the numbers of scenes as the kernels here take them.
+    """Return the constants of scenes in blocks.
 
-    - `scenes` (shape (n,)): one for each simulation, or a single one that all share.
+    - `scenes` (shape (n,)): one for each simulation, or one that all share.
     """
     values = np.ascontiguousarray(scenes).view(np.float64).reshape(len(scenes), -1)
     return in_blocks(values) if len(scenes) > 1 else values.reshape(1, -1, 1)

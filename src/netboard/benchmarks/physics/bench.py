@@ -1,7 +1,7 @@
-"""``netboard bench physics``: cost and accuracy of the physics beside other libraries, in one run on one machine.
+"""``netboard bench physics``: cost and accuracy of the physics, compared with other libraries in one run.
 
-Its parts: runs of all methods and libraries on the test problems, the work-precision frontier, cost ratios at equal
-error; the error of sampling; the cost of a live tick beside its lower bound; the cost that simpler scenes save.
+Its parts: runs of all methods and libraries on the test problems, their Pareto frontier, cost ratios at equal error,
+the error of sampling, the cost of a live tick and its lower bound, and the cost of simpler scenes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,39 +17,39 @@ from netboard.benchmarks.physics import figures, peer_drake, peer_heyoka, peer_m
 from netboard.benchmarks.physics import parts as physics_parts
 from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
 from netboard.benchmarks.physics.own_methods import (
-    collocation_contenders,
-    multistep_contenders,
-    one_step_contenders,
+    collocation_solvers,
+    multistep_solvers,
+    one_step_solvers,
     own_solution,
 )
 from netboard.benchmarks.physics.parts import Checked
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.benchmarks.physics.skips import skip_rows
-from netboard.benchmarks.physics.solver import Contender, installed
+from netboard.benchmarks.physics.solver import Solver, installed
 from netboard.benchmarks.physics.tick_cost import measure_tick
 from netboard.benchmarks.physics.work_precision import Row, compare, measure
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A library that takes part if it is installed.
+    """A library that is compared if it is installed.
 
-    - `contenders`: returns its solvers under comparison for a problem; all, or a few.
+    - `solvers`: returns its solvers for a problem; all, or a few.
     """
 
     package: str
     available: Callable[[], bool]
-    contenders: Callable[[Problem, bool], list[Contender]]
+    solvers: Callable[[Problem, bool], list[Solver]]
     quick: bool = False
 
 
 PEERS = {
-    "heyoka": Peer("heyoka", peer_heyoka.available, peer_heyoka.contenders, quick=True),
-    "mujoco": Peer("mujoco", peer_mujoco.available, peer_mujoco.contenders, quick=True),
-    "scipy": Peer("scipy", lambda: True, peer_solvers.scipy_contenders, quick=True),
-    "cvode": Peer("scikit-sundae", peer_solvers.cvode_available, peer_solvers.cvode_contenders),
-    "diffrax": Peer("diffrax", peer_solvers.diffrax_available, peer_solvers.diffrax_contenders),
-    "drake": Peer("drake", peer_drake.available, peer_drake.contenders),
+    "heyoka": Peer("heyoka", peer_heyoka.available, peer_heyoka.solvers, quick=True),
+    "mujoco": Peer("mujoco", peer_mujoco.available, peer_mujoco.solvers, quick=True),
+    "scipy": Peer("scipy", lambda: True, peer_solvers.scipy_solvers, quick=True),
+    "cvode": Peer("scikit-sundae", peer_solvers.cvode_available, peer_solvers.cvode_solvers),
+    "diffrax": Peer("diffrax", peer_solvers.diffrax_available, peer_solvers.diffrax_solvers),
+    "drake": Peer("drake", peer_drake.available, peer_drake.solvers),
 }
 """Libraries under comparison, by the name on the command line."""
 
@@ -58,15 +58,15 @@ QUICK_PROBLEMS = 3
 """A quick run leaves the last one out [1]."""
 
 BUDGET, QUICK_BUDGET = 1.0, 0.1
-"""Time after which a solver gets no further repetition [s]."""
+"""Time after which a solver is not repeated again [s]."""
 
 
 @dataclass(frozen=True)
 class Wanted:
     """Options of a run.
 
-    - `peers`: names of the peers that take part, all of them installed.
-    - `budget`: who has taken this long has no further turn [s].
+    - `peers`: names of the libraries under comparison, all of them installed.
+    - `budget`: time after which a solver is not repeated again [s].
     """
 
     problems: tuple[Problem, ...]
@@ -98,7 +98,7 @@ def main(
         QUICK_BUDGET if quick else BUDGET,
     )
     folder = Folder(output or new_folder("bench-physics"), force=force)
-    lines = _who(wanted)
+    lines = _libraries(wanted)
     if not installed("matplotlib"):
         lines.append("no figures: matplotlib is not installed")
     run(folder, about(wanted), lambda tell: study(wanted, folder, tell), lines=lines)
@@ -126,8 +126,8 @@ def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
         say = partial(_say, tell, share)
         say(f"{problem.name}: reference")
         references[problem] = find_reference(problem)
-        contenders = _contenders(problem, wanted)
-        rows += measure(problem, references[problem].reference, contenders, wanted.repeats, wanted.budget, say)
+        solvers = _solvers(problem, wanted)
+        rows += measure(problem, references[problem].reference, solvers, wanted.repeats, wanted.budget, say)
     comparisons = compare(rows)
     yield physics_parts.reference_part(list(references.values()))
     yield physics_parts.runs_part(rows)
@@ -135,7 +135,7 @@ def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
     yield from physics_parts.costs_parts(rows)
     yield physics_parts.frontier_part(rows)
     yield from physics_parts.ratios_parts(comparisons)
-    if any(row.family == peer_mujoco.FAMILY for row in rows):
+    if any(row.library == peer_mujoco.LIBRARY for row in rows):
         yield physics_parts.mujoco_part(rows, comparisons)
     chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if wanted.quick else None]
     tell("from samples", 0.8)
@@ -146,18 +146,18 @@ def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
         yield from expect_parts(problem, references[problem].reference)
     tell("the live tick", 0.9)
     yield physics_parts.tick_part([measure_tick(problem, wanted.repeats) for problem in chosen])
-    tell("lesser scenes", 0.95)
+    tell("simpler scenes", 0.95)
     yield physics_parts.skips_part([row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)])
     figures.draw(rows, folder, signals=not wanted.quick)
 
 
 def _say(tell: Tell, share: float, step: str) -> None:
-    """Report a step of a measurement that does not know its share of the whole."""
+    """Report progress within one problem."""
     tell(step, share)
 
 
 def find_reference(problem: Problem) -> Checked:
-    """Solve a problem as accurately as possible, and once more as a check."""
+    """Solve a problem as accurately as possible, and a second time by another solver as a check."""
     states = tight(problem)
     if peer_heyoka.available():
         reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
@@ -168,17 +168,18 @@ def find_reference(problem: Problem) -> Checked:
     return Checked(problem, reference, check, float(apart.max()))
 
 
-def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:
+def _solvers(problem: Problem, wanted: Wanted) -> list[Solver]:
     """Return all solvers compared on a problem."""
-    found = one_step_contenders(problem, wanted.quick) + collocation_contenders(problem, wanted.quick)
-    found += multistep_contenders(problem, wanted.quick)
+    found = one_step_solvers(problem, wanted.quick) + collocation_solvers(problem, wanted.quick)
+    if not wanted.quick:
+        found += multistep_solvers(problem)
     for name in wanted.peers:
-        found += PEERS[name].contenders(problem, wanted.quick)
+        found += PEERS[name].solvers(problem, wanted.quick)
     return found
 
 
-def _who(wanted: Wanted) -> list[str]:
-    """List the solvers that take part, and those that cannot."""
+def _libraries(wanted: Wanted) -> list[str]:
+    """List the libraries under comparison, and those that are not installed."""
     here = ", ".join(f"{PEERS[name].package} {version_of(PEERS[name].package)}" for name in wanted.peers)
     missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available())
     lines = [f"peers: {here or 'none'}"]

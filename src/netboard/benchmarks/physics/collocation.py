@@ -1,11 +1,11 @@
-"""Exponential collocation, for runs of reference quality: steps of 4 to 40 ms, cheaper than small steps of any method.
+"""Exponential collocation, for reference solutions: steps of 4 to 40 ms, cheaper than small steps of any method here.
 
-With ``x' = A x + N(x, t)`` the state at every node of a step is ``e^(c h A) x(0)`` and an integral of N (variation of
-constants). N is taken for the polynomial through its values at Gauss's nodes, so that the integrals are products with
-matrices made beforehand, and its values are found by sweeps over the nodes (Picard's iteration), from what the last
-step makes one expect, until they change no more. Only N is approximated: a transient of A, however fast, costs no step.
+With ``x' = A x + N(x, t)`` the state at every node of a step is ``e^(c h A) x(0)`` plus an integral of N (variation of
+constants). N is interpolated by the polynomial through its values at Gauss-Legendre nodes, so the integrals are
+products with precomputed matrices. The values of N are found by Picard iteration, which starts from the extrapolation
+of the last step. Only N is approximated, so a fast transient of A needs no short steps.
 
-The nodes are done at once, one in each lane of a vector. Not for recordings: products and sums are fused.
+All nodes are computed at once, one in each lane of a vector. Not for recordings: products and sums are fused.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ from netboard.physics.scene.parameters import Parts
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-15
-"""Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad]."""
+"""The iteration ends when the remaining change of position in a step is smaller [m, rad]."""
 
 ROUNDING = 5e-17
 """Rounding error of an acceleration over the largest element of A: the last digits of the state [m, rad]."""
 
 _SWEEPS = 40
-"""Most sweeps in a step [1]."""
+"""Most iterations in a step [1]."""
 
 
 def _write_flows(n: int, _: int, s: int, known: int) -> str:
@@ -84,22 +84,22 @@ def _write_ended(n: int, _: int, __: int, ___: int, s: int, width: int, known: i
 
 
 _flows = written("x, flow, nodes, known", _write_flows)
-"""Of every row that N depends on, the lanes that the flow e^(cA) makes of the state at the start."""
+"""e^(c h A) x(0) at all nodes, for the rows on which N depends."""
 
 _moved = written("x, base, push, rest, nodes, known", _write_moved)
-"""The same with what N, known at the nodes, adds."""
+"""The same plus the integral of N."""
 
 _expected = written("x, last, ahead, nodes, known", _write_expected)
-"""The same rows as the polynomial through the last step's, and through the state at the start, goes on."""
+"""The same rows, extrapolated from the last step and the state at the start."""
 
 _resting = written("x, nodes, known", _write_resting)
-"""The same rows as if nothing moved."""
+"""The same rows for a state that does not change."""
 
 _whole = written("x, values, known", _write_whole)
-"""A state whose rows are lanes; without those on which N does not depend."""
+"""A state with lanes of all nodes; rows on which N does not depend are 0."""
 
 _picked = written("rate, known", lambda n, known: listed([f"rate[{j}]" for j in kicked_rows(n, known)]))
-"""The rows in which N is something other than 0."""
+"""The rows in which N is not 0."""
 
 _ended = written("x, rest, end_flow, end_push, nodes, width, known", _write_ended)
 """The state at the end of the step, in one vector."""
@@ -121,7 +121,7 @@ def _far(angles: Any) -> None:
 
 
 def _turned(theta: Any) -> Any:
-    """Return sine and cosine of a float, or of lanes: at once, if all are within an eighth of a turn."""
+    """Return sine and cosine of a float or of lanes."""
     if isinstance(theta, float):
         return sincos(theta)
     angles = np.empty((3, len(theta)))
@@ -135,7 +135,7 @@ _small = relaxed(small, {})
 
 @inlined
 def _turned_at_once(theta: Any, count: int) -> Any:
-    """Return sine and cosine of lanes; one by one, if an angle is too large for the short form."""
+    """Return sine and cosine of lanes; one by one if an angle is too large for the short form."""
     if within(theta, EIGHTH_TURN):
         return _small(theta, 0.0)
     angles = np.empty((3, count))
@@ -146,7 +146,7 @@ def _turned_at_once(theta: Any, count: int) -> Any:
 
 @specialised(_turned)
 def _turned_lanes(theta: Any) -> Any:
-    """Choose, when a kernel is compiled."""
+    """Choose the form when a kernel is compiled."""
     if isinstance(theta, types.Float):
         return lambda theta: sincos(theta)  # noqa: PLW0108  (numba takes no compiled function here)
     count = theta.count
@@ -164,8 +164,8 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
     -------
     callable
         ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length),
-        with the first state and that after each `every` steps, and returns the number of sweeps; `bound` is the largest
-        change of an acceleration that ends the sweeps [SI].
+        with the first state and that after each `every` steps, and returns the number of iterations; `bound` is the
+        change of acceleration below which the iteration ends [SI].
     """
     KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
 
@@ -217,10 +217,9 @@ class Tables:
     """Matrices of collocation for one scene and one step length.
 
     - `a` (shape (1, 1, n, n)): A by its columns [SI].
-    - `flow` (shape (rows, n, nodes)): e^(c h A), of the rows on which N depends, for every node c [SI].
-    - `push` (shape (rows, kicks, nodes, nodes)): what N at each node makes of them at every node [SI].
-    - `ahead` (shape (nodes + 1, nodes)): what the nodes of the last step, and its end, make one expect at every node
-      [1].
+    - `flow` (shape (rows, n, nodes)): e^(c h A) for every node c, in the rows on which N depends [SI].
+    - `push` (shape (rows, kicks, nodes, nodes)): integrals of the basis polynomials of N, for the same rows [SI].
+    - `ahead` (shape (nodes + 1, nodes)): extrapolation from the nodes of the last step, and its end, to every node [1].
     - `end_flow`, `end_push` (shapes (n, width) and (kicks, nodes, width)): the same as `flow` and `push` for the end of
       the step, of all rows [SI].
     """
@@ -234,7 +233,7 @@ class Tables:
 
 
 def make_tables(parts: Parts, scene: Any, length: int, h: float, count: int) -> Tables:
-    """Return what collocation multiplies with."""
+    """Return the matrices of collocation for a scene, a step length and a number of nodes."""
     known = known_of(parts)
     rows, kicks, width = needed_rows(length, known), kicked_rows(length, known), width_of(length)
     a, nodes = scene_matrix(parts, scene, length), gauss_nodes(count)
@@ -255,7 +254,7 @@ def make_tables(parts: Parts, scene: Any, length: int, h: float, count: int) -> 
 
 
 def _continued(nodes: Sequence[Decimal]) -> Array:
-    """Return the values, at the nodes, of the polynomials for the nodes a step before and for 0."""
+    """Return the extrapolation from the nodes of the last step, and from 0, to the nodes."""
     with localcontext() as context:
         context.prec = DIGITS
         before = cardinals([*(c - 1 for c in nodes), Decimal(0)])

@@ -1,6 +1,7 @@
-"""Work-precision diagrams, as SciML draws them: errors to the right, costs upwards, both logarithmic, a line a method.
+"""Work-precision diagrams as in SciML: a line for each method, error and cost on logarithmic axes.
 
-Better is down and to the left. Needs matplotlib, which is imported when a figure is drawn.
+Errors fall to the right, so better is down and to the right. Needs matplotlib, which is imported when a figure is
+drawn.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +35,7 @@ def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
     """Draw each problem: E against both costs, and each signal's error against the physics' cost."""
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
-        here.sort(key=lambda row: (row.family != OURS, row.family, row.method))
+        here.sort(key=lambda row: (row.library != OURS, row.library, row.method))
         name = problem.replace(", ", "-")
         folder.save(f"work-precision-{name}", partial(_overview, here, problem))
         if signals:
@@ -42,7 +43,7 @@ def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
 
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:
-    """Make a figure of several axes, without a screen."""
+    """Return a figure with several axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -52,7 +53,7 @@ def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, l
 
 
 def _overview(rows: Sequence[Row], problem: str) -> Any:
-    """Draw E against the cost of the physics, and against the whole."""
+    """Draw E against the cost of the physics, and against the whole cost."""
     figure, axes = _figure(15.0, 7.0, 2, 1)
     for ax, cost, title in zip(
         axes, (PHYSICS, COSTS["whole"]), ("physics alone", "with evaluating the hands"), strict=True
@@ -80,16 +81,16 @@ def _signals(rows: Sequence[Row], problem: str) -> Any:
 
 
 def _error_of(signal: int) -> Callable[[Row], float]:
-    """Return what tells the error of one signal."""
+    """Return a function that returns the error of one signal."""
     return lambda row: row.errors[signal]
 
 
 def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Row], float]) -> None:
-    """Draw a line for each method, without those of its settings that another beats."""
-    ours = [method for method, _ in groupby(row.method for row in rows if row.family == OURS)]
-    for i, ((family, method), curve) in enumerate(groupby(rows, key=lambda row: (row.family, row.method))):
+    """Draw the Pareto frontier of each method's settings."""
+    ours = [method for method, _ in groupby(row.method for row in rows if row.library == OURS)]
+    for i, ((library, method), curve) in enumerate(groupby(rows, key=lambda row: (row.library, row.method))):
         shown = [(error(row), cost(row)) for row in frontier(curve, cost) if isfinite(error(row)) and error(row) > 0.0]
-        own = family == OURS
+        own = library == OURS
         ax.plot(
             [x for x, _ in shown],
             [y for _, y in shown],
@@ -97,8 +98,8 @@ def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: C
             markersize=4,
             linewidth=1.5 if own else 1.0,
             linestyle="-" if own else "--",
-            color=_shade(ours.index(method) / max(len(ours), 1)) if own else _COLOURS.get(family, _OTHER),
-            label=f"{family} {method}",
+            color=_shade(ours.index(method) / max(len(ours), 1)) if own else _COLOURS.get(library, _OTHER),
+            label=f"{library} {method}",
         )
     ax.set_xscale("log")
     ax.set_yscale("log")

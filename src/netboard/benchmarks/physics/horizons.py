@@ -1,9 +1,8 @@
-"""Errors of runs from samples: with each extrapolation, and what to expect, signal by signal, after 1, 3 and 10 s.
+"""Errors of runs from sampled hands, for each extrapolation and each signal, after 1, 3 and 10 s.
 
-The hands of the test problem are sampled at 1 kHz, as devices do; between samples each extrapolation assumes its own
-path. Live, it knows the newest sample only; offline, the next one too. The truth is the same scene with hands that move
-smoothly throughout, so errors contain sampling, extrapolation and method. Errors of the ball grow by e in 2.28 s, since
-the ball is a saddle.
+The hands of the test problem are sampled at 1 kHz, as devices are. Live, an extrapolation uses the newest sample only;
+offline, an interpolation uses the next one too. The reference is the same scene under continuous movements, so errors
+include sampling, extrapolation and method. Errors of the ball grow by e in 2.28 s, since its equilibrium is a saddle.
 """
 
 from dataclasses import dataclass
@@ -33,9 +32,9 @@ NUDGE = 1e-6
 
 @dataclass(frozen=True)
 class Expectation:
-    """Errors of one way of running the scene.
+    """Errors of a run up to a horizon.
 
-    - `horizon`: how long the run was [s].
+    - `horizon`: duration of the run [s].
     - `errors`: largest error of each of `SIGNALS` so far [m, rad, m, N].
     """
 
@@ -45,7 +44,7 @@ class Expectation:
 
 
 def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
-    """Return the drives through each tick as a hold makes them up from samples."""
+    """Return the drives during each tick, extrapolated or interpolated from samples."""
     ticks = np.arange(round(problem.duration / TICK_SECONDS) + 1) * TICK_SECONDS
     z, vz = styluses_at(ticks - age)
     _, before = styluses_at(ticks - age - TICK_SECONDS)
@@ -67,9 +66,9 @@ def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
 def sampled_run(
     problem: Problem, hold: Hold, method: str, substeps: int = 1, age: float = 0.0, nudge: float = 0.0
 ) -> tuple[Array, Array]:
-    """Run a problem from samples of its hands; return states, and forces that a server would have sent [SI, N].
+    """Run a problem from samples of its hands; return states and commanded forces [SI, N].
 
-    - `nudge`: the ball starts so far from where the problem has it [m].
+    - `nudge`: initial displacement of the ball [m].
     """
     z, vz, theta, omega, p, vp = problem.first
     hands, first = sampled_hands(problem, hold, age), (z, vz, theta, omega, p + nudge, vp)
@@ -91,7 +90,7 @@ def _largest(states: Array, forces: Array, horizon: float) -> tuple[float, ...]:
 
 
 def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
-    """Return what to expect of the live tick with each hold, and of a run offline."""
+    """Return the errors of live ticks with each extrapolation, and of offline runs."""
     ways: list[tuple[str, Hold, str, int, float]] = [
         ("live, zoh", "zoh", "rk4", 1, 0.0),
         ("live, cv", "cv", "rk4", 1, 0.0),
@@ -112,7 +111,7 @@ def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
 
 
 def left_out(problem: Problem) -> list[Expectation]:
-    """Return how far scenes that leave less out get from the paper's, from the same start under the same hands."""
+    """Return the differences of more complete scenes from the paper's, with equal initial state and hands."""
     scenes = {
         "Lagrange's equations": Physics(model="lagrangian"),
         "Lagrange's, and the ball rolls (solid sphere)": Physics(model="lagrangian", ball_inertia=0.4),
@@ -129,7 +128,7 @@ def left_out(problem: Problem) -> list[Expectation]:
 
 
 def growth(problem: Problem) -> list[tuple[float, float, float]]:
-    """Return horizons, how many times further a displaced ball is by then, and what the saddle predicts [s, 1, 1]."""
+    """Return horizons, and the growth of an initial displacement, simulated and predicted from the saddle [s, 1, 1]."""
     here, _ = sampled_run(problem, "hermite", "dop853", 2)
     there, _ = sampled_run(problem, "hermite", "dop853", 2, nudge=NUDGE)
     pole = abs(ball_poles(1, problem.parts, problem.scene[0])[0])
@@ -141,31 +140,31 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
 
 
 def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
-    """Return errors by way and horizon, what the paper's model leaves out, and how the ball gets away."""
+    """Return the tables of errors by horizon, of effects that the paper's model omits, and of the ball's divergence."""
     head = ("horizon [s]", "z [m]", "theta [rad]", "p [m]", "force [N]")
     errors: list[tuple[Value, ...]] = [
         (found.name, found.horizon, *found.errors) for found in expectations(problem, reference)
     ]
     others: list[tuple[Value, ...]] = [(found.name, found.horizon, *found.errors) for found in left_out(problem)]
-    away, saddle = "times further away", "cosh of the ball's pole times the horizon"
-    parts = [Part("expect", "Errors to expect by each horizon, from samples at 1 kHz", ("run", *head), errors)]
+    parts = [Part("expect", "Expected errors after each duration, from samples at 1 kHz", ("run", *head), errors)]
     if problem.model == "paper":
+        growths = ("horizon [s]", "growth [1]", "cosh(pole of the ball * horizon) [1]")
         parts += [
-            Part("left-out", "What the paper's equations leave out: differences from them", ("scene", *head), others),
-            Part("growth", f"A ball put {NUDGE:g} m elsewhere", ("horizon [s]", away, saddle), list(growth(problem))),
+            Part("left-out", "Effects omitted by the paper's equations: differences", ("scene", *head), others),
+            Part("growth", f"Growth of a displacement of the ball of {NUDGE:g} m", growths, list(growth(problem))),
         ]
     return parts
 
 
 OFFLINE = (("rk4", 1), ("etdrk4", 1), ("dop853", 2))
-"""Methods of runs offline, and their steps between two samples."""
+"""Methods of offline runs, and their steps between two samples."""
 
 
 @dataclass(frozen=True)
 class HoldRow:
-    """Errors of one way of running a problem from samples.
+    """Errors of a run from samples.
 
-    - `problem`, `hold`, `run`: which problem, how the hands move between samples, and what ran it.
+    - `problem`, `hold`, `run`: the problem, the extrapolation between samples, and the method.
     - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
     - `force_rms`: root mean square of the error of both forces [N].
     """
@@ -178,7 +177,7 @@ class HoldRow:
 
 
 def hold_rows(problem: Problem, reference: Reference) -> list[HoldRow]:
-    """Run a problem from samples: through the server's own ticks with each hold, and offline."""
+    """Run a problem from samples: by the server's ticks with each extrapolation, and offline."""
     rows = [
         _row(problem, reference, hold, "the server's tick", *live_run(problem, hold)) for hold in ("zoh", "cv", "ca")
     ]
@@ -189,7 +188,7 @@ def hold_rows(problem: Problem, reference: Reference) -> list[HoldRow]:
 
 
 def _row(problem: Problem, reference: Reference, hold: str, name: str, states: Array, forces: Array) -> HoldRow:
-    """Compare a run, tick by tick, with the points of the reference that it meets."""
+    """Compare a run with the reference at every second tick."""
     states, forces = states[::2], forces[::2]
     wrong = states - reference.states[: len(states)], forces - reference.forces[: len(forces)]
     rms = float(np.sqrt(np.mean(wrong[1] ** 2)))

@@ -1,12 +1,13 @@
-"""Exponential multistep methods of Adams, for long smooth runs: one or two evaluations of N a step, of order 2 to 7.
+"""Exponential Adams methods of orders 2 to 7 for long smooth runs: one or two evaluations of N per step.
 
-With ``x' = A x + N(x, t)`` the linear part is solved exactly, and N taken for the polynomial through its values at the
-last grid points: the explicit methods (Adams-Bashforth) predict with it, and the pair goes on to evaluate N at the
-prediction and to correct it with that (Adams-Moulton, PECE). The first steps are collocation at the same grid points,
-so that a run needs the hands on its grid and nowhere else. The history is of smooth hands and a smooth scene: for raw
-input, and for balls that meet stops, take a one-step method. Not for recordings: products and sums are fused.
+With ``x' = A x + N(x, t)`` the linear part is solved exactly, and N is extrapolated by the polynomial through its
+values at the last grid points (Adams-Bashforth). The predictor-corrector pair (PECE) then evaluates N at the prediction
+and corrects it (Adams-Moulton). The first steps are computed by collocation at the grid points, so a run needs the
+hands on its grid only.
 
-A state is in one vector, tilt first, since it is the first that the next evaluation waits for.
+The methods assume smooth hands and a smooth scene: for raw input, and for balls that meet stops, use a one-step method.
+Not for recordings: products and sums are fused. A state is one vector with the tilt first, because the next evaluation
+depends on the tilt first.
 """
 
 from collections.abc import Callable
@@ -30,18 +31,18 @@ from netboard.physics.scene.parameters import Parts
 Array = NDArray[np.float64]
 
 _FIRST = 8
-"""Grid points of which the first states are found together, for a start that is better than what follows [1]."""
+"""Grid points whose states are computed together at the start, with a higher order than the method [1]."""
 
 _SWEEPS = 100
-"""Most sweeps over these [1]."""
+"""Most iterations at the start [1]."""
 
 
 @dataclass(frozen=True)
 class Multistep:
     """A multistep method.
 
-    - `past`: values of N that it predicts from, the newest included [1].
-    - `corrector`: values of N that it corrects with, that of the prediction included; 0 if it does not [1].
+    - `past`: number of values of N from which it predicts, including the newest [1].
+    - `corrector`: number of values of N in the corrector, including that at the prediction; 0 without one [1].
     """
 
     name: str
@@ -56,7 +57,7 @@ MULTISTEP = (
     Multistep("etd_ab6", 6, 6),
     Multistep("etd_pece6", 7, 6, 7),
 )
-"""All of them."""
+"""The multistep methods under comparison."""
 
 
 def _write_flow(n: int, _: int, width: int) -> str:
@@ -65,48 +66,48 @@ def _write_flow(n: int, _: int, width: int) -> str:
 
 
 def _write_pushed(count: int, _: int, width: int) -> str:
-    """Write a sum in three chains, that of the oldest values first, those of the newest at their ends."""
+    """Write a sum as three chains, each with the newest values last."""
     terms = [f"lanes_at(push, {q * width}, {width}) * past[{q}]" for q in range(count - 1, -1, -1)]
     return " + ".join("(" + " + ".join(terms[c::3]) + ")" for c in range(min(3, count)))
 
 
 _flow = written("x, flow, width", _write_flow)
-"""State after the linear part of a step, as a vector."""
+"""State vector after the linear part of a step."""
 
 _pushed = written("past, push, width", _write_pushed)
 """Contribution of the values of N."""
 
 _taken = written("lanes, x", lambda _, n: listed([f"lane(lanes, {(j - 2) % n})" for j in range(n)]))
-"""A state out of its vector."""
+"""State as a tuple, from its vector."""
 
 _spread = written(
     "rate, width, known",
     lambda n, width, known: listed([f"gathered((), {width}) + rate[{j}]" for j in kicked_rows(n, known)]),
 )
-"""The rows in which N is something other than 0, each of them in all lanes."""
+"""The rows in which N is not 0, each in all lanes."""
 
 _shifted = written(
     "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count - k)])
 )
-"""A history with the newest value of N first, and without the oldest."""
+"""History of N with a new value first, without the oldest."""
 
 _with = written(
     "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count)])
 )
-"""A history with a value before it."""
+"""History of N with a new value first."""
 
 _row = written("states, i, length", lambda _, __, n: listed([f"states[i, {j}]" for j in range(n)]))
-"""A state out of an array."""
+"""State as a tuple, from an array."""
 
 _blank = written("count, width", lambda count, width: listed([f"gathered((), {width})"] * count))
-"""A history of zeros."""
+"""History of zeros."""
 
 _remainder = relaxed(remainder, {})
 
 
 @cache
 def _make_start(PARTS: Parts, LENGTH: int) -> Callable[..., None]:
-    """Compile what finds the first states: those that agree with the polynomial through their own values of N."""
+    """Compile the collocation of the first states."""
 
     @fast
     def start(x: State, hands: Any, bound: float, a: Any, flows: Any, pushes: Any, scene: Any, states: Any) -> None:
@@ -169,7 +170,7 @@ def _make_run(PARTS: Parts, LENGTH: int, PAST: int, CORRECTS: bool) -> Callable[
 
 
 def _packed(matrices: Array, rows: list[int], width: int) -> Array:
-    """Return some columns of matrices, one after the other, each as a vector with the tilt first."""
+    """Return columns of matrices as vectors with the tilt first."""
     length = matrices.shape[-1]
     packed = np.zeros((len(matrices), len(rows), width))
     packed[:, :, :length] = np.roll(matrices, -2, axis=1)[:, :, rows].transpose(0, 2, 1)
@@ -177,7 +178,7 @@ def _packed(matrices: Array, rows: list[int], width: int) -> Array:
 
 
 def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) -> tuple[Array, ...]:
-    """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and two for the start."""
+    """Return the matrices of a method: A, flow, predictor, corrector, and flows and integrals of the start."""
     a, one = scene_matrix(parts, scene, length), Decimal(1)
     rows, width = kicked_rows(length, known_of(parts)), width_of(length)
     flow, predictor = integrals(a, h, one, cardinals([Decimal(-i) for i in range(method.past)]))
@@ -199,7 +200,7 @@ def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) 
 def prepare_multistep(
     name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
 ) -> Callable[[], Array]:
-    """Prepare a run by a multistep method: tables, and room for its states; every call of it returns the same array.
+    """Prepare a run by a multistep method; each call of it returns the same array.
 
     - `hands` (shape (n + 1, 2)): drives of the left and of the right hand at the ends of the steps, the first at the
       start [N].

@@ -1,7 +1,7 @@
-"""Our own methods in the comparison: one-step and multistep methods with all step lengths, and collocation.
+"""Netboard's own methods under comparison: one-step and multistep methods with several step lengths, and collocation.
 
-The inputs of a run are prepared beforehand: the hands at the method's nodes, and its tables. States are known at the
-ends of steps, so that steps longer than the grid of the reference meet fewer of its points.
+The hands at the method's nodes and the method's tables are computed before the timed run. States are known at the ends
+of steps only, so steps longer than the grid of the reference coincide with fewer of its points.
 """
 
 from collections.abc import Callable
@@ -13,29 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.collocation import Tables, make_collocation, make_tables
+from netboard.benchmarks.physics.multistep import MULTISTEP, Multistep, prepare_multistep
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
 from netboard.benchmarks.physics.quadrature import gauss_nodes
-from netboard.benchmarks.physics.runs import OFFLINE, Offline
-from netboard.benchmarks.physics.solver import OURS, Contender, Solution
+from netboard.benchmarks.physics.solver import OURS, Solution, Solver
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import Grid, make_grid, make_march, run
 from netboard.physics.scene.parameters import SCENE, Parts
 
 STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
-"""Lengths of the one-step methods' steps [s]."""
+"""Step lengths of the one-step methods [s]."""
 
 QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
 QUICK_METHODS = ("semi_implicit", "rk4", "dop853")
 
-MULTISTEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
-"""Lengths of the multistep methods' steps [s]."""
+MULTISTEP_STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
+"""Step lengths of the multistep methods [s]."""
 
 COLLOCATION = {
     4: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.004, 0.002), (1e-4, 1e-6, 1e-9, 1e-12)),
     8: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.005, 0.004, 0.002), (1e-5, 1e-8, 1e-11, 1e-14)),
     16: ((0.1, 0.05, 0.04, 0.02, 0.01), (1e-11, 1e-14)),
 }
-"""By the number of nodes: lengths of step, and changes of a place at which the sweeps end [s, m]."""
+"""By the number of nodes: step lengths, and the change of position at which the iteration ends [s, m]."""
 
 QUICK_COLLOCATION = {8: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.005), (1e-5, 1e-8, 1e-11, 1e-14))}
 
@@ -44,7 +44,7 @@ OPENING, OPENING_STEPS = 0.1, (0.005, 0.0025, 0.002)
 
 
 def meeting(h: float) -> tuple[int, int]:
-    """Return which steps meet which points of the reference."""
+    """Return after how many steps, and how many points of the reference, the two grids coincide again."""
     step, spacing = round(h * 1e6), round(SPACING * 1e6)
     common = step * spacing // gcd(step, spacing)
     return common // step, common // spacing
@@ -53,11 +53,11 @@ def meeting(h: float) -> tuple[int, int]:
 # --- one-step methods --------------------------------------------------------------------------------------------
 
 
-def one_step_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return our one-step methods, each with all lengths of step."""
+def one_step_solvers(problem: Problem, quick: bool) -> list[Solver]:
+    """Return netboard's one-step methods, each with all step lengths."""
     steps = QUICK_STEPS if quick else STEPS
     return [
-        Contender(
+        Solver(
             OURS,
             method.name,
             f"{h * 1e3:g} ms",
@@ -74,24 +74,24 @@ def one_step_contenders(problem: Problem, quick: bool) -> list[Contender]:
 
 
 def _divides(h: float, duration: float) -> bool:
-    """Say whether a run is a whole number of steps."""
+    """Return whether a run is a whole number of steps."""
     return abs(round(duration / h) * h - duration) < 1e-9
 
 
 def _fits(problem: Problem, method: Method) -> bool:
-    """Say whether a method can do a problem: the exact one needs a board that cannot tilt."""
+    """Return whether a method can solve a problem: the exact one requires a board that cannot tilt."""
     return method.name != "exact" or not problem.parts.tilts
 
 
 def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:
-    """Return the steps of a run and the hands at the method's nodes in each."""
+    """Return the grid of steps, and the drives of the hands at the method's nodes."""
     count = round(problem.duration / h)
     grid = make_grid(method.name, np.full(count, h), np.ones(count, np.int64), problem.parts, 6, problem.scene)
     return grid, drives_at(problem.waves, node_times(multiples(count, h), h, method.nodes))
 
 
 def _solve(problem: Problem, method: Method, h: float) -> Solution:
-    """Run a method, and keep the states that meet points of the reference."""
+    """Solve by a one-step method; keep the states at points of the reference."""
     grid, hands = _hands(problem, method, h)
     states = run(method.name, problem.first, hands, grid, problem.parts, problem.scene)
     every, stride = meeting(h)
@@ -99,12 +99,12 @@ def _solve(problem: Problem, method: Method, h: float) -> Solution:
 
 
 def own_solution(problem: Problem, method: str, h: float) -> Array:
-    """Solve a problem by a one-step method whose steps meet all points of the reference."""
+    """Solve a problem by a one-step method with a step that divides the spacing of the reference."""
     return _solve(problem, METHODS[NUMBER[method]], h).states
 
 
 def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[], object]:
-    """Return a run that keeps all states, or nothing."""
+    """Prepare a run that keeps all states, or none."""
 
     def prepared() -> Callable[[], object]:
         grid, hands = _hands(problem, method, h)
@@ -116,7 +116,7 @@ def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[
 
 
 class _Prepared:
-    """A run whose preparations are made when it first runs, and kept."""
+    """A run that is prepared at its first call."""
 
     def __init__(self, prepare: Callable[[], Callable[[], object]]) -> None:
         self._prepare = prepare
@@ -130,44 +130,42 @@ class _Prepared:
 # --- exponential multistep methods -------------------------------------------------------------------------------
 
 
-def multistep_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return the exponential multistep methods, each with all lengths of step."""
+def multistep_solvers(problem: Problem) -> list[Solver]:
+    """Return the exponential multistep methods, each with all step lengths."""
     return [
-        Contender(
+        Solver(
             OURS,
             method.name,
             f"{h * 1e3:g} ms",
-            partial(_follow, problem, method, h),
-            _Prepared(partial(_chained, problem, method, h, round(problem.duration / h))),
+            partial(_solve_multistep, problem, method, h),
+            _Prepared(partial(_multistep, problem, method, h, round(problem.duration / h))),
             inputs=False,
-            dense=_Prepared(partial(_chained, problem, method, h, meeting(h)[0])) if h <= SPACING else None,
+            dense=_Prepared(partial(_multistep, problem, method, h, meeting(h)[0])) if h <= SPACING else None,
         )
-        for method in OFFLINE
-        if method.chained and not quick
-        for h in MULTISTEPS
+        for method in MULTISTEP
+        for h in MULTISTEP_STEPS
         if _divides(h, problem.duration)
     ]
 
 
-def _chained(problem: Problem, method: Offline, h: float, every: int) -> Callable[[], Array]:
-    """Return a run that keeps the state after each `every` steps."""
-    count = round(problem.duration / h)
-    hands = drives_at(problem.waves, multiples(count + 1, h))
-    return method.prepare(problem.first, hands, h, problem.parts, problem.scene, every)
+def _multistep(problem: Problem, method: Multistep, h: float, every: int) -> Callable[[], Array]:
+    """Prepare a run that keeps the state after each `every` steps."""
+    hands = drives_at(problem.waves, multiples(round(problem.duration / h) + 1, h))
+    return prepare_multistep(method.name, problem.first, hands, h, problem.parts, problem.scene, every)
 
 
-def _follow(problem: Problem, method: Offline, h: float) -> Solution:
-    """Run a method, and keep the states that meet points of the reference."""
+def _solve_multistep(problem: Problem, method: Multistep, h: float) -> Solution:
+    """Solve by a multistep method; keep the states at points of the reference."""
     every, stride = meeting(h)
     count = round(problem.duration / h)
-    return Solution(_chained(problem, method, h, every)(), stride, count, count + 1)
+    return Solution(_multistep(problem, method, h, every)(), stride, count, count + 1)
 
 
 # --- collocation -------------------------------------------------------------------------------------------------
 
 
-def collocation_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return exponential collocation, with several numbers of nodes, lengths of step and tolerances."""
+def collocation_solvers(problem: Problem, quick: bool) -> list[Solver]:
+    """Return exponential collocation with several numbers of nodes, step lengths and tolerances."""
     found = []
     for nodes, (steps, tolerances) in (QUICK_COLLOCATION if quick else COLLOCATION).items():
         for h in steps:
@@ -184,14 +182,14 @@ def collocation_contenders(problem: Problem, quick: bool) -> list[Contender]:
 
 
 Segments = tuple[tuple[float, float], ...]
-"""Lengths of step, and how long each goes on [s, s]."""
+"""Step lengths, and the duration over which each is used [s, s]."""
 
 
-def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Contender:
-    """Describe one setting."""
+def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solver:
+    """Return collocation with one setting."""
     opening = ", short steps first" if len(segments) > 1 else ""
     setting = " then ".join(f"{h * 1e3:g} ms" for h, _ in segments) + f", tol {tolerance:.0e}"
-    return Contender(
+    return Solver(
         OURS,
         f"collocation {nodes}{opening}",
         setting,
@@ -205,7 +203,7 @@ def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: fl
 
 
 def _collocate(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solution:
-    """Run collocation, and keep the states that meet points of the reference, the same distance apart throughout."""
+    """Solve by collocation; keep the states at equally spaced points of the reference."""
     outs = _chain(problem, nodes, segments, tolerance, True)()
     stride = meeting(segments[-1][0])[1]
     steps = sum(round(length / h) for h, length in segments)
@@ -218,7 +216,7 @@ def _collocate(problem: Problem, nodes: int, segments: Segments, tolerance: floa
 def _chain(
     problem: Problem, nodes: int, segments: Segments, tolerance: float, keep: bool
 ) -> Callable[[], list[NDArray[Any]]]:
-    """Return what runs one segment after the other, each from where the last ended."""
+    """Prepare a run of all segments, each of which starts from the last state of the one before."""
     march = make_collocation(problem.parts, 6, nodes)
     inner = tuple(float(node) for node in gauss_nodes(nodes))
     runs, outs, begin = [], [], 0.0
@@ -244,5 +242,5 @@ def _chain(
 
 @cache
 def _tables(parts: Parts, scene: bytes, h: float, nodes: int) -> Tables:
-    """Make the tables of a scene for a length of step, once."""
+    """Compute the tables of a scene for a step length."""
     return make_tables(parts, np.frombuffer(scene, SCENE)[0], 6, h, nodes)

@@ -6,7 +6,7 @@ from math import inf
 
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.physics.horizons import HoldRow
-from netboard.benchmarks.physics.peer_mujoco import FAMILY as MUJOCO
+from netboard.benchmarks.physics.peer_mujoco import LIBRARY as MUJOCO
 from netboard.benchmarks.physics.peer_mujoco import STAGES
 from netboard.benchmarks.physics.problem import SIGNALS, Problem, Reference
 from netboard.benchmarks.physics.skips import SkipRow
@@ -15,10 +15,10 @@ from netboard.benchmarks.physics.tick_cost import TickCost
 from netboard.benchmarks.physics.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
 
 SURE = 1e-11
-"""Two references that differ by less are good enough to tell an E of 1e-12 from 1e-11 [1]."""
+"""Largest difference of two reference solutions that can resolve an E of 1e-12 [1]."""
 
 LIVE, OFFLINE = 1e-4, 1e-7
-"""Largest errors of force that sampling may leave [N]."""
+"""Largest claimed errors of force by sampling, live and offline [N]."""
 
 FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
 """Largest cost of a tick: compiled, over its lower bound; called from Python; in a batch of a thousand [1, ns, ns]."""
@@ -34,7 +34,7 @@ _ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "
 
 @dataclass(frozen=True)
 class Checked:
-    """A reference, and how far another solution is from it."""
+    """A reference solution, and its difference from an independent solution."""
 
     problem: Problem
     reference: Reference
@@ -43,11 +43,11 @@ class Checked:
 
 
 def reference_part(found: Sequence[Checked]) -> Part:
-    """Say what is taken for the truth, and how far another solution is from it."""
+    """List the reference solutions and their differences from independent solutions."""
     worst = max(one.apart for one in found)
     return Part(
         "reference",
-        "What is taken for the truth, what it was checked by, and the largest values of the signals",
+        "Reference solutions, the solvers they were checked by, and the largest values of the signals",
         ("problem", "reference", "check", "its E [1]", *_ERRORS),
         [
             (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
@@ -73,29 +73,29 @@ def runs_part(rows: Iterable[Row]) -> Part:
 
 
 def _all_of(row: Row) -> tuple[Value, ...]:
-    """Return everything that is known of a run."""
-    who: tuple[Value, ...] = (row.problem, row.family, row.method, row.setting, row.held, row.scaled)
+    """Return all results of a run."""
+    who: tuple[Value, ...] = (row.problem, row.library, row.method, row.setting, row.held, row.scaled)
     costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
     counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
     return who + row.errors + costs + counts
 
 
 def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
-    """List our methods at the length of a tick."""
+    """List netboard's methods with steps of one tick."""
     return Part(
         "steps",
-        f"Our methods in steps of {setting}",
+        f"Netboard's methods with steps of {setting}",
         ("problem", "method", "ns per step", "E [1]", *_ERRORS),
         [
             (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
             for row in rows
-            if row.family == OURS and row.setting == setting
+            if row.library == OURS and row.setting == setting
         ],
     )
 
 
 def frontier_part(rows: Sequence[Row]) -> Part:
-    """List the runs that no other beats in both error and cost."""
+    """List the Pareto-optimal runs."""
     best = [
         row
         for problem in dict.fromkeys(row.problem for row in rows)
@@ -104,30 +104,30 @@ def frontier_part(rows: Sequence[Row]) -> Part:
     ]
     return Part(
         "frontier",
-        "The frontier: no run is both better and cheaper, hands not counted",
+        "Pareto frontier: no run has both a smaller error and a lower cost, hands excluded",
         ("problem", "method", "setting", "E [1]", "errors every [s]", "physics [us/s]", "whole [us/s]"),
         [
-            (row.problem, f"{row.family} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
+            (row.problem, f"{row.library} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
             for row in best
         ],
     )
 
 
 def costs_parts(rows: Sequence[Row]) -> list[Part]:
-    """Tell what errors cost with each method, problem by problem."""
+    """List the cost of each error with each method, for each problem."""
     parts = []
     for problem in dict.fromkeys(row.problem for row in rows):
         table: list[tuple[Value, ...]] = []
         here = [row for row in rows if row.problem == problem]
-        for family, method in dict.fromkeys((row.family, row.method) for row in here):
-            curve = [row for row in here if (row.family, row.method) == (family, method)]
+        for library, method in dict.fromkeys((row.library, row.method) for row in here):
+            curve = [row for row in here if (row.library, row.method) == (library, method)]
             costs = [cost_at(curve, error) for error in TARGETS]
             if min(costs) < inf:
-                table.append((f"{family} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
+                table.append((f"{library} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
         parts.append(
             Part(
                 f"costs-{_file(problem)}",
-                f"{problem}: what an error E costs, hands not counted [us for a second of simulated time]",
+                f"{problem}: cost of an error E, hands excluded [us per second of simulated time]",
                 ("E [1]", *_HEADS),
                 table,
             )
@@ -139,14 +139,14 @@ _HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
 
 
 def _file(problem: str) -> str:
-    """Write a problem's name for a file."""
+    """Return the name of a problem in file names."""
     return problem.replace(", ", "-")
 
 
 WHAT = {
-    "physics": "hands not counted",
-    "whole": "evaluating the hands counted",
-    "dense": "hands not counted, the states kept every 2 ms",
+    "physics": "hands excluded",
+    "whole": "evaluation of the hands included",
+    "dense": "hands excluded, states kept every 2 ms",
 }
 """Which costs are compared."""
 
@@ -160,10 +160,10 @@ def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
             parts.append(
                 Part(
                     f"ratios-{what}",
-                    f"Cost of the peer's best over that of our best at equal error, {meaning}; "
-                    "inf: only ours reaches it, -: neither does",
+                    f"Cost of the other library over the cost of netboard at equal error, {meaning}; "
+                    "inf: only netboard reaches this error, -: neither does",
                     ("E [1]", *_HEADS, "beaten"),
-                    [(f"{one.problem}: {one.family}", *map(_ratio, one.ratios), one.beaten) for one in mine],
+                    [(f"{one.problem}: {one.library}", *map(_ratio, one.ratios), one.beaten) for one in mine],
                     [] if what == "whole" else _ahead(mine, meaning),
                 )
             )
@@ -171,27 +171,27 @@ def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
 
 
 def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
-    """Return the claims about the libraries that cost more than ours."""
+    """Return a claim for each library: that netboard costs less at equal error."""
     verdicts = []
-    for family in dict.fromkeys(one.family for one in comparisons):
-        mine = [one for one in comparisons if one.family == family]
-        claim = f"ahead of {family} wherever it gets, {meaning}"
+    for library in dict.fromkeys(one.library for one in comparisons):
+        mine = [one for one in comparisons if one.library == library]
+        claim = f"cheaper than {library} at every error that it reaches, {meaning}"
         verdicts.append(Verdict(claim, all(one.beaten for one in mine), _least(mine)))
     return verdicts
 
 
 def _ratio(ratio: float | None) -> Value:
-    """Write a ratio."""
+    """Format a ratio."""
     return "-" if ratio is None else _short(ratio)
 
 
 def _short(value: float) -> Value:
-    """Write a large number without digits that nobody reads."""
+    """Round a large number to an integer."""
     return value if value < 100.0 or value == inf else round(value)
 
 
 def _least(comparisons: Sequence[Comparison]) -> str:
-    """Say where we are least ahead."""
+    """Return the smallest ratio, and where it is."""
     all_of = [
         (ratio, error, one.problem)
         for one in comparisons
@@ -201,17 +201,17 @@ def _least(comparisons: Sequence[Comparison]) -> str:
     if not all_of:
         return "it reaches none of these errors"
     ratio, error, problem = min(all_of)
-    return f"at the least {ratio:.3g} times, at E = {error:.0e} ({problem})"
+    return f"smallest ratio {ratio:.3g}, at E = {error:.0e} ({problem})"
 
 
 def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
-    """Compare us with MuJoCo, in the problems that it takes part in."""
+    """Compare netboard with MuJoCo on the Lagrangian problems."""
     table: list[tuple[Value, ...]] = []
     held = []
-    for problem in dict.fromkeys(row.problem for row in rows if row.family == MUJOCO):
-        ours = [row for row in rows if row.problem == problem and row.family == OURS]
+    for problem in dict.fromkeys(row.problem for row in rows if row.library == MUJOCO):
+        ours = [row for row in rows if row.problem == problem and row.library == OURS]
         own = [row for row in ours if row.method == "rk4"]
-        theirs = [row for row in rows if row.problem == problem and row.family == MUJOCO]
+        theirs = [row for row in rows if row.problem == problem and row.library == MUJOCO]
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
         ns = min(row.step_ns for row in own if row.scaled < 1.0)
         table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
@@ -223,7 +223,7 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
                     (problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
                 )
                 held += [cost / other] if curve is ours else []
-    mine = [one for one in comparisons if one.family == MUJOCO and one.what == "physics"]
+    mine = [one for one in comparisons if one.library == MUJOCO and one.what == "physics"]
     ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
     verdicts = []
     if ratios:
@@ -238,17 +238,17 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
 
 
 def holds_part(rows: Sequence[HoldRow]) -> Part:
-    """Tell what sampling costs."""
+    """List the errors by sampling and extrapolation."""
     verdicts = []
     for problem in dict.fromkeys(row.problem for row in rows):
         live = next(row for row in rows if row.problem == problem and row.hold == "ca")
         offline = min((row for row in rows if row.problem == problem and row.hold == "hermite"), key=_force)
         for name, row, most in (("live", live, LIVE), ("offline", offline, OFFLINE)):
-            claim = f"{problem}: forces {name} within {most:g} N of hands that never stop"
+            claim = f"{problem}: forces {name} within {most:g} N of those under continuous hands"
             verdicts.append(Verdict(claim, _force(row) <= most, f"{_force(row):.2g} N ({row.hold}, {row.run})"))
     return Part(
         "holds",
-        "From samples at 1 kHz, against hands that never stop moving smoothly",
+        "Runs from samples at 1 kHz, compared with continuous movements of the hands",
         ("problem", "hold", "run by", *_ERRORS, "rms of force [N]"),
         [(row.problem, row.hold, row.run, *row.errors, row.force_rms) for row in rows],
         verdicts,
@@ -261,29 +261,29 @@ def _force(row: HoldRow) -> float:
 
 
 def tick_part(costs: Sequence[TickCost]) -> Part:
-    """Tell what a live tick costs."""
+    """List the cost of a live tick and of its parts."""
     lines: list[tuple[str, list[float]]] = [
-        ("sine and cosine, each waiting for the last", [cost.sincos_latency_ns for cost in costs]),
-        ("sine and cosine, side by side", [cost.sincos_ns for cost in costs]),
-        ("right-hand side, each waiting for the last", [cost.right_side_latency_ns for cost in costs]),
-        ("right-hand side, side by side", [cost.right_side_ns for cost in costs]),
-        ("floor: four right-hand sides that wait", [cost.floor_ns for cost in costs]),
-        ("a step of RK4 and nothing else", [cost.step_ns for cost in costs]),
-        ("the server's tick: samples, hold, forces, trial, step", [cost.tick_ns for cost in costs]),
+        ("sine and cosine: latency", [cost.sincos_latency_ns for cost in costs]),
+        ("sine and cosine: reciprocal throughput", [cost.sincos_ns for cost in costs]),
+        ("right-hand side: latency", [cost.right_side_latency_ns for cost in costs]),
+        ("right-hand side: reciprocal throughput", [cost.right_side_ns for cost in costs]),
+        ("lower bound: latency of four right-hand sides", [cost.floor_ns for cost in costs]),
+        ("one RK4 step alone", [cost.step_ns for cost in costs]),
+        ("the server's tick: samples, extrapolation, forces, trial, step", [cost.tick_ns for cost in costs]),
         ("called from Python: median", [cost.call_ns for cost in costs]),
         ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
         ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
         ("first tick after warming up", [cost.first_call_ns for cost in costs]),
-        (f"a tick of {costs[0].many} simulations side by side", [cost.many_ns for cost in costs]),
+        (f"a tick of {costs[0].many} simulations in a batch", [cost.many_ns for cost in costs]),
     ]
     verdicts = []
     for cost in costs:
         floors, alone = cost.tick_ns / cost.floor_ns, cost.tick_ns / cost.step_ns
         verdicts += [
             Verdict(
-                f"{cost.model}: a tick costs at most {FLOORS:g} floors",
+                f"{cost.model}: a tick costs at most {FLOORS:g} times the lower bound",
                 floors <= FLOORS,
-                f"{floors:.2f} floors, {alone:.2f} times its step of RK4 alone",
+                f"{floors:.2f} times, and {alone:.2f} times its RK4 step alone",
             ),
             Verdict(
                 f"{cost.model}: a tick called from Python takes at most {CALL:g} ns",
@@ -303,7 +303,7 @@ def tick_part(costs: Sequence[TickCost]) -> Part:
         ]
     return Part(
         "tick",
-        "What a live tick costs [ns]",
+        "Cost of a live tick [ns]",
         ("what", *(cost.model for cost in costs)),
         [(name, *values) for name, values in lines],
         verdicts,
@@ -311,16 +311,16 @@ def tick_part(costs: Sequence[TickCost]) -> Part:
 
 
 def skips_part(rows: Sequence[SkipRow]) -> Part:
-    """Tell what is saved where a scene needs less."""
+    """List the cost of a tick of simpler scenes."""
     level = min(row.times for row in rows if row.method == "exact")
     worst = max(row.difference for row in rows)
     return Part(
         "skips",
-        "What a scene lacks, a tick without it, and how far that is from the full scene with that part inert",
-        ("model", "lacks", "method", "ns per tick", "times cheaper", "inert by", "largest difference [SI]"),
+        "Simpler scenes: cost of a tick, and difference from the full scene in which the omitted part has no effect",
+        ("model", "omitted", "method", "ns per tick", "speed-up [1]", "no effect by", "largest difference [SI]"),
         [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
         [
             Verdict(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times"),
-            Verdict("what is skipped changes nothing else", worst <= SAME, f"at the most {worst:.1e}"),
+            Verdict("omitting a part changes nothing else", worst <= SAME, f"at most {worst:.1e}"),
         ],
     )

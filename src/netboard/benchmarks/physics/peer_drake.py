@@ -1,7 +1,7 @@
 """Drake (https://drake.mit.edu): its simulator with error control, on the equations as a symbolic system.
 
-A symbolic system is evaluated in C++; one written in Python takes three times as long. Drake's simulator returns states
-only where it stops, so that errors are measured at fewer points, 10 ms apart, and steps end there.
+A symbolic system is evaluated in C++, three times as fast as one written in Python. Drake's simulator returns states
+only where it stops, so errors are measured at fewer points, 10 ms apart, and steps end there.
 """
 
 from functools import partial
@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Contender, Solution, installed
+from netboard.benchmarks.physics.solver import Solution, Solver, installed
 
-FAMILY = "Drake"
+LIBRARY = "Drake"
 SCHEMES = {
     "bogacki_shampine3": (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
     "runge_kutta3": (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
@@ -29,20 +29,20 @@ _LONGEST = 0.1
 
 
 def available() -> bool:
-    """Say whether the library is installed."""
+    """Return whether the library is installed."""
     return installed("pydrake")
 
 
-def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part."""
+def solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers under comparison."""
     chosen = COARSE if coarse else SCHEMES
-    return [_contender(problem, scheme, accuracy) for scheme, all_of in chosen.items() for accuracy in all_of]
+    return [_solver(problem, scheme, accuracy) for scheme, all_of in chosen.items() for accuracy in all_of]
 
 
 class Run:
     """A simulator of the problem.
 
-    - `accuracy`: what it aims at in each step, in Drake's own measure [1].
+    - `accuracy`: target of its error control, in Drake's measure [1].
     """
 
     def __init__(self, problem: Problem, scheme: str, accuracy: float, hands: bool = True) -> None:
@@ -60,7 +60,7 @@ class Run:
         self._integrator.set_target_accuracy(accuracy)
 
     def _rewind(self, state: tuple[float, ...]) -> Any:
-        """Set the simulator back to the start, and return its context."""
+        """Reset the simulator to the initial state, and return its context."""
         context = self._simulator.get_mutable_context()
         context.SetTime(0.0)
         context.SetContinuousState(state)
@@ -69,12 +69,12 @@ class Run:
         return context
 
     def bare(self) -> None:
-        """Run without a stop."""
+        """Run without stops."""
         self._rewind(self._problem.first)
         self._simulator.AdvanceTo(self._problem.duration)
 
     def solve(self) -> Solution:
-        """Run without a stop, to count, and with stops, for the states."""
+        """Run without stops to count steps, and with stops for the states."""
         self.bare()
         steps, calls = self._integrator.get_num_steps_taken(), self._integrator.get_num_derivative_evaluations()
         context = self._rewind(self._problem.first)
@@ -92,8 +92,8 @@ class Run:
         self._simulator.AdvanceTo(self._problem.duration)
 
 
-def _contender(problem: Problem, scheme: str, accuracy: float) -> Contender:
-    """Describe one setting; its simulators are made when it is first run."""
+def _solver(problem: Problem, scheme: str, accuracy: float) -> Solver:
+    """Return a solver; its simulators are built when it first runs."""
     made: dict[str, Any] = {}
 
     def solve() -> Solution:
@@ -108,4 +108,4 @@ def _contender(problem: Problem, scheme: str, accuracy: float) -> Contender:
     def alone() -> object:
         return made["alone"]()
 
-    return Contender(FAMILY, scheme, f"accuracy {accuracy:.0e}", solve, bare, inputs=True, alone=alone)
+    return Solver(LIBRARY, scheme, f"accuracy {accuracy:.0e}", solve, bare, inputs=True, alone=alone)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Contender, Solution, installed
+from netboard.benchmarks.physics.solver import Solution, Solver, installed
 
-FAMILY = "heyoka"
+LIBRARY = "heyoka"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-14)
 COARSE = (1e-3, 1e-6, 1e-9, 1e-12)
 TIGHTEST = 1e-19
@@ -26,7 +26,7 @@ _ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
 
 
 def available() -> bool:
-    """Say whether the library is installed."""
+    """Return whether the library is installed."""
     return installed("heyoka")
 
 
@@ -37,13 +37,13 @@ def precise(problem: Problem) -> NDArray[np.longdouble]:
     return states
 
 
-def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part."""
-    return [_contender(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
+def solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers under comparison."""
+    return [_solver(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
 
 
 def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = True) -> Any:
-    """Compile an integrator; without hands their drives are parameters, 0 unless set."""
+    """Compile an integrator; without hands, their drives are parameters with value 0."""
     import heyoka
 
     x = heyoka.make_vars("z", "vz", "theta", "omega", "p", "vp")
@@ -55,8 +55,8 @@ def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = 
     return heyoka.taylor_adaptive([*zip(x, rates, strict=True)], state=first, tol=kind(tolerance), fp_type=kind)
 
 
-def _contender(problem: Problem, tolerance: float) -> Contender:
-    """Compile both integrators of one tolerance when they are first asked for."""
+def _solver(problem: Problem, tolerance: float) -> Solver:
+    """Return a solver; its integrators are compiled when it first runs."""
     made: dict[str, Any] = {}
 
     def integrator() -> Any:
@@ -81,18 +81,18 @@ def _contender(problem: Problem, tolerance: float) -> Contender:
         made["alone"] = _alone(problem, tolerance, steps)
         return Solution(states, 1, steps, 0)
 
-    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
+    return Solver(LIBRARY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
-    """Set an integrator back to the start."""
+    """Reset an integrator to an initial state."""
     integrator.time = 0.0
     integrator.state[:] = state
     return integrator
 
 
 def _alone(problem: Problem, tolerance: float, steps: int) -> Callable[[], object]:
-    """Return what runs as many steps without hands."""
+    """Return a run of the same number of steps without hands."""
     integrator = _make(problem, tolerance, hands=False)
     longest = problem.duration / steps
     return partial(_run_alone, integrator, problem.duration, longest)

@@ -1,12 +1,12 @@
-"""MuJoCo (https://mujoco.org): the Lagrangian scene as a model of its own, everything it does not need switched off.
+"""MuJoCo (https://mujoco.org): the Lagrangian scene as an MJCF model with all unused features disabled.
 
-The couplings are actuators between a site of the board and one of the world, along the world's vertical: exactly the
-paper's spring and damper, driven by ``k z_s + c vz_s``. The equations are the same as ours, so that errors can be
-compared; MuJoCo knows no others, so that it takes part in the Lagrangian problems alone.
+The virtual couplings are actuators between a site of the board and one of the world, along the world's vertical: the
+paper's spring and damper, driven by ``k z_s + c vz_s``. The equations equal netboard's Lagrangian ones, so errors can
+be compared; MuJoCo cannot express the paper's equations.
 
-Who steps MuJoCo sets its controls once per step: that is run, and timed, by its own rollout, in C, the controls given
-as an array. It is also shown with the controls of every stage, which only a callback can give: for the error, while the
-time is the least that can be had, one call that steps in C many times with controls that never change.
+MuJoCo's controls are usually set once per step: this is run and timed by its rollout, in C, with the controls as an
+array. It is also run with the controls of each stage, which require a callback. Then the error is that with the
+callback, while the time is that of steps in C with constant controls, a lower bound.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,9 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
-from netboard.benchmarks.physics.solver import Contender, Solution, installed
+from netboard.benchmarks.physics.solver import Solution, Solver, installed
 
-FAMILY = "MuJoCo"
+LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
 COARSE = (0.002, 0.0005)
 HELD = {"Euler": "Euler", "implicitfast": "implicitfast", "RK4": "RK4"}
@@ -36,12 +36,12 @@ _SWITCHED_OFF = (
 
 
 def available() -> bool:
-    """Say whether the library is installed."""
+    """Return whether the library is installed."""
     return installed("mujoco")
 
 
 def scene_xml(physics: Physics, integrator: str, step: float) -> str:
-    """Write the scene as a model of MuJoCo."""
+    """Return the scene in MJCF."""
     flags = " ".join(f'{name}="disable"' for name in _SWITCHED_OFF)
     hands = "".join(
         f'<general site="{side}" refsite="origin" gear="0 0 1 0 0 0" gaintype="fixed" gainprm="1" '
@@ -70,9 +70,9 @@ def scene_xml(physics: Physics, integrator: str, step: float) -> str:
 
 
 class Scene:
-    """MuJoCo's model of a problem, for one method and length of step.
+    """MuJoCo's model of a problem, for one method and step length.
 
-    - `step`: length of the step [s].
+    - `step`: step length [s].
     """
 
     def __init__(self, problem: Problem, integrator: str, step: float) -> None:
@@ -99,7 +99,7 @@ class Scene:
         return mujoco.MjData(self.model)
 
     def _rewind(self) -> Array:
-        """Set the data back to the start, and return MuJoCo's full state."""
+        """Reset to the initial state, and return MuJoCo's full state."""
         import mujoco
 
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -111,14 +111,14 @@ class Scene:
         return state
 
     def bare(self) -> None:
-        """Step in C, the controls those of the start."""
+        """Step in C with constant controls."""
         import mujoco
 
         self._rewind()
         mujoco.mj_step(self.model, self.data, nstep=TIMED)
 
     def bare_held(self) -> None:
-        """Step in C by rollout, controls that change between steps given as an array."""
+        """Step in C by rollout, with an array of controls."""
         self._rollout(self._controls[:TIMED])
 
     @cached_property
@@ -127,23 +127,23 @@ class Scene:
         return drives_at(self.problem.waves, multiples(self.steps, self.step))
 
     def _rollout(self, controls: Array) -> Array:
-        """Step through controls, and return MuJoCo's full states."""
+        """Step with an array of controls, and return MuJoCo's full states."""
         from mujoco import rollout
 
         states: Array = rollout.rollout(self.model, self.data, self._rewind(), controls)[0][0]
         return states
 
     def held(self, ahead: float) -> Solution:
-        """Step through the run with controls that change between steps only.
+        """Solve with controls that are constant in each step.
 
-        - `ahead`: where in the step the controls are taken, in lengths of the step [1].
+        - `ahead`: time in the step at which the controls are evaluated, in step lengths [1].
         """
         times = multiples(self.steps, self.step) + ahead * self.step
         states = self._rollout(drives_at(self.problem.waves, times))
         return self._solution(np.concatenate([self._rewind()[np.newaxis], states])[:, 1:7], self.steps)
 
     def sampled(self) -> Solution:
-        """Step through the run with the controls of each stage, by a callback."""
+        """Solve with the controls of each stage, by a callback."""
         import mujoco
 
         waves = self.problem.waves
@@ -165,29 +165,29 @@ class Scene:
         return self._solution(states, 3 * self.steps)
 
     def _solution(self, states: Array, calls: int) -> Solution:
-        """Take the states that meet points of the grid, in our order, from places and rates."""
+        """Return the states at points of the grid, in netboard's order of components."""
         every, stride = max(1, round(SPACING / self.step)), max(1, round(self.step / SPACING))
         kept = states[::every]
         return Solution(np.ascontiguousarray(kept[:, [0, 3, 1, 4, 2, 5]]), stride, self.steps, calls)
 
 
-def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part: none in the paper's problems."""
+def solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers under comparison: none for the paper's equations."""
     if problem.model != "lagrangian":
         return []
-    found: list[Contender] = []
+    found: list[Solver] = []
     for step in COARSE if coarse else STEPS:
         for method, integrator in HELD.items():
             scene = Scene(problem, integrator, step)
-            found.append(_contender(f"{method}, controls held", scene, partial(scene.held, 0.0), held=True))
+            found.append(_solver(f"{method}, controls held", scene, partial(scene.held, 0.0), held=True))
         scene = Scene(problem, "RK4", step)
-        found.append(_contender(MIDDLE, scene, partial(scene.held, 0.5), held=True))
-        found.append(_contender(STAGES, scene, scene.sampled, held=False))
+        found.append(_solver(MIDDLE, scene, partial(scene.held, 0.5), held=True))
+        found.append(_solver(STAGES, scene, scene.sampled, held=False))
     return found
 
 
-def _contender(method: str, scene: Scene, solve: Callable[[], Solution], held: bool) -> Contender:
-    """Describe one setting."""
+def _solver(method: str, scene: Scene, solve: Callable[[], Solution], held: bool) -> Solver:
+    """Return a solver with one setting."""
     share = TIMED / scene.steps
     bare = scene.bare_held if held else scene.bare
-    return Contender(FAMILY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)
+    return Solver(LIBRARY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)

@@ -1,7 +1,7 @@
 """Solvers of ordinary differential equations for Python: scipy, CVODE (by scikit-sundae) and diffrax.
 
-scipy and CVODE call a compiled right-hand side; diffrax compiles the whole loop, of the equations written out. All are
-timed without output on the way, and asked a second time, for the error, what they make of the points in between.
+scipy and CVODE call a compiled right-hand side; diffrax compiles the whole loop from the equations. All are timed
+without intermediate output, and run a second time with dense output for the error.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from netboard.benchmarks.physics.problem import (
     new_rate,
     push_and_turn,
 )
-from netboard.benchmarks.physics.solver import Contender, Solution, installed, timed
+from netboard.benchmarks.physics.solver import Solution, Solver, installed, timed
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),
@@ -41,24 +41,22 @@ COARSE: dict[str, tuple[float, ...]] = {"DOP853": (1e-6,), "LSODA": (1e-6, 1e-10
 """Solvers of a quick run."""
 
 _ABSOLUTE = 0.01
-"""Absolute tolerance over the relative one; the states are of 0.01 to 1."""
+"""Absolute tolerance over the relative one; the states are between 0.01 and 1 [1]."""
 
 _MANY = 10_000_000
 _EVALUATIONS = 10_000
 
 
-def scipy_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of scipy that take part."""
+def scipy_solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers of scipy."""
     rate = new_rate(problem)
     solve = partial(_solve_scipy, problem, rate)
     chosen = COARSE if coarse else SCIPY
-    return [
-        _contender("scipy", name, tolerance, solve) for name, tolerances in chosen.items() for tolerance in tolerances
-    ]
+    return [_solver("scipy", name, tolerance, solve) for name, tolerances in chosen.items() for tolerance in tolerances]
 
 
-def cvode_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of CVODE that take part."""
+def cvode_solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers of CVODE."""
     right_side = make_right_side(problem.parts)
     waves, scene = problem.waves, problem.scene
 
@@ -67,34 +65,34 @@ def cvode_contenders(problem: Problem, coarse: bool) -> list[Contender]:
 
     solve = partial(_solve_cvode, problem, rate)
     return [
-        _contender("CVODE", name, tolerance, solve)
+        _solver("CVODE", name, tolerance, solve)
         for name, tolerances in CVODE.items()
         for tolerance in tolerances[: 1 if coarse else None]
     ]
 
 
-def diffrax_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of diffrax that take part."""
+def diffrax_solvers(problem: Problem, coarse: bool) -> list[Solver]:
+    """Return the solvers of diffrax."""
     solve = partial(_solve_diffrax, problem)
     every = [(name, tolerance) for name, tolerances in DIFFRAX.items() for tolerance in tolerances]
     chosen, cost = every[: 1 if coarse else None], _diffrax_input_ns()
-    return [replace(_contender("diffrax", name, tolerance, solve), input_ns=cost) for name, tolerance in chosen]
+    return [replace(_solver("diffrax", name, tolerance, solve), input_ns=cost) for name, tolerance in chosen]
 
 
 def cvode_available() -> bool:
-    """Say whether CVODE is installed."""
+    """Return whether CVODE is installed."""
     return installed("sksundae")
 
 
 def diffrax_available() -> bool:
-    """Say whether diffrax is installed."""
+    """Return whether diffrax is installed."""
     return installed("diffrax")
 
 
-def _contender(family: str, method: str, tolerance: float, solve: Callable[[str, float, bool], Any]) -> Contender:
-    """Describe one setting of a solver that is asked for points in between, or for none."""
-    return Contender(
-        family,
+def _solver(library: str, method: str, tolerance: float, solve: Callable[[str, float, bool], Any]) -> Solver:
+    """Return a solver with one tolerance."""
+    return Solver(
+        library,
         method,
         f"rtol {tolerance:.0e}",
         partial(solve, method, tolerance, True),
@@ -146,7 +144,7 @@ def _solve_diffrax(problem: Problem, method: str, tolerance: float, keep: bool) 
 
 @cache
 def _diffrax_solver(model: Model, method: str, keep: bool) -> Callable[..., tuple[Any, Any, int]]:
-    """Compile a solver of diffrax for a model; start, times and tolerance can be any."""
+    """Compile a solver of diffrax for a model, with any initial state, times and tolerance."""
     import diffrax
     import jax
     import jax.numpy as jnp
@@ -181,7 +179,7 @@ def _diffrax_solver(model: Model, method: str, keep: bool) -> Callable[..., tupl
 
 @cache
 def _diffrax_input_ns() -> float:
-    """Return what it costs code compiled by jax to evaluate the hands once [ns]."""
+    """Return the cost of one evaluation of the hands compiled by jax [ns]."""
     import jax
     import jax.numpy as jnp
 

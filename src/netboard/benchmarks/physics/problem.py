@@ -1,12 +1,12 @@
 """The test problem of the work-precision study: two hands that move smoothly, a board, a ball that stays on it, 10 s.
 
 The hands lift together (u) and against each other (d), each a sum of three sines: within 5.2 cm and 0.43 m/s, tilting
-the board by -10.0 to +9.6 degrees. Their drives are sums of three sines too, which is the cheapest form there is, and
-the one that every solver gets. The ball runs away from most starts; those here were found by shooting (least squares of
-its place over the run), so that it stays within 7.2 cm.
+the board by -10.0 to +9.6 degrees. Their drives are sums of three sines too, which is the cheapest form, and every
+solver gets this form. The ball leaves the board from most initial states; these were found by shooting (least
+squares of its position over the run), and it stays within 7.2 cm.
 
-`derivatives` writes the equations out anew, for anything that can add and multiply: numbers of 80 bits, the expressions
-of other libraries. It shares nothing with the kernels, and so checks them.
+`derivatives` states the equations a second time, for any arithmetic: 80-bit numbers, or the expressions of other
+libraries. It shares nothing with the kernels, and so checks them.
 """
 
 from collections.abc import Callable
@@ -39,16 +39,16 @@ DURATION = 10.0
 """Length of the run [s]."""
 
 SPACING = 0.002
-"""Distance of the points at which errors are measured [s]."""
+"""Spacing of the points at which errors are measured [s]."""
 
 TOGETHER = ((0.016, 0.5, 0.0), (0.006, 1.3, 0.5), (0.002, 2.9, 2.0))
-"""Waves of u = (z_left + z_right) / 2: amplitude, frequency, phase [m, Hz, rad]."""
+"""Sines of u = (z_left + z_right) / 2: amplitude, frequency, phase [m, Hz, rad]."""
 
 AGAINST = ((0.030, 0.7, 0.5), (0.010, 1.7, 1.0), (0.004, 3.0, 1.0))
-"""Waves of d = (z_right - z_left) / 2: the same [m, Hz, rad]."""
+"""Sines of d = (z_right - z_left) / 2: the same [m, Hz, rad]."""
 
 RUN_UP = 1.0
-"""A settled run begins this long before, with the board level and at rest [s]."""
+"""A settled run is preceded by this duration, from a level board at rest [s]."""
 
 BALL: dict[tuple[Model, Start], tuple[float, float]] = {
     ("paper", "settled"): (0.02347, -0.22559),
@@ -56,7 +56,7 @@ BALL: dict[tuple[Model, Start], tuple[float, float]] = {
     ("lagrangian", "settled"): (0.01505, -0.20976),
     ("lagrangian", "cold"): (0.01254, 0.23978),
 }
-"""The ball where a run begins: place and rate, found by shooting [m, m/s]."""
+"""Initial position and velocity of the ball, found by shooting [m, m/s]."""
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,9 @@ def multiples(count: int, h: float) -> Array:
 
 
 def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
-    """Return heights and rates of the left and the right stylus, shape (..., 2) [m, m/s].
+    """Return heights and velocities of the left and the right stylus, shape (..., 2) [m, m/s].
 
-    - `spread`: how many times as far as in the test problem they move against each other [1].
+    - `spread`: factor of their movement against each other [1].
     """
     z, vz = np.zeros((*times.shape, 2)), np.zeros((*times.shape, 2))
     for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
@@ -135,7 +135,7 @@ def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
 
 
 def drive_waves(physics: Physics) -> Array:
-    """Return the drives of the hands as waves: ``k a sin + c a w cos`` is one sine, larger and earlier.
+    """Return the drives of the hands as sines: ``k a sin + c a w cos`` is one sine with another amplitude and phase.
 
     - returns (shape (6, 3)): amplitude, rate, phase: three waves of the drives' sum, three of right minus left [N,
       rad/s, rad].
@@ -234,7 +234,7 @@ class Reference:
 
 
 def make_reference(problem: Problem, source: str, states: NDArray[Any]) -> Reference:
-    """Make a reference of a solution; its forces are computed in the solution's own arithmetic."""
+    """Return the reference from a solution; forces are computed with the precision of the solution."""
     physics, kind = problem.physics, states.dtype.type
     waves = [[kind(value) for value in wave] for wave in problem.waves.tolist()]
     push, turn = push_and_turn(waves, problem.times.astype(kind), np.sin)
@@ -255,7 +255,7 @@ def largest(states: Array, forces: Array) -> Array:
 def errors_of(problem: Problem, reference: Reference, states: Array, stride: int) -> Array:
     """Return the largest error of each of `SIGNALS`.
 
-    - `states` (shape (n, 6)): what a method made of it, at every `stride`-th of `Problem.times` [SI].
+    - `states` (shape (n, 6)): solution of a method at every `stride`-th of `Problem.times` [SI].
     """
     drives = drives_at(problem.waves, problem.times[::stride])
     forces = forces_along(np.ascontiguousarray(states), drives, problem.parts, problem.scene)
@@ -264,7 +264,7 @@ def errors_of(problem: Problem, reference: Reference, states: Array, stride: int
 
 
 def new_rate(problem: Problem) -> Callable[[float, Array], Array]:
-    """Return the compiled right-hand side as scipy calls it, with a new array each time."""
+    """Return the compiled right-hand side as scipy calls it, with a new array for each result."""
     right_side = make_right_side(problem.parts)
     waves, scene = problem.waves, problem.scene
 

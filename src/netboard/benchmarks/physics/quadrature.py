@@ -1,4 +1,4 @@
-"""Tables of the multistep and collocation methods under comparison: nodes, basis polynomials and their integrals."""
+"""Tables of the multistep and collocation methods: nodes, basis polynomials and their integrals, in decimals."""
 
 import math
 from collections.abc import Sequence

@@ -28,17 +28,17 @@ from netboard.physics.scene.models import coupling, rates
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
 
 HUGE = 1e30
-"""A moment of inertia that no torque here turns [kg m2]."""
+"""A moment of inertia so large that the board does not turn [kg m2]."""
 
 
 @dataclass(frozen=True)
 class Skip:
-    """A scene that lacks something.
+    """A simpler scene, and the full scene in which the omitted part has no effect.
 
-    - `scene`: how it is configured, where that differs from the full scene.
-    - `inert`: numbers of the full scene that make the part do nothing [SI].
-    - `limp`: the left hand, the right one follow the board in the full scene, so that they do not pull.
-    - `carried`: in the full scene the hands also carry what a hinge would.
+    - `scene`: settings that differ from the full scene.
+    - `inert`: constants of the full scene with which the part has no effect [SI].
+    - `limp`: whether the left and the right hand of the full scene follow the board without force.
+    - `carried`: the hands of the full scene also carry the load of the hinge.
     """
 
     name: str
@@ -80,11 +80,11 @@ SKIPS = (
 class SkipRow:
     """Cost saved by omitting a part.
 
-    - `model`, `name`, `method`, `proof`: whose equations, what is left out, how it is stepped, what it is compared
-      with.
-    - `tick_ns`: a tick, the quickest of many runs [ns].
-    - `times`: how many times cheaper that is than in the full scene [1].
-    - `difference`: largest difference of any height, tilt, place of the ball or force [SI].
+    - `model`, `name`, `method`, `proof`: equations, omitted part, integration method, and why the part has no effect in
+      the full scene.
+    - `tick_ns`: cost of a tick, the minimum of many runs [ns].
+    - `times`: speed-up over the full scene [1].
+    - `difference`: largest difference of height, tilt, ball position or force [SI].
     """
 
     model: str
@@ -159,7 +159,7 @@ def _make_inert(PARTS: Parts, LEFT: bool, RIGHT: bool, CARRIED: bool) -> Callabl
 
 
 def samples_of(ticks: int) -> Array:
-    """Return height, rate, acceleration of left and right stylus as a tick knows them, shape (ticks, 6) [SI]."""
+    """Return height, velocity and acceleration of both styluses at each tick, shape (ticks, 6) [SI]."""
     times = np.arange(-1, ticks) * TICK_SECONDS
     z, vz = styluses_at(times)
     az = np.diff(vz, axis=0) / TICK_SECONDS
@@ -167,7 +167,7 @@ def samples_of(ticks: int) -> Array:
 
 
 def _first(model: Model, skip: Skip, length: int) -> State:
-    """Return the first state of a lesser scene; the full one has the ball too."""
+    """Return the first state of a simpler scene."""
     first = Problem(model, "settled").first
     return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
 
@@ -177,8 +177,8 @@ def _table(method: str, scene: NDArray[Any], parts: Parts, length: int) -> Array
     return METHODS[NUMBER[method]].tables(scene[0], parts, length, TICK_SECONDS)[np.newaxis]
 
 
-def _lesser(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
-    """Return what runs the lesser scene into arrays of forces and states."""
+def _simpler(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
+    """Return a function that runs the simpler scene, and writes forces and states into two arrays."""
     physics = Physics(model=model, **skip.scene)
     scene, parts, length = pack_scene(physics), parts_of(physics, skip.free), state_length(physics)
     loop = _make_loop(NUMBER[skip.method], parts, skip.forces)
@@ -192,7 +192,7 @@ def _lesser(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
 
 
 def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
-    """Return what runs the full scene in which the part does nothing."""
+    """Return a function that runs the full scene in which the omitted part has no effect."""
     physics = Physics(model=model)
     scene, parts = pack_scene(physics), parts_of(physics)
     for name, value in skip.inert.items():
@@ -211,20 +211,20 @@ def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
 
 
 def difference(model: Model, skip: Skip) -> float:
-    """Return the largest difference of a place or force from the full scene in which that part does nothing [SI]."""
+    """Return the largest difference of a position or force from the full scene without that effect [SI]."""
     length = state_length(Physics(model=model, **skip.scene))
     states, forces = np.empty((skip.ticks, length)), np.zeros((skip.ticks, 2))
     full_states, full_forces = np.empty((skip.ticks, 6)), np.zeros((skip.ticks, 2))
-    _lesser(model, skip)(forces, states)
+    _simpler(model, skip)(forces, states)
     _full(model, skip)(full_forces, full_states)
     wrong = np.abs(states - full_states[:, :length])[:, ::2].max()
     return float(max(wrong, np.abs(forces - full_forces).max()) if skip.forces else wrong)
 
 
 def skip_rows(model: Model, repeats: int) -> list[SkipRow]:
-    """Measure what leaving things out saves, in turns, and prove that nothing else changes."""
+    """Measure the cost of simpler scenes, interleaved, and their difference from the full scene."""
     runs = [
-        partial(_lesser(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4)))
+        partial(_simpler(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4)))
         for skip in SKIPS
     ]
     differences = [difference(model, skip) for skip in SKIPS]

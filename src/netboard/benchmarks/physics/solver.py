@@ -1,7 +1,7 @@
 """A solver under comparison with one setting, to run and to time.
 
-Every solver gets the same problem. What the hands do costs more to evaluate than the physics, so that it is told apart:
-a solver that evaluates them itself says how often, one that reads them from a table how often it would have to.
+Every solver gets the same problem. To evaluate the movement of the hands costs more than the physics, so its cost is
+separated: each solver counts how often it evaluates the hands, or reads them from a table.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ class Solution:
     """A solver's solution of a problem.
 
     - `states` (shape (n, 6)): at every `stride`-th of `Problem.times` [SI].
-    - `calls`: how often the hands were evaluated, or read from a table [1].
+    - `calls`: number of evaluations of the hands, or of reads from a table [1].
     """
 
     states: Array
@@ -30,17 +30,18 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Contender:
+class Solver:
     """A solver with one setting.
 
-    - `solve`: solves the problem, once, and keeps the states: for the error.
-    - `inputs`: `bare` evaluates the hands; otherwise it reads them from a table, or they do not change.
-    - `alone`: as many steps without any hands, where the cost of the hands cannot be told apart otherwise.
-    - `dense`: solves it and keeps the states at all of `Problem.times`, where the method can.
-    - `input_ns`: cost of evaluating the hands once, where it is not that of compiled code [ns].
+    - `solve`: solves the problem once and keeps the states, for the error.
+    - `bare`: solves it without keeping states, for the cost.
+    - `inputs`: `bare` evaluates the hands; otherwise it reads them from a table, or they are constant.
+    - `alone`: the same number of steps without hands, if their cost cannot be separated otherwise.
+    - `dense`: solves the problem and keeps the states at all of `Problem.times`, if the method can.
+    - `input_ns`: cost of one evaluation of the hands, if it differs from that of compiled code [ns].
     """
 
-    family: str
+    library: str
     method: str
     setting: str
     solve: Callable[[], Solution]
@@ -54,12 +55,12 @@ class Contender:
 
 
 def timed(run: Callable[[], object]) -> float:
-    """Return how long a call takes."""
+    """Return the duration of a call [s]."""
     start = perf_counter()
     run()
     return perf_counter() - start
 
 
 def installed(*modules: str) -> bool:
-    """Say whether modules can be imported."""
+    """Return whether modules can be imported."""
     return all(find_spec(module) is not None for module in modules)

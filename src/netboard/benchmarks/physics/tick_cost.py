@@ -1,9 +1,9 @@
-"""Cost of a live tick beside its lower bound on this machine (the floor).
+"""Cost of a live tick compared with a lower bound on this machine.
 
-The right-hand side is timed twice: each waiting for the last (latency), with the product and the sum that are between
-two stages, and side by side (throughput). Four that wait are called the floor; a step of four stages can be a little
-quicker, since a stage need not wait for all of the one before. The tick is the server's own, through
-`netboard.stage.stage`: both samples in, hold, forces, trial, step.
+The right-hand side is timed as a chain, in which each evaluation depends on the last (latency), and with independent
+evaluations (reciprocal throughput). The lower bound is the latency of four right-hand sides; a step of four stages can
+be slightly faster, since a stage does not depend on every result of the one before. The tick is that of
+`netboard.stage.stage`: samples, extrapolation, forces, trial, step.
 """
 
 from collections.abc import Callable
@@ -40,25 +40,25 @@ CALLS = 20_000
 """Calls from Python [1]."""
 
 MANY, MANY_TICKS = 1024, 20
-"""Simulations side by side, and ticks of them in one timing [1]."""
+"""Simulations in a batch, and its ticks in one timing [1]."""
 
 STAGES = 4
-"""Right-hand sides in a step of the method that the floor is of [1]."""
+"""Right-hand sides in a step of RK4 [1]."""
 
 
 @dataclass(frozen=True)
 class TickCost:
-    """Costs of a tick and of what it is made of, for one model; all are minima unless they say otherwise.
+    """Costs of a tick and of its parts, for one model; minima unless stated otherwise.
 
-    - `sincos_latency_ns`, `sincos_ns`: sine and cosine of one angle: each waiting for the last, and side by side [ns].
+    - `sincos_latency_ns`, `sincos_ns`: sine and cosine of one angle: latency and reciprocal throughput [ns].
     - `right_side_latency_ns`, `right_side_ns`: the same of the right-hand side [ns].
-    - `floor_ns`: four right-hand sides that wait for each other [ns].
-    - `step_ns`: a step of RK4 and nothing else [ns].
+    - `floor_ns`: lower bound: latency of four right-hand sides [ns].
+    - `step_ns`: one RK4 step alone [ns].
     - `tick_ns`: a tick in a compiled loop [ns].
     - `call_ns`, `call_p99_ns`, `call_worst_ns`: a tick called from Python: median, 99th percentile, and worst of many
       [ns].
     - `first_call_ns`: the first tick after warming up [ns].
-    - `many_ns`: a tick of all of them, in one call [ns].
+    - `many_ns`: a tick of `many` simulations, in one call [ns].
     """
 
     model: str
@@ -78,7 +78,7 @@ class TickCost:
     many_ns: float
 
 
-# A sum that is too small to change anything, but that the processor must wait for.
+# Too small to change a sum, but the addition makes each evaluation depend on the last.
 _NOTHING = 1e-30
 
 
@@ -99,7 +99,7 @@ def _sincos_beside(angles: Any, out: Any) -> None:
 
 @cache
 def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[..., None]]:
-    """Compile right-hand sides that wait for each other, and such that do not."""
+    """Compile a chain of dependent right-hand sides, and independent ones."""
 
     @kernel
     def chain(x: Any, left: float, right: float, scene: Any, count: int) -> float:
@@ -122,7 +122,7 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
 
 
 def measure_tick(problem: Problem, repeats: int) -> TickCost:
-    """Measure a model's tick and its floor, in turns."""
+    """Measure the cost of a model's tick and of its parts, interleaved."""
     chain, beside = _make_right_sides(problem.parts)
     states, out = np.tile(np.array(problem.first), (COUNT, 1)), np.empty(COUNT)
     stage, first_call, late = _first_tick(problem)
@@ -163,7 +163,7 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
 
 
 def _many(problem: Problem) -> Callable[[], object]:
-    """Return some ticks of many simulations side by side."""
+    """Return a function that runs some ticks of a batch of simulations."""
     step = make_batch(problem.parts, 6, False)
     first = in_blocks(np.tile(np.array(problem.first), (MANY, 1)))
     hands, scenes = np.zeros((len(first), 8, LANES)), scene_blocks(problem.scene)
@@ -177,7 +177,7 @@ def _many(problem: Problem) -> Callable[[], object]:
 
 
 def _first_tick(problem: Problem) -> tuple[Stage, float, bool]:
-    """Warm a stage up, and time its first tick; say whether that compiled anything."""
+    """Warm a stage up and time its first tick; return stage, time [ns] and whether the tick compiled anything."""
     stage = live_stage(problem)
     stage.warm()
     before = _signatures(stage)
@@ -187,7 +187,7 @@ def _first_tick(problem: Problem) -> tuple[Stage, float, bool]:
 
 
 def _signatures(stage: Stage) -> int:
-    """Return for how many kinds of arguments the ticks are compiled."""
+    """Return the number of argument types for which the ticks are compiled."""
     return len(getattr(stage.ticks, "signatures", ()))
 
 
@@ -202,11 +202,11 @@ def _calls(stage: Stage, problem: Problem) -> list[int]:
     return taken
 
 
-# --- the problem as the server sees it ---------------------------------------------------------------------------
+# --- the problem in live ticks ---------------------------------------------------------------------------
 
 
 def live_stage(problem: Problem, hold: str = "ca") -> Stage:
-    """Return the server's ticks for a problem, in a trial that the ball can neither win nor lose."""
+    """Return the stage of a problem, with a task in which the trial never ends."""
     physics: Any = {"model": problem.model, "hold": hold}
     return make_stage(
         Config(physics=Physics(**physics), geometry=Geometry(target_distance=2.0), task=Task(fall_distance=5.0))
@@ -214,7 +214,7 @@ def live_stage(problem: Problem, hold: str = "ca") -> Stage:
 
 
 def live_rows(problem: Problem) -> NDArray[Any]:
-    """Return a problem as ticks: a fresh sample of each hand for every one, read at the tick."""
+    """Return the input rows of a problem: a new sample of each hand in every tick."""
     rows = np.zeros(round(problem.duration / TICK_SECONDS) + 1, TICK)
     number = np.arange(len(rows))
     z, vz = styluses_at(number * TICK_SECONDS)
@@ -228,7 +228,7 @@ def live_rows(problem: Problem) -> NDArray[Any]:
 
 
 def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
-    """Return the state in which a stage begins a problem: in the middle of a trial, the ball rolling."""
+    """Return the initial state of a problem: a running trial with the ball free."""
     state = stage.initial()
     state["phase"] = Phase.RUNNING
     for name, value in zip(("z", "vz", "theta", "omega", "p", "vp"), problem.first, strict=True):
@@ -240,7 +240,7 @@ def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
 
 
 def live_run(problem: Problem, hold: str) -> tuple[Array, Array]:
-    """Run a problem through the server's own ticks, from samples at 1 kHz; return states and forces as sent [SI, N]."""
+    """Run a problem by the server's ticks, from samples at 1 kHz; return states and commanded forces [SI, N]."""
     stage, rows = live_stage(problem, hold), live_rows(problem)
     stage.advance(live_state(stage, problem), rows, 0, len(rows))
     states = np.stack([rows[name] for name in ("z", "vz", "theta", "omega", "p", "vp")], axis=1)

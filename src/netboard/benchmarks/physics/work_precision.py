@@ -2,10 +2,10 @@
 
 All solvers have the same equations, start, hands and reference. The error of a signal is the largest one at the points
 of a grid over the whole run, divided by the signal's largest value (E: the worst of the four). Warm-up and compilation
-are timed separately. Repeats are interleaved: every solver has a turn before any has its next, so that a busy machine
-affects all. Costs are of minima; medians are kept too. "Physics" leaves out what it takes to evaluate the
-hands, "whole" has it for all, "dense" is physics with the states kept at all points of the grid: without, a method with
-long steps is asked only for the points that its steps meet.
+are timed separately. Repeats are interleaved, so that a busy machine affects all solvers. Costs are minima over the
+repeats; medians are kept too. "Physics" excludes the evaluation of the hands, "whole" includes it, and "dense" is
+"physics" with the states kept at all points of the grid; otherwise a method with long steps yields states at fewer
+points.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -19,13 +19,13 @@ from time import perf_counter
 import numpy as np
 
 from netboard.benchmarks.physics.problem import SPACING, Problem, Reference, drives_at, errors_of
-from netboard.benchmarks.physics.solver import OURS, Contender, Solution, timed
+from netboard.benchmarks.physics.solver import OURS, Solution, Solver, timed
 
 TARGETS = tuple(10.0**-i for i in range(2, 13))
 """Errors E at which costs are compared [1]."""
 
 SLICE = 0.004
-"""Shortest duration of a turn; a fast solver runs several times in it [s]."""
+"""Minimum duration of a turn; a fast solver runs several times in it [s]."""
 
 _EVALUATIONS = 10_000
 
@@ -38,16 +38,16 @@ class Row:
     - `errors`: largest error of each of `SIGNALS` [m, rad, m, N].
     - `scaled`: E: the worst of them over the signal's largest value [1].
     - `warm_up`: duration of the first run, with compilation [s].
-    - `physics`, `physics_median`: cost without evaluating the hands, of the fastest and of the median run, for a second
-      of simulated time [us].
+    - `physics`, `physics_median`: cost per second of simulated time without the evaluation of the hands, minimum and
+      median [us].
     - `whole`, `whole_median`: the same with evaluating the hands [us].
-    - `dense`: as `physics`, of a run that also keeps the states 2 ms apart; infinite if the method has none [us].
+    - `dense`: as `physics`, for a run that also keeps the states every 2 ms; infinite if the method cannot [us].
     - `spacing`: distance of the points at which errors are measured [s].
     - `step_ns`: `physics` for each step; 0 if the number of steps is unknown [ns].
     """
 
     problem: str
-    family: str
+    library: str
     method: str
     setting: str
     held: bool
@@ -69,7 +69,7 @@ class Row:
 Cost = Callable[[Row], float]
 
 
-# --- measuring ---------------------------------------------------------------------------------------------------
+# --- measurement ---------------------------------------------------------------------------------------------------
 
 
 def input_cost(problem: Problem) -> float:
@@ -82,35 +82,35 @@ def input_cost(problem: Problem) -> float:
 def measure(
     problem: Problem,
     reference: Reference,
-    contenders: Sequence[Contender],
+    solvers: Sequence[Solver],
     repeats: int,
     budget: float,
     progress: Callable[[str], object] = lambda name: None,
 ) -> list[Row]:
-    """Solve a problem with each solver, and time them in turns."""
+    """Solve a problem with each solver, and time them, interleaved."""
     solutions, warm_ups = [], []
-    for contender in contenders:
-        progress(f"{problem.name}: {contender.family} {contender.method}")
+    for solver in solvers:
+        progress(f"{problem.name}: {solver.library} {solver.method}")
         start = perf_counter()
-        solutions.append(contender.solve())
-        contender.bare()
+        solutions.append(solver.solve())
+        solver.bare()
         warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
     progress(f"{problem.name}: timing")
-    walls = in_turns([contender.bare for contender in contenders], repeats, budget)
-    alone = _of_some([contender.alone for contender in contenders], repeats, budget)
-    dense = _of_some([contender.dense for contender in contenders], repeats, budget)
+    walls = in_turns([solver.bare for solver in solvers], repeats, budget)
+    alone = _of_some([solver.alone for solver in solvers], repeats, budget)
+    dense = _of_some([solver.dense for solver in solvers], repeats, budget)
     return [
-        _row(problem, reference, contender, solution, warm_up, Times(wall, lonely, gridded), ns)
-        for contender, solution, warm_up, wall, lonely, gridded in zip(
-            contenders, solutions, warm_ups, walls, alone, dense, strict=True
+        _row(problem, reference, solver, solution, warm_up, Times(wall, lonely, gridded), ns)
+        for solver, solution, warm_up, wall, lonely, gridded in zip(
+            solvers, solutions, warm_ups, walls, alone, dense, strict=True
         )
     ]
 
 
 @dataclass(frozen=True)
 class Times:
-    """Wall times of a solver: nothing kept, without hands, with the states of all points; empty if not run [s]."""
+    """Wall times of a solver without states, without hands, and with dense states; empty if not run [s]."""
 
     bare: list[float]
     alone: list[float]
@@ -118,7 +118,7 @@ class Times:
 
 
 def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: float) -> list[list[float]]:
-    """Time the runs that exist, in turns."""
+    """Time the runs that exist, interleaved."""
     some = [run for run in runs if run is not None]
     for run in some:
         run()
@@ -143,7 +143,7 @@ def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) 
 def _row(
     problem: Problem,
     reference: Reference,
-    contender: Contender,
+    solver: Solver,
     solution: Solution,
     warm_up: float,
     times: Times,
@@ -152,11 +152,11 @@ def _row(
     """Collect the results of a solver."""
     errors = errors_of(problem, reference, solution.states, solution.stride)
     scale = 1e6 / problem.duration
-    hands = solution.calls * (ns if isnan(contender.input_ns) else contender.input_ns) * 1e-9
+    hands = solution.calls * (ns if isnan(solver.input_ns) else solver.input_ns) * 1e-9
 
     def costs(of: Callable[[list[float]], float]) -> tuple[float, float]:
-        took = of(times.bare) / contender.share
-        if not contender.inputs:
+        took = of(times.bare) / solver.share
+        if not solver.inputs:
             return took * scale, (took + hands) * scale
         physics = of(times.alone) if times.alone else max(took - hands, 0.0)
         return physics * scale, took * scale
@@ -165,10 +165,10 @@ def _row(
     physics_median, whole_median = costs(median)
     return Row(
         problem=problem.name,
-        family=contender.family,
-        method=contender.method,
-        setting=contender.setting,
-        held=contender.held,
+        library=solver.library,
+        method=solver.method,
+        setting=solver.setting,
+        held=solver.held,
         steps=solution.steps,
         calls=solution.calls,
         errors=tuple(errors.tolist()),
@@ -185,7 +185,7 @@ def _row(
     )
 
 
-# --- comparing ---------------------------------------------------------------------------------------------------
+# --- comparison ---------------------------------------------------------------------------------------------------
 
 
 COSTS: dict[str, Cost] = {name: attrgetter(name) for name in ("physics", "whole", "dense")}
@@ -204,9 +204,9 @@ def frontier(rows: Iterable[Row], cost: Cost = PHYSICS) -> list[Row]:
 
 
 def cost_at(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
-    """Return what an error costs with one method, between its settings by a straight line of logarithms [us].
+    """Return the cost of an error with one method, interpolated between its settings on logarithmic axes [us].
 
-    It is that of the cheapest if that is better than asked for, infinite if none is as good.
+    It is the lowest cost if that run has a smaller error, and infinite if no run reaches the error.
     """
     curve = frontier(rows, cost)
     if not curve or curve[-1].scaled > error:
@@ -221,9 +221,9 @@ def cost_at(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
 
 
 def least_cost(rows: Iterable[Row], error: float, cost: Cost = PHYSICS) -> float:
-    """Return what an error costs with the best of several methods."""
-    ordered = sorted(rows, key=lambda row: (row.family, row.method))
-    curves = (list(curve) for _, curve in groupby(ordered, key=lambda row: (row.family, row.method)))
+    """Return the cost of an error with the best of several methods."""
+    ordered = sorted(rows, key=lambda row: (row.library, row.method))
+    curves = (list(curve) for _, curve in groupby(ordered, key=lambda row: (row.library, row.method)))
     return min((cost_at(curve, error, cost) for curve in curves), default=inf)
 
 
@@ -235,7 +235,7 @@ class Comparison:
     """
 
     problem: str
-    family: str
+    library: str
     what: str
     errors: tuple[float, ...]
     ours: tuple[float, ...]
@@ -243,32 +243,32 @@ class Comparison:
 
     @property
     def ratios(self) -> tuple[float | None, ...]:
-        """How many times cheaper ours is at each error; None: neither reaches it, infinite: only ours does."""
+        """Ratio of costs, theirs over ours, at each error; None: neither reaches it, infinite: only ours does."""
         return tuple(
             None if a == b == inf else (inf if b == inf else b / a) for a, b in zip(self.ours, self.theirs, strict=True)
         )
 
     @property
     def beaten(self) -> bool:
-        """Ours is cheaper at every error that the peer reaches."""
+        """Whether ours is cheaper at every error that the peer reaches."""
         return all(ratio is None or ratio > 1.0 for ratio in self.ratios)
 
 
 def compare(rows: Sequence[Row]) -> list[Comparison]:
-    """Compare our methods with each peer, problem by problem, with and without the cost of the hands."""
+    """Compare netboard with each library on each problem, with and without the cost of the hands."""
     found = []
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem]
-        ours = [row for row in here if row.family == OURS]
-        for family in dict.fromkeys(row.family for row in here if row.family != OURS):
-            theirs = [row for row in here if row.family == family]
+        ours = [row for row in here if row.library == OURS]
+        for library in dict.fromkeys(row.library for row in here if row.library != OURS):
+            theirs = [row for row in here if row.library == library]
             for what, cost in COSTS.items():
                 if what == "dense" and not any(row.dense < inf for row in theirs):
                     continue
                 found.append(
                     Comparison(
                         problem,
-                        family,
+                        library,
                         what,
                         TARGETS,
                         tuple(least_cost(ours, error, cost) for error in TARGETS),
