@@ -149,7 +149,7 @@ def few_results() -> pd.DataFrame:
             Result(
                 "classes",
                 "share of cooperative movement",
-                "dyadic, haptics on less off",
+                "dyadic, haptics on vs off",
                 -0.05,
                 -0.12,
                 0.02,

@@ -61,7 +61,7 @@ def test_differences_are_of_each_dyad_with_itself() -> None:
     (one,) = [
         r
         for r in found.results
-        if (r.quantity, r.group) == ("share of cooperative movement", "dyadic, haptics on less off")
+        if (r.quantity, r.group) == ("share of cooperative movement", "dyadic, haptics on vs off")
     ]
     assert (one.value, one.n) == (pytest.approx((0.25 + 0.75) / 2), 2)
 

@@ -13,7 +13,7 @@ from netboard.analysis.topics.contrasts import Comparison, Comparisons, comparis
 from netboard.analysis.topics.measures import MEASURES
 from netboard.analysis.topics.result import table_of
 
-ON_IN_DYADS = "dyadic, haptics on less off"
+ON_IN_DYADS = "dyadic, haptics on vs off"
 COMPARED = [measure for measure in MEASURES if measure.compared]
 
 
@@ -37,11 +37,11 @@ def found() -> Comparisons:
 @pytest.mark.slow
 def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each_measure(found: Comparisons) -> None:
     assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
-        "bimanual, haptics on less off",
+        "bimanual, haptics on vs off",
         ON_IN_DYADS,
-        "dyadic less bimanual, haptics off",
-        "dyadic less bimanual, haptics on",
-        "haptics on less off, dyadic less bimanual",
+        "dyadic vs bimanual, haptics off",
+        "dyadic vs bimanual, haptics on",
+        "haptics on vs off, dyadic vs bimanual",
     ]
     assert len(found.comparisons) == 5 * len(COMPARED)
     assert all(one.contrast.n == 4 and one.contrast.unit == "dyad" for one in found.comparisons)
@@ -50,11 +50,11 @@ def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each
 @pytest.mark.parametrize(
     ("question", "ratio"),
     [
-        ("bimanual, haptics on less off", 1.0),
+        ("bimanual, haptics on vs off", 1.0),
         (ON_IN_DYADS, 0.5),
-        ("dyadic less bimanual, haptics off", 1.0),
-        ("dyadic less bimanual, haptics on", 0.5),
-        ("haptics on less off, dyadic less bimanual", 0.5),
+        ("dyadic vs bimanual, haptics off", 1.0),
+        ("dyadic vs bimanual, haptics on", 0.5),
+        ("haptics on vs off, dyadic vs bimanual", 0.5),
     ],
 )
 def test_times_are_compared_by_their_ratio(found: Comparisons, question: str, ratio: float) -> None:

@@ -107,9 +107,9 @@ def test_thresholds_at_which_intervals_do_not_overlap_are_counted(felt: float, a
         for force, value in (("none", 0.3), ("full", felt))
     ]
     found = delay(made_study(blocks))
-    one = result(found, APART, "dyadic, haptics on less off")
+    one = result(found, APART, "dyadic, haptics on vs off")
     assert (one.value, one.n, one.of) == (apart, 4, "threshold")
-    difference = result(found, "delay, mean of 10 to 40 %", "dyadic, haptics on less off")
+    difference = result(found, "delay, mean of 10 to 40 %", "dyadic, haptics on vs off")
     assert difference.value == pytest.approx(felt - 0.3)
 
 
@@ -128,5 +128,5 @@ def test_a_study_without_any_success_has_reasons_only() -> None:
 def test_differences_are_of_dyads_whatever_the_intervals_are_of() -> None:
     for unit in ("dyads", "people", "movements"):
         found = delay(made_study(random_blocks(), f'summaries.intervals="{unit}"'))
-        one = result(found, "delay, mean of 10 to 40 %", "bimanual less dyadic")
+        one = result(found, "delay, mean of 10 to 40 %", "bimanual vs dyadic")
         assert (one.n, one.of) == (3, "dyad")

@@ -70,7 +70,7 @@ def test_differences_are_of_dyads_that_have_both() -> None:
         "dyadic, full": pd.Series({"D01": 3.0, "D02": 9.0}),
     }
     found = {group: differences.to_dict() for group, differences in comparisons(conditions(study), values)}
-    assert found == {"dyadic, haptics on less off": {"D01": -1.0}, "bimanual less dyadic": {"D01": -3.0}}
+    assert found == {"dyadic, haptics on vs off": {"D01": -1.0}, "bimanual vs dyadic": {"D01": -3.0}}
 
 
 FAILED = [

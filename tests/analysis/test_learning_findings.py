@@ -33,7 +33,7 @@ def test_first_and_last_trials_are_means_and_deviations_of_single_trials() -> No
 
 def test_the_change_is_that_of_dyads() -> None:
     """D01A goes from 6.5 to 2 s, D01B from 6 to 4: D01 by -3.25 s; D02 by -2 s."""
-    change = result(learning(made_study(BLOCKS, ENDS)), "change of completion time", "bimanual, last 2 less first 2")
+    change = result(learning(made_study(BLOCKS, ENDS)), "change of completion time", "bimanual, last 2 vs first 2")
     assert (change.value, change.n, change.of) == (-2.625, 2, "dyad")
 
 

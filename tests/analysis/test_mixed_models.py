@@ -715,7 +715,7 @@ def test_every_factor_of_a_study_is_a_term(model: Any, sample: Any) -> None:
     arguments = with_masses(labels)["categorical"]
     found = model(sample(labels, Truth(), 30), **arguments)
     assert found.fitted
-    masses = [f"mass: {level} less light" for level in ("middle", "heavy")]
+    masses = [f"mass: {level} vs light" for level in ("middle", "heavy")]
     others = [f"{name} x {mass}" for name in ("haptics", "configuration") for mass in masses]
     simple = ["haptics, bimanual", "haptics, dyadic", *(f"haptics, {level}" for level in ("light", "middle", "heavy"))]
     names = {effect.name for effect in found.effects if np.isfinite(effect.p)}
@@ -733,8 +733,8 @@ def test_effects_of_a_numeric_and_of_a_categorical_factor_are_recovered() -> Non
     times = times_of(labels, Truth(residual=0.02), 31) * np.exp(0.002 * grams)
     line, each = (log_time_model(times, **every[kind]) for kind in ("numeric", "categorical"))
     assert line.effect("mass").estimate.value == pytest.approx(0.002, rel=0.05)
-    assert each.effect("mass: middle less light").estimate.value == pytest.approx(0.2, rel=0.05)
-    assert each.effect("mass: heavy less light").estimate.value == pytest.approx(0.6, rel=0.05)
+    assert each.effect("mass: middle vs light").estimate.value == pytest.approx(0.2, rel=0.05)
+    assert each.effect("mass: heavy vs light").estimate.value == pytest.approx(0.6, rel=0.05)
     ends = line.effect("haptics, mass 100.0").estimate.value, line.effect("haptics, mass 400.0").estimate.value
     slope = line.effect("haptics x mass").estimate.value
     assert ends[1] - ends[0] == pytest.approx(300.0 * slope, abs=1e-9)
@@ -750,7 +750,7 @@ def test_the_order_of_levels_and_the_reference_change_signs_only(model: Any, sam
     values = sample(labels, Truth(), 32)
     one = model(values, **arguments)
     other = model(values, **arguments | {"factors": (haptics, configuration, turned)})
-    before, after = one.effect("mass: heavy less light"), other.effect("mass: light less heavy")
+    before, after = one.effect("mass: heavy vs light"), other.effect("mass: light vs heavy")
     assert after.estimate.value == pytest.approx(-before.estimate.value, abs=1e-5)
     assert after.error == pytest.approx(before.error, rel=1e-3)
     assert other.effect("haptics").estimate.value == pytest.approx(one.effect("haptics").estimate.value, abs=1e-5)

@@ -129,7 +129,7 @@ def test_robots_are_left_out_and_several_forces_are_told_apart() -> None:
     found = fits(modern_study([*blocks, robot]))
     assert found.notes == ("2 trials with a robot or a still hand are left out",)
     names = {effect.name for effect in found.fits[0].model.effects}
-    assert {"force: full less none", "force: partner_only less none"} <= names
+    assert {"force: full vs none", "force: partner_only vs none"} <= names
     assert found.fits[0].model.trials == 3 * 3 * 3 * 4
 
 

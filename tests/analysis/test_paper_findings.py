@@ -60,7 +60,7 @@ def test_a_number_is_compared_in_the_papers_deviations() -> None:
 def test_a_direction_is_that_of_the_difference_and_its_interval() -> None:
     """All dyads need less at last, by 2 s or 3 s; and a single dyad has no interval."""
     blocks = [Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(5 + 0.01 * k, 3)) for k in (1, 2, 3)]
-    place = ("change of completion time", "dyadic, last 1 less first 1")
+    place = ("change of completion time", "dyadic, last 1 vs first 1")
     for used, verdict in (
         (blocks, "same direction, interval excludes 0"),
         (blocks[:1], "same direction, no interval"),
@@ -86,7 +86,7 @@ def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
     ]
     compared = compare(made_study(blocks)).set_index(["quantity", "group"])
     assert (
-        compared.loc[("share of cooperative movement", "bimanual less dyadic"), "verdict"]
+        compared.loc[("share of cooperative movement", "bimanual vs dyadic"), "verdict"]
         == f"{direction}, no interval"
     )
 

@@ -23,7 +23,7 @@ MEAN, SD = 0.3, 0.5
 
 def drawn(ratio: bool = False) -> Differences:
     gaps = np.random.default_rng(7).normal(MEAN, SD, (400, 24))
-    return Differences("peaks", "on less off", "1", ratio, gaps)
+    return Differences("peaks", "on vs off", "1", ratio, gaps)
 
 
 @pytest.mark.slow
@@ -76,7 +76,7 @@ def groups(dyads: int) -> pd.DataFrame:
 
 
 def test_fewer_trials_are_the_first_groups() -> None:
-    asked = [{"name": "on less off", "first": ["on"], "second": ["off"]}]
+    asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
     for trials, expected in ((0, 1.5), (30, 1.0), (60, 1.5)):
         (time,) = (one for one in differences([groups(3)], asked, trials) if one.measure == "completion time")
         assert time.gaps == pytest.approx(np.full((1, 3), expected))
@@ -87,7 +87,7 @@ def test_fewer_trials_are_the_first_groups() -> None:
 def test_results_say_what_they_rest_on(tmp_path: Path) -> None:
     found = list(powers([drawn()], [4, 24]))[::2]
     said = sentence(found, ASSUMED)
-    assert said.startswith(f"With 24 dyads, a paired t test of peaks (on less off; difference {found[1].effect:.3g})")
+    assert said.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g})")
     assert "400 virtual studies of the plan short with 24 simulated dyads each" in said
     assert "below 0.8" in sentence(found[:1], ASSUMED)
     write(tmp_path, found, ASSUMED)

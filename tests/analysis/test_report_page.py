@@ -163,7 +163,7 @@ def test_the_summary_has_numbers_with_intervals_and_n_and_says_what_few_dyads_sh
     rows = [[cell.text for cell in row.all("th") + row.all("td")] for row in section(whole, "summary").all("tr")]
     assert ["Group", "cooperative [%]", "n"] in rows
     assert ["dyadic, haptics on", "20.0 (10.0 to 30.0)", "4 dyads"] in rows
-    assert ["dyadic, haptics on less off", "−5.00 (−12.00 to 2.00)", "4 dyads"] in rows
+    assert ["dyadic, haptics on vs off", "−5.00 (−12.00 to 2.00)", "4 dyads"] in rows
     assert ["haptics on", "4 of 4", "4 dyads"] in rows
     assert (
         "1 dyad, however many trials. An exact two-sided test of a difference within dyads has no p below 1 here"

@@ -24,7 +24,7 @@ def row(value: float, low: float = NAN, high: float = NAN, **said: object) -> Re
     usual: dict[str, object] = {
         "topic": "contrasts",
         "quantity": "completion time: ratio",
-        "group": "dyadic, haptics on less off",
+        "group": "dyadic, haptics on vs off",
         "unit": "1",
         "interval": "95 % t" if low == low else "",  # noqa: PLR0124  # NaN differs from itself
         "n": 4,
@@ -84,7 +84,7 @@ def test_a_rehearsed_study_has_a_summary_of_every_topic(tmp_path: Path) -> None:
 
 def test_a_ratio_is_compared_with_one() -> None:
     found = said_of(
-        row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on less off"), row(0.93434, 0.77152, 1.1315)
+        row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on vs off"), row(0.93434, 0.77152, 1.1315)
     ).sentences
     assert found == (
         "With haptics on, bimanual trials took 1.10 times as long as with haptics off (1.02 to 1.19, 4 dyads): the "
@@ -99,7 +99,7 @@ def test_one_dyad_has_no_interval() -> None:
 
 
 def test_a_partner_who_is_no_person_is_named() -> None:
-    (found,) = said_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on less off")).sentences
+    (found,) = said_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on vs off")).sentences
     assert "dyadic trials with a robot partner took 0.90 times" in found
     assert found.endswith("the whole interval is below 1.")
 
@@ -132,9 +132,9 @@ def test_of_groups_of_trials_the_first_and_the_last_are_in_the_table() -> None:
         ("s", "reaction time", "dyadic", "ms", 1000),
         ("1", "|delay at 20 %|: p, Holm", "dyadic", "", 1),
         ("1", "share of stillness", "dyadic", "%", 100),
-        ("1", "share of stillness", "dyadic, haptics on less off", "% points", 100),
+        ("1", "share of stillness", "dyadic, haptics on vs off", "% points", 100),
         ("1", "cooperative share: difference", "dyadic", "% points", 100),
-        ("1", "cooperative share: g_z", "dyadic less bimanual, haptics on", "", 1),
+        ("1", "cooperative share: g_z", "dyadic vs bimanual, haptics on", "", 1),
         ("1", "falls per attempt", "dyadic", "%", 100),
         ("1", "falls per attempt: ratio of odds", "haptics", "", 1),
         ("m", "ball along the board", "dyadic", "mm", 1e3),

@@ -30,7 +30,7 @@ def test_variances_are_those_of_a_performer_in_a_condition() -> None:
     found = strategy(made_study(BLOCKS, GROUP))
     assert value(found, "variance of distance", "dyadic, trials 1 to 3") == pytest.approx((0.00505 + 0.01) / 2)
     assert value(found, "variance of distance", "dyadic, trials 4 to 6") == pytest.approx((0.0001 + 0.01) / 2)
-    assert value(found, "change of variance of distance", "dyadic, last group less first") == pytest.approx(
+    assert value(found, "change of variance of distance", "dyadic, last group vs first") == pytest.approx(
         -0.00495 / 2
     )
     assert value(found, "variance of velocity", "dyadic, trials 1 to 3") == pytest.approx(0.01)
@@ -89,7 +89,7 @@ def test_all_are_shown_together_where_there_are_several_teams() -> None:
 
 def test_one_group_has_no_change() -> None:
     found = strategy(made_study(BLOCKS, "summaries.group=30"))
-    assert np.isnan(value(found, "change of variance of distance", "dyadic, last group less first"))
+    assert np.isnan(value(found, "change of variance of distance", "dyadic, last group vs first"))
 
 
 def test_trials_without_a_braking_movement_are_left_out() -> None:

@@ -156,13 +156,13 @@ def test_what_a_picture_pools_over_is_said(study: Study) -> None:
 def test_numeric_factors_are_terms_of_the_models_with_their_unit(study: Study) -> None:
     (times, *_) = fits(study).fits
     names = {effect.name for effect in times.model.effects}
-    assert {"mass [0.01 kg]", "gain [0.1]", "age [10 y]", "force: partner_only less full"} <= names
+    assert {"mass [0.01 kg]", "gain [0.1]", "age [10 y]", "force: partner_only vs full"} <= names
 
 
 def test_each_level_is_compared_with_the_first_under_equal_conditions(study: Study) -> None:
     names = {one.question.name for one in comparisons(study).comparisons}
-    assert any(name.startswith("mass heavy (0.05 kg) less light (0.02 kg), dyadic") for name in names)
-    assert any(name.startswith("gain strong (1) less weak (0.5), dyadic") for name in names)
+    assert any(name.startswith("mass heavy (0.05 kg) vs light (0.02 kg), dyadic") for name in names)
+    assert any(name.startswith("gain strong (1) vs weak (0.5), dyadic") for name in names)
 
 
 def test_the_report_lists_the_factors(study: Study) -> None:

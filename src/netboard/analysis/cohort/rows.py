@@ -66,7 +66,7 @@ GROUPS = (
     number("braking_velocity_sd", "standard deviation of these velocities", "m/s"),
     count("movements", "cooperative movements with a delay at 20 %"),
     *(number(f"delay_{q}", f"mean absolute delay at {q} % of the slower side's peak", "s") for q in PERCENT),
-    number("signed_delay_20", "mean delay at 20 %, left less right: + = right first", "s"),
+    number("signed_delay_20", "mean delay at 20 %, left minus right: + = right first", "s"),
 )
 """Columns of the table of groups."""
 

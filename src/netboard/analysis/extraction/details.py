@@ -34,11 +34,11 @@ MOVEMENTS = (
     number("left_peak", "peak velocity of the left stylus in its own direction", "m/s"),
     number("right_peak", "peak velocity of the right one", "m/s"),
     *(
-        number(f"delay_{q}", f"delay at {q} % of the peak that is set, left less right: + = right first", "s")
+        number(f"delay_{q}", f"delay at {q} % of the peak that is set, left minus right: + = right first", "s")
         for q in PERCENT
     ),
     *(count(f"truncated_{q}", f"1: a side was above {q} % already where the search ended") for q in PERCENT),
-    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left less right", "s") for q in PERCENT),
+    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left minus right", "s") for q in PERCENT),
 )
 """Columns of the table of movements."""
 

@@ -17,11 +17,11 @@ from netboard.analysis.report.numbers import after, between, records, unit_of, w
 from netboard.analysis.report.wording import amount, counted
 from netboard.analysis.topics.delay import OVER_ALL, RISE
 
-_STAGES = r"(?P<team>.+), last (?P<count>\d+) less first \d+"
-_GROUPS = r"(?P<team>.+), last group less first"
-_FELT = r"(?P<team>.+), (?P<force>[^,]+) less off"
-_TEAMS = r"(?P<one>bimanual|dyadic) less (?P<other>bimanual|dyadic)"
-_LEVEL = r"(?!.* less )(?P<group>.+)"
+_STAGES = r"(?P<team>.+), last (?P<count>\d+) vs first \d+"
+_GROUPS = r"(?P<team>.+), last group vs first"
+_FELT = r"(?P<team>.+), (?P<force>[^,]+) vs off"
+_TEAMS = r"(?P<one>bimanual|dyadic) vs (?P<other>bimanual|dyadic)"
+_LEVEL = r"(?!.* vs )(?P<group>.+)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,17 +125,17 @@ THEMES = (
         "dyads",
         (
             Saying(
-                "completion time: mean of the two less dyad",
+                "completion time: mean of the two minus dyad",
                 "(?P<group>.+)",
-                "The gain of dyads in completion time (mean of the two partners alone less the dyad) was",
+                "The gain of dyads in completion time (mean of the two partners alone minus the dyad) was",
                 "{value} with {group}",
                 "no gain",
             ),
         ),
         (
-            Heading("gain in completion time", ("completion time: mean of the two less dyad",)),
+            Heading("gain in completion time", ("completion time: mean of the two minus dyad",)),
             Heading("faster dyads", ("completion time: dyads better than the mean of the two",), is_count=True),
-            Heading("gain in velocity peaks", ("number of velocity peaks: mean of the two less dyad",)),
+            Heading("gain in velocity peaks", ("number of velocity peaks: mean of the two minus dyad",)),
             Heading(
                 "dyads with fewer", ("number of velocity peaks: dyads better than the mean of the two",), is_count=True
             ),
@@ -186,7 +186,7 @@ THEMES = (
             ),
             Saying(
                 "completion time: ratio",
-                r"(?P<one>dyadic) less (?P<other>bimanual), (?P<force>.+)",
+                r"(?P<one>dyadic) vs (?P<other>bimanual), (?P<force>.+)",
                 "Trials took",
                 "{value} times as long in {one} as in {other} conditions with {force}",
                 "no difference",

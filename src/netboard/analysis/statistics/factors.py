@@ -97,7 +97,7 @@ class Factor:
         levels = self.present if len(self.present) > 1 else self.levels
         for level in levels[1:]:
             yield (
-                self.name if len(self.levels) == 2 else f"{self.name}: {level} less {levels[0]}",
+                self.name if len(self.levels) == 2 else f"{self.name}: {level} vs {levels[0]}",
                 level,
                 1 / len(levels),
             )

@@ -55,11 +55,11 @@ def questions_of(study: Study) -> tuple[Question, ...]:
     forces = {(one.configuration, one.force, one.among): one for one in people}
     effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
     return (
-        *(Question("forces", f"{one.label} less off", (one.name,), (off.name,)) for one, off in effects.values()),
+        *(Question("forces", f"{one.label} vs off", (one.name,), (off.name,)) for one, off in effects.values()),
         *(
             Question(
                 "configuration",
-                ", ".join(("dyadic less bimanual", one.feeling, *one.among)),
+                ", ".join(("dyadic vs bimanual", one.feeling, *one.among)),
                 (one.name,),
                 (alone.name,),
             )
@@ -68,7 +68,7 @@ def questions_of(study: Study) -> tuple[Question, ...]:
         *(
             Question(
                 "interaction",
-                ", ".join((f"{two[0].feeling} less off, dyadic less bimanual", *two[0].among)),
+                ", ".join((f"{two[0].feeling} vs off, dyadic vs bimanual", *two[0].among)),
                 (two[0].name, two[1].name),
                 (one[0].name, one[1].name),
             )
@@ -201,9 +201,9 @@ def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
 TITLE = "Effects of forces and of a partner, standardised"
 
 KINDS = {
-    "forces": "haptics less off",
-    "configuration": "dyadic less bimanual",
-    "interaction": "haptics less off, dyadic less bimanual",
+    "forces": "haptics vs off",
+    "configuration": "dyadic vs bimanual",
+    "interaction": "haptics vs off, dyadic vs bimanual",
     "factor": "levels of other factors",
 }
 """Titles of the panels."""
@@ -304,8 +304,8 @@ def _legend(axes: "Axes", questions: Sequence[Question], looks: dict[str, Look],
 def _short(question: Question) -> str:
     """Return the part of a contrast's name that distinguishes it from others of its kind."""
     if question.kind == "configuration":
-        return question.name.removeprefix("dyadic less bimanual, ")
-    return question.name.partition(" less off")[0]
+        return question.name.removeprefix("dyadic vs bimanual, ")
+    return question.name.partition(" vs off")[0]
 
 
 def _caption(found: Sequence[Comparison]) -> str:

@@ -56,7 +56,7 @@ PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
 OVER_ALL = f"mean of {PERCENT[0]} to {PERCENT[-1]} %"
 """Name of the mean over the fractions."""
 
-RISE = f"delay at {PERCENT[-1]} % less that at {PERCENT[0]} %"
+RISE = f"delay at {PERCENT[-1]} % minus that at {PERCENT[0]} %"
 """Name of the increase of delays with the threshold."""
 
 APART = "thresholds at which the intervals do not overlap"
@@ -163,7 +163,7 @@ def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
         yield estimated(TOPIC, f"delay, {OVER_ALL}", group, estimate(differences), "s", f"{kind}; a difference")
     by_name = {one.condition.name: one for one in found}
     for felt, base in with_base(every):
-        yield _apart(f"{felt.label} less off", by_name[felt.name], by_name[base.name])
+        yield _apart(f"{felt.label} vs off", by_name[felt.name], by_name[base.name])
 
 
 def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
@@ -172,7 +172,7 @@ def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
     kinds = (
         ("delay at {} %", found.as_set, kind),
         ("delay at {} % of own peaks", found.own_peak, kind),
-        ("signed delay at {} %", found.signed, "left less right"),
+        ("signed delay at {} %", found.signed, "left minus right"),
         ("SD of the signed delay at {} %", found.deviations, "of each performer's movements"),
     )
     for name, delays, note in kinds:
@@ -227,7 +227,7 @@ def picture(study: Study) -> Picture:
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
         ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
         ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
-        ("signed", "signed delay, left less right", lambda one: one.signed),
+        ("signed", "signed delay, left minus right", lambda one: one.signed),
     )
     for (name, title, delays), letter in zip(panels, "ABC", strict=True):
         titled(axes[name], letter, title)

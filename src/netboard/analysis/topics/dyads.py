@@ -130,7 +130,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 def _results(found: Comparison) -> Iterator[Result]:
     quantity, group = found.quantity, found.condition.felt
     note = "" if found.known else "no dyad performed in both configurations with this force"
-    yield estimated(TOPIC, f"{quantity.name}: mean of the two less dyad", group, found.gain, quantity.unit, note)
+    yield estimated(TOPIC, f"{quantity.name}: mean of the two minus dyad", group, found.gain, quantity.unit, note)
     if found.known:
         dyads = "1 dyad" if found.test.n == 1 else f"{found.test.n} dyads"
         tested = f"p = {found.test.p:.3g}; {dyads} can give no p below {found.test.least_p:.3g}"
@@ -229,7 +229,7 @@ def _gains(axes: "Axes", found: list[Comparison]) -> None:
     names = [f"{one.condition.felt}:\n{one.better} of {one.known} dyads better" for one in found]
     axes.set_yticks(range(len(found)), names)
     axes.set_ylim(max(len(found), 1) - 0.5, -0.5)
-    axes.set_xlabel(f"mean of the two alone less dyad [{found[0].quantity.unit if found else '1'}]")
+    axes.set_xlabel(f"mean of the two alone minus dyad [{found[0].quantity.unit if found else '1'}]")
 
 
 def _caption(found: list[Comparison]) -> str:

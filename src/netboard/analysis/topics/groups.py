@@ -199,11 +199,11 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
     """Yield the contrasts of interest by name, as within-dyad differences.
 
-    Such as ``dyadic, haptics on less off`` for each haptic condition minus haptics off; or ``bimanual less dyadic``,
+    Such as ``dyadic, haptics on vs off`` for each haptic condition minus haptics off; or ``bimanual vs dyadic``,
     over the haptic conditions that both have; or as in `by_factor`.
     """
     for one, base in with_base(every):
-        yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
+        yield f"{one.label} vs off", (values[one.name] - values[base.name]).dropna()
     for among in dict.fromkeys(one.among for one in every):
         own = [one for one in every if one.among == among and not one.partner]
         alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
@@ -211,7 +211,7 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
         shared = [force for force in alone if force in together]
         if shared:
             each = [values[alone[force]] - values[together[force]] for force in shared]
-            name = ", ".join(("bimanual less dyadic", *among))
+            name = ", ".join(("bimanual vs dyadic", *among))
             yield name, pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
     for name, one, other in by_factor(every):
         yield name, (values[one.name] - values[other.name]).dropna()
@@ -220,7 +220,7 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
     """Yield pairs of conditions that differ in the level of one further factor, or in the haptic condition.
 
-    Named such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level minus the first level
+    Named such as ``mass heavy (0.05 kg) vs light (0.02 kg), dyadic, haptics on``: each level minus the first level
     that exists under otherwise equal conditions. Haptic conditions are compared in this way if there is none without
     haptics.
     """
@@ -233,14 +233,14 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
             others = (*one.levels[:place], *one.levels[place + 1 :])
             base = first.setdefault((factor.name, one.configuration, one.force, one.partner, others, one.role), one)
             if base is not one:
-                less = factor.text(base.levels[place][1]).removeprefix(f"{factor.name} ")
+                other = factor.text(base.levels[place][1]).removeprefix(f"{factor.name} ")
                 rest = replace(one, levels=others).label
-                yield f"{factor.text(level)} less {less}, {rest}", one, base
+                yield f"{factor.text(level)} vs {other}, {rest}", one, base
     felt: dict[str, Condition] = {}
     for one in every:
         base = felt.setdefault(one.team, one)
         if base is not one and base.force != "none":
-            yield f"{one.feeling} less {base.feeling}, {one.team}", one, base
+            yield f"{one.feeling} vs {base.feeling}, {one.team}", one, base
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:

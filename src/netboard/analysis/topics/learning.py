@@ -69,7 +69,7 @@ class Stages:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """One quantity over the trials of a team, with means over dyads of first trials, last trials, and last minus first.
+    """One quantity over the trials of a team, with means over dyads of first trials, last trials, and last vs first.
 
     `of` is the unit of the standard deviations of `ends`: trials, participants or dyads; `short` is the number of
     series with too few trials for both ends, which are left out [1].
@@ -196,7 +196,7 @@ def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
             group = f"{found.team}, {when}"
             yield _spread(group, spread, course, note)
             yield estimated(TOPIC, f"{name}, mean of dyads", group, mean, unit, note)
-        group = f"{found.team}, last {count} less first {count}"
+        group = f"{found.team}, last {count} vs first {count}"
         yield estimated(TOPIC, f"change of {name}", group, course.change, unit, note)
 
 

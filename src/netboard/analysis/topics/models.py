@@ -154,7 +154,7 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
 
 def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
     """Return a categorical factor; with two levels its name gives the direction of the comparison."""
-    full = f"{name}: {levels[1]} less {levels[0]}" if len(levels) == 2 else name
+    full = f"{name}: {levels[1]} vs {levels[0]}" if len(levels) == 2 else name
     return Factor(full, values.to_numpy(str), tuple(levels))
 
 

@@ -75,7 +75,7 @@ def _learned(quantity: str, line: int, panels: str) -> tuple[Reported, ...]:
             "decreased",
             "learning",
             f"change of {quantity}",
-            f"{team}, last {{ends}} less first {{ends}}",
+            f"{team}, last {{ends}} vs first {{ends}}",
         )
         for panel, team in zip(panels, _TEAMS, strict=True)
     )
@@ -96,8 +96,8 @@ def _share(figure: str, line: int, kind: Kind, said: str, of: str, group: str) -
 
 _TEAMS = ("bimanual", "dyadic")
 _CONDITIONS = tuple(f"{team}, {feeling}" for team in _TEAMS for feeling in ("haptics off", "haptics on"))
-_FELT = tuple(f"{team}, haptics on less off" for team in _TEAMS)
-_BETWEEN = "bimanual less dyadic"
+_FELT = tuple(f"{team}, haptics on vs off" for team in _TEAMS)
+_BETWEEN = "bimanual vs dyadic"
 
 REPORTED: tuple[Reported, ...] = (
     *_ends("completion time", 161, "AB", (5.71, 4.48, 3.61, 3.08, 4.33, 2.92, 3.62, 2.23)),
@@ -115,7 +115,7 @@ REPORTED: tuple[Reported, ...] = (
     *(_share("4", 182, "falls", "decreased with haptics", "single movement", group) for group in _FELT),
     _share("4", 182, "falls", "decreased with haptics", "competitive movement", _FELT[1]),
     *(
-        Reported(f"5{panel}", 192, "falls", said, "strategy", f"change of {what}", "all, last group less first")
+        Reported(f"5{panel}", 192, "falls", said, "strategy", f"change of {what}", "all, last group vs first")
         for panel, said, what in (
             ("A", "became smaller", "the area of the ellipse"),
             ("B", "decreased", "variance of distance"),
@@ -151,7 +151,7 @@ COMPARISON = (
     words("interval", "what the interval is"),
     count("n", "of how many the study's number is made"),
     words("of", "of what"),
-    number("difference", "the study's number less the paper's", "in column unit"),
+    number("difference", "the study's number minus the paper's", "in column unit"),
     number("difference_sd", "the same in standard deviations of the paper", "1"),
     words("verdict", "whether both agree"),
     words("note", "what must be known to read it"),

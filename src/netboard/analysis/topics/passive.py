@@ -68,7 +68,7 @@ class Controls:
         rows = []
         felt = []
         for one in self.controls:
-            group = f"{one.condition.label} less off"
+            group = f"{one.condition.label} vs off"
             if group not in felt:
                 felt.append(group)
                 rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
@@ -179,7 +179,7 @@ def picture(study: Study) -> Picture:
             draw_mean(axes, place + offset, mean, look, f"{condition.name}, {place}", scale=POINTS.scale)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
     names = [
-        "with forces less without,\nas recorded",
+        "haptics on minus off,\nas recorded",
         *(f"passive,\n{one.arm.replace(', ', ',' + chr(10))}" for one in found if one.condition == felt[0]),
     ]
     axes.set_xticks(columns, names, fontsize=7)

@@ -41,7 +41,7 @@ PEOPLE = (
         for name in _CLASSES
     ),
     number("delay_20", "mean absolute delay at 20 % of the peak that is set, over cooperative movements", "s"),
-    number("signed_delay_20", "mean delay there, left less right: + = right first", "s"),
+    number("signed_delay_20", "mean delay there, left minus right: + = right first", "s"),
 )
 """Columns of the table of performers."""
 

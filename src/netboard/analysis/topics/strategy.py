@@ -141,7 +141,7 @@ def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
     for group, one in zip(groups, found.ellipses, strict=True):
         note = "of everybody's trials together" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
         yield Result(TOPIC, "area of the ellipse", group, one.area, nan, nan, "m2/s", "", one.count, "trial", note)
-    ends = f"{found.team}, last group less first"
+    ends = f"{found.team}, last group vs first"
     if len(found.ellipses) > 1:
         first, last = found.ellipses[0], found.ellipses[-1]
         note, count = "of everybody's trials together", first.count + last.count

@@ -149,7 +149,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
     said = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
     at = ", ".join(f"{percent}" for percent in PERCENT)
     whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
-    return f"left less right {said} ms at {at} % of {whose} (lines), in the largest movement"
+    return f"left minus right {said} ms at {at} % of {whose} (lines), in the largest movement"
 
 
 def draw_braking(axes: Axes, take: Take) -> str:

@@ -51,7 +51,7 @@ def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
     if unit == "s" and _SHORT.search(quantity):
         return MS
     if unit == "1" and _SHARE.search(quantity) and quantity.partition(": ")[2] in _THE_MEASURE_ITSELF:
-        return POINTS if " less " in group or _DIFFERENCE.search(quantity) else PERCENT
+        return POINTS if " vs " in group or _DIFFERENCE.search(quantity) else PERCENT
     if unit in READ_IN:
         return READ_IN[unit]
     return Unit("" if unit == "1" else re.sub(r"(?<=[A-Za-z])[234]", lambda power: _RAISED[power[0]], unit))
