@@ -86,8 +86,7 @@ def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
     ]
     compared = compare(made_study(blocks)).set_index(["quantity", "group"])
     assert (
-        compared.loc[("share of cooperative movement", "bimanual vs dyadic"), "verdict"]
-        == f"{direction}, no interval"
+        compared.loc[("share of cooperative movement", "bimanual vs dyadic"), "verdict"] == f"{direction}, no interval"
     )
 
 

@@ -30,9 +30,7 @@ def test_variances_are_those_of_a_performer_in_a_condition() -> None:
     found = strategy(made_study(BLOCKS, GROUP))
     assert value(found, "variance of distance", "dyadic, trials 1 to 3") == pytest.approx((0.00505 + 0.01) / 2)
     assert value(found, "variance of distance", "dyadic, trials 4 to 6") == pytest.approx((0.0001 + 0.01) / 2)
-    assert value(found, "change of variance of distance", "dyadic, last group vs first") == pytest.approx(
-        -0.00495 / 2
-    )
+    assert value(found, "change of variance of distance", "dyadic, last group vs first") == pytest.approx(-0.00495 / 2)
     assert value(found, "variance of velocity", "dyadic, trials 1 to 3") == pytest.approx(0.01)
 
 
