@@ -26,7 +26,9 @@ from netboard.base.config import Config
 from netboard.base.settings import Key, tables, to_toml
 from netboard.base.tables.forces import CONDITIONS
 from netboard.base.tables.scene import FRICTION
+from netboard.base.tables.simulated import PARTICIPANT_SOURCES
 from netboard.devices.contract.registry import BACKENDS
+from netboard.nodes.rehearsal.population import VARIED
 from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.recording.export.formats import FORMATS
 from netboard.recording.export.tables import TRIALS
@@ -245,6 +247,20 @@ def device_models() -> str:
     return "\n".join(lines)
 
 
+def participant_parameters() -> str:
+    """Write the parameters of a simulated participant as a table, with source and spread of each."""
+    spreads = {name: spread for names, spread in VARIED.items() for name in names}
+    lines = [
+        "| key | meaning | value | unit | SD of its logarithm | source of the value |",
+        "|---|---|---|---|---|---|",
+    ]
+    for key in next(table for table in tables(Config) if table.name == "participant").keys:
+        spread = f"{spreads[key.name]:g}" if key.name in spreads else ""
+        source = PARTICIPANT_SOURCES[key.name]
+        lines.append(f"| `{key.name}` | {key.text} | {key.default} | {key.unit} | {spread} | {source} |")
+    return "\n".join(lines)
+
+
 def force_conditions() -> str:
     """Write the force conditions as a table."""
     lines = ["| `force` | the hand feels | information about the partner |", "|---|---|---|"]
@@ -308,6 +324,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "loop machine": ("explanation/latency.md", study_machine("loop")),
     **{f"loop-{name}": ("explanation/latency.md", study_part("loop", name)) for name in LOOP},
     **{f"soak-{name}": ("explanation/latency.md", study_part("soak", name)) for name in SOAK},
+    "participant parameters": ("explanation/participants.md", participant_parameters),
     "device models": ("explanation/participants.md", device_models),
     "participants machine": ("explanation/participants.md", study_machine("participants")),
     **{

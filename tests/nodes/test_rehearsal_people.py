@@ -1,15 +1,15 @@
 """People differ, stay who they are, and see no more than they may."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.tables.simulated import Participant
+from netboard.base.tables.simulated import PARTICIPANT_SOURCES, Participant
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.closed_loop import SimulatedParticipant, scale_in, seats_of
-from netboard.nodes.rehearsal.population import people_of, performers, person_of
+from netboard.nodes.rehearsal.population import VARIED, people_of, performers, person_of
 
 
 def participant(config: Config, station: str, sides: tuple[str, ...]) -> SimulatedParticipant:
@@ -110,3 +110,9 @@ def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
 def test_who_decides(keys: dict[str, object], seats: object) -> None:
     config = Config()
     assert seats_of(replace(config, block=replace(config.block, **keys))) == seats
+
+
+def test_every_parameter_has_a_source_and_what_varies_is_a_parameter() -> None:
+    names = [field.name for field in fields(Participant)]
+    assert sorted(PARTICIPANT_SOURCES) == sorted(names)
+    assert {name for group in VARIED for name in group} <= set(names)

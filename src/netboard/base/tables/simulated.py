@@ -119,3 +119,31 @@ class Participant:
     ] = 1.29
     learning_trials: Annotated[float, about("trials until 1/e of the difference is left", "1", gt=0, le=10_000)] = 200.0
     practice: Annotated[float, about("trials done before the block", "1", ge=0, le=100_000)] | OfPlan = "plan"
+
+
+_ARM = "assumed; published arms in posture have 0.5 to 1.5 kg, 5 to 30 N s/m, 100 to 500 N/m"
+_FITTED = "fitted to bimanual trials with haptic feedback off"
+_SEARCHED = "an earlier random search on all of the paper's figures"
+_BY_HAND = "chosen by hand after trials with haptic feedback and dyads had been seen"
+_ASSUMED = "assumed"
+
+PARTICIPANT_SOURCES = {
+    name: source
+    for names, source in {
+        ("arm_mass", "arm_damping", "arm_stiffness"): _ARM,
+        ("muscle_lag",): "a model: Lokesh et al. 2023",
+        ("visual_delay",): "models: Takagi et al. 2017, Lokesh et al. 2023",
+        ("haptic_delay", "reflex_delay"): "measured: Cluff, Crevecoeur and Scott 2015",
+        ("rest_skill", "load_skill", "reflex_gain", "mirror_rate"): _BY_HAND,
+        ("impedance_gain", "impedance_decay", "impedance_limit"): "assumed; the law is that of Franklin et al. 2008",
+        ("kp", "kd", "max_tilt_deg", "lookahead", "partner_noise", "centring"): _SEARCHED,
+        ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
+        ("threshold_deg", "refractory", "movement_time"): _FITTED,
+        ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _FITTED,
+        ("haptic_gain",): "computed from the noise: Ernst and Banks 2002",
+        ("force_noise", "friction_skill", "reflex_time", "reaction_time", "haptic_noise", "learning_trials"): _ASSUMED,
+        ("practice",): "the trials of the plan",
+    }.items()
+    for name in names
+}
+"""Source of the default of each parameter of a simulated participant."""

@@ -17,7 +17,7 @@ from netboard.base.tables.simulated import Participant
 SPREAD = 0.15
 """Standard deviation of the logarithm of most factors [1]."""
 
-_VARIED = {
+VARIED = {
     ("kp", "kd"): SPREAD / 2,  # together: a participant that moves the ball faster also brakes harder
     ("threshold_deg",): SPREAD,
     ("refractory", "movement_time"): SPREAD / 2,
@@ -37,7 +37,7 @@ def person_of(usual: Participant, seed: int, dyad: int, letter: str) -> Particip
     rng = np.random.default_rng((seed, dyad, LETTERS.index(letter)))
     factors = {
         name: float(factor)
-        for names, spread in _VARIED.items()
+        for names, spread in VARIED.items()
         for factor in (np.exp(spread * rng.standard_normal()),)
         for name in names
     }
