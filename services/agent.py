@@ -17,7 +17,7 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
     from netboard.nodes.agent.agent import Agent
-    from netboard.nodes.agent.stylus_source import companion_of
+    from netboard.nodes.agent.stylus_source import stylus_source_of
 
     speak(f"agent {side}")
     granted = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
@@ -26,4 +26,4 @@ def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None
         sockets.open_context(io_priority(granted, Priority.AGENT)) as context,
         registry.make(side, settings) as device,
     ):
-        Agent(settings, side, device, context, companion_of(settings, device, context)).run(stopping)
+        Agent(settings, side, device, context, stylus_source_of(settings, device, context)).run(stopping)

@@ -82,9 +82,9 @@ def analyse(
 
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
-    wishes = analysing.Wishes(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
-    asked = analysing.Asked(settings, tuple(overrides or ()))
+    chosen = analysing.AnalysisOptions(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
+    asked = analysing.GivenSettings(settings, tuple(overrides or ()))
     read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = Console(highlight=False, soft_wrap=True)
-    for line in analysing.analyse(recordings, output, asked, wishes, read, telling):
+    for line in analysing.analyse(recordings, output, asked, chosen, read, telling):
         console.print(line, markup=False)

@@ -63,9 +63,9 @@ def demo(
         own.append("session.pilot=true")
     settings = load(config, [*own, *(overrides or ())])
     from netboard.nodes.operator.demo import run
-    from netboard.nodes.server.planned import Wanted
+    from netboard.nodes.server.planned import StudySession
 
-    options = [] if study is None else Wanted(study, dyad, 1, seed, blocks, trials).options
+    options = [] if study is None else StudySession(study, dyad, 1, seed, blocks, trials).options
     raise typer.Exit(run(settings, displays=displays, study=options))
 
 

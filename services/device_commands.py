@@ -22,7 +22,7 @@ from netboard.devices.contract.device import Device
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
 from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
-from netboard.devices.setup.loop import Beats, Driver, RealTime, watch
+from netboard.devices.setup.loop import Driver, LoopClock, RealTime, watch
 
 console = Console(highlight=False)
 
@@ -55,13 +55,20 @@ def show_list(config: Config, *, as_json: bool, root: Path = usb.ROOT) -> int:
 
 
 def examine(
-    config: Config, side: Side, *, seconds: float, force: float, yes: bool, as_json: bool, beats: Beats | None = None
+    config: Config,
+    side: Side,
+    *,
+    seconds: float,
+    force: float,
+    yes: bool,
+    as_json: bool,
+    loop_clock: LoopClock | None = None,
 ) -> int:
     """Examine a device, without force unless one is given; return 1 if anything is red."""
     if force:
         ask_consent(f"{checkup.PULSES} short pushes of {force:g} N, up and down", yes, input)
-    with opened(config, side, beats is None) as device, _bar(as_json) as progress:
-        info, ticks = device.info, beats or RealTime()
+    with opened(config, side, loop_clock is None) as device, _bar(as_json) as progress:
+        info, ticks = device.info, loop_clock or RealTime()
         watch(device, ticks, WARM_UP)
         findings = list(checkup.examine(watch(device, ticks, seconds, progress("reading")), info))
         if force:
@@ -86,7 +93,7 @@ def identify(
     replace_it: bool,
     as_json: bool,
     chirp: excitation.Chirp | None = None,
-    beats: Beats | None = None,
+    loop_clock: LoopClock | None = None,
 ) -> int:
     """Identify a device's mechanics, and write them to its profile unless a hand held it."""
     chirp = chirp or excitation.Chirp()
@@ -94,8 +101,8 @@ def identify(
     ask_consent(
         f"the stylus, {what}, up and down for {chirp.seconds:g} s with at most {chirp.max_force:g} N", yes, input
     )
-    with opened(config, side, beats is None) as device, _bar(as_json) as progress:
-        info, known, ticks = device.info, device.profile, beats or RealTime()
+    with opened(config, side, loop_clock is None) as device, _bar(as_json) as progress:
+        info, known, ticks = device.info, device.profile, loop_clock or RealTime()
         watch(device, ticks, WARM_UP)
         track = excitation.run(device, ticks, chirp, config.safety, progress("moving"))
     found = excitation.identified(track, held)
@@ -124,12 +131,12 @@ def calibrate(
     yes: bool,
     given: Mapping[str, str],
     replace_it: bool,
-    beats: Beats | None = None,
+    loop_clock: LoopClock | None = None,
     ask: Ask = input,
 ) -> int:
     """Find zero, workspace and scale of a device with an operator's help, and write them to its profile."""
-    with opened(config, side, beats is None and not given) as device:
-        info, ticks = device.info, beats or RealTime()
+    with opened(config, side, loop_clock is None and not given) as device:
+        info, ticks = device.info, loop_clock or RealTime()
         known = device.profile or Profile(Identity(info.model, info.serial))
         if given:
             place = calibration.with_values(known.placement, given, f"{now_in_words()}, values given by hand")
@@ -144,7 +151,7 @@ def calibrate(
 
 
 def _asked_for(
-    device: Device, ticks: Beats, before: Placement, config: Config, ask: Ask | None, *, zero_only: bool
+    device: Device, ticks: LoopClock, before: Placement, config: Config, ask: Ask | None, *, zero_only: bool
 ) -> Placement:
     """Ask for the neutral height, then for two corners."""
 

@@ -67,15 +67,15 @@ def import_(
         raise ConfigError("import: expected either TABLE... or --manifest")
     if manifest is not None and others:
         raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
-    from netboard.recording.importing.table_import import Wishes, import_table
+    from netboard.recording.importing.table_import import ImportOptions, import_table
 
     if manifest is not None:
         raise typer.Exit(import_study(manifest, output, workers))
     rig = load(config, settings)
-    wishes = Wishes(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
+    chosen = ImportOptions(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
     for table in tables or ():
         with telling() as tell:
-            found = import_table(table, output, rig, wishes, time.time_ns(), tell)
+            found = import_table(table, output, rig, chosen, time.time_ns(), tell)
         say([found])
 
 

@@ -85,10 +85,10 @@ def server(
     if study is None:
         blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
-    from netboard.nodes.server.planned import Planned, Wanted
+    from netboard.nodes.server.planned import Planned, StudySession
     from netboard.services.studies import load_study
 
-    planned = Planned(settings[0], load_study(study), Wanted(study, dyad, session, seed, blocks, trials))
+    planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resumed(confirm(yes)) if resume else planned.begun()
     raise typer.Exit(serve([opened], autostart=autostart is True))
 

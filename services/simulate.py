@@ -113,7 +113,7 @@ def simulate(
     from netboard.recording.importing.hand_files import find_inputs, plan_outputs
 
     config = hands.load_scene(scene, [*(overrides or ()), *([f"physics.model={model}"] if model else ())])
-    wishes = hands.Wishes(
+    chosen = hands.SimulationOptions(
         hold=hold,
         gaps=gaps,
         method=method,
@@ -126,7 +126,7 @@ def simulate(
         energy=energy,
     )
     physics, free = config.physics, ball == "free"
-    check_start(physics, wishes.start(physics.balls), free)
+    check_start(physics, chosen.start(physics.balls), free)
     steps = choose_steps(physics, free, method, substeps)
     plan = plan_outputs(find_inputs([*inputs, *(more or ())]), output, force)
     sheets: list[hands.Sheet] = []
@@ -141,7 +141,7 @@ def simulate(
                 show(completed=number + share, description=escape(f"{what} {path.name}"))
 
             try:
-                sheet, notes = hands.simulate_file(path, result, config, steps, wishes, force, tell)
+                sheet, notes = hands.simulate_file(path, result, config, steps, chosen, force, tell)
             except ConfigError as fault:
                 faults.append(str(fault))
                 continue
@@ -150,7 +150,7 @@ def simulate(
                 console.print(f"{path}: {note}", style="yellow", markup=False)
     if sheets:
         console.print(hands.scene_in_words(physics, free))
-        console.print(hands.steps_in_words(steps, wishes))
+        console.print(hands.steps_in_words(steps, chosen))
         console.print(hands.table_of(sheets))
     if faults:
         raise ConfigError("\n".join(faults))

@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 import pandas as pd
 
 from netboard.analysis.extraction.cache import Cache
-from netboard.analysis.extraction.path_table import Shelf
-from netboard.analysis.extraction.running import Harvest, harvest
+from netboard.analysis.extraction.path_table import PathTable
+from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.extraction.workers import Crew, processes
@@ -30,14 +30,14 @@ def gathered(
     progress: Progress = quiet,
     *,
     skip: bool = False,
-) -> Harvest:
+) -> Extraction:
     """Measure recordings, and have the paths in memory."""
     with TemporaryDirectory() as folder:
-        found = harvest(recordings, readings, crew, cache, Shelf(Path(folder)), progress, skip=skip)
+        found = extract(recordings, readings, crew, cache, PathTable(Path(folder)), progress, skip=skip)
         return replace(found, paths=dict(found.paths))
 
 
-def studied(found: Harvest, readings: Readings | None = None) -> Study:
+def studied(found: Extraction, readings: Readings | None = None) -> Study:
     return study_of(found.measured, readings or Readings(), found.paths)
 
 

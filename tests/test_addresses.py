@@ -9,14 +9,14 @@ def test_addresses_count_the_channels_from_the_first_port() -> None:
     assert where.listen(channels.MOTION).address == "tcp://0.0.0.0:6000"
     assert where.reach(channels.CONTROL).address == "tcp://10.0.0.1:6004"
     assert {channels.VIEW["left"], channels.VIEW["right"]} == {2, 3}
-    assert len(channels.CHANNELS) == channels.NERVE + 1
+    assert len(channels.CHANNELS) == channels.MOVES + 1
 
 
 def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
     keys = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
-    for nerve in (where.listen(channels.NERVE), where.reach(channels.NERVE)):
-        assert nerve == channels.Endpoint("tcp://127.0.0.1:6005", channels.NERVE)
+    for moves in (where.listen(channels.MOVES), where.reach(channels.MOVES)):
+        assert moves == channels.Endpoint("tcp://127.0.0.1:6005", channels.MOVES)
     assert where.reach(channels.LOG).lock is keys
     assert "ssss" not in repr(keys)
 

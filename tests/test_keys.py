@@ -79,7 +79,7 @@ def test_a_key_opens_the_channels_of_its_role_and_side(
 
 
 def test_the_channels_with_keys_are_all_but_the_nerve() -> None:
-    assert set(keys.OPENS) == set(channels.CHANNELS) - {"nerve"}
+    assert set(keys.OPENS) == set(channels.CHANNELS) - {"moves"}
 
 
 def test_a_key_speaks_for_what_it_is_for(ring: keys.KeyRing, folder: Path) -> None:

@@ -18,7 +18,7 @@ from netboard.analysis.measures.motion import find_completion
 from netboard.base.config import Config
 from netboard.base.tick import STATE
 from netboard.recording.export.runs import runs_of
-from netboard.recording.importing.table_import import Wishes, import_table
+from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.stage.stage import _decide
 from netboard.task.trials.state_machine import Cause, Phase, pack_rules
 
@@ -65,7 +65,7 @@ def imported(folder: Path, inside: int, told: float | None, outcome: str = "succ
         lines.append(f"{place},{words[0]},{words[1]}")
     table = folder / f"t{inside}_{told}_{outcome}.csv"
     table.write_text("\n".join(lines) + "\n")
-    done = import_table(table, folder / table.stem, Config(), Wishes(), 0, lambda *told: None)
+    done = import_table(table, folder / table.stem, Config(), ImportOptions(), 0, lambda *told: None)
     return measure(runs_of([done.path])[0], Readings())
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from netboard.analysis.extraction.path_table import Shelf
+from netboard.analysis.extraction.path_table import PathTable
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.trials import sparklines
@@ -17,8 +17,8 @@ from report_studies import block
 BLOCKS = [block("one", block=1), block("two", block=2)]
 
 
-def shelved(folder: Path) -> Shelf:
-    shelf = Shelf(folder)
+def shelved(folder: Path) -> PathTable:
+    shelf = PathTable(folder)
     for one in BLOCKS[::-1]:
         shelf.put(one)
     return shelf
@@ -44,7 +44,7 @@ def test_a_study_that_reads_them_there_is_the_same(tmp_path: Path) -> None:
 
 
 def test_a_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path)
+    shelf = PathTable(tmp_path)
     nothing = block("none")
     for values in (nothing.trials, nothing.movements, nothing.paths):
         values.update({name: column[:0] for name, column in values.items()})
@@ -57,4 +57,4 @@ def test_a_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"0.paths: cannot be written: No such file or directory"):
-        Shelf(tmp_path / "gone").put(BLOCKS[0])
+        PathTable(tmp_path / "gone").put(BLOCKS[0])

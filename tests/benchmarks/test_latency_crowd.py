@@ -13,7 +13,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Beat, Force, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.protocol.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, endpoints, poller, sockets
 from netboard.nodes.operator.launcher import free_port
@@ -93,7 +93,7 @@ def test_an_agent_answers_as_a_clock_probe(config: Config) -> None:
         assert (hello.role, hello.side, hello.protocol) == ("agent", "left", PROTOCOL_VERSION)
         assert motion.peer.startswith(b"agent.left@")
         motion.say(WELCOME)
-        motion.say(Beat(4, 111, -1, 250_000, True))
+        motion.say(Heartbeat(4, 111, -1, 250_000, True))
         until_taken(agent, counts, "beats")
         assert agent.welcome
         agent.send(0.01, 0.2)

@@ -53,14 +53,15 @@ def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch:
 
 def test_test(capsys: pytest.CaptureFixture[str]) -> None:
     code = commands.examine(
-        configured(held=True), "left", seconds=2.0, force=0.0, yes=False, as_json=True, beats=SimulatedTime()
+        configured(held=True), "left", seconds=2.0, force=0.0, yes=False, as_json=True, loop_clock=SimulatedTime()
     )
     assert code == 0
     told = json.loads(capsys.readouterr().out)
     assert told["serial"] == "virtual-left"
     assert len(told["findings"]) == 8
     config = configured(friction=0.1)
-    assert commands.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, beats=SimulatedTime()) == 0
+    time = SimulatedTime()
+    assert commands.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, loop_clock=time) == 0
     assert json.loads(capsys.readouterr().out)["findings"][-1]["name"] == "force to movement"
 
 
@@ -69,9 +70,9 @@ def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFix
     chirp = Chirp(seconds=6.0)
     common = {"yes": True, "replace_it": False, "as_json": False, "chirp": chirp}
     held = configured(held=True)
-    assert commands.identify(held, "left", held=True, beats=SimulatedTime(), **common) == 0
+    assert commands.identify(held, "left", held=True, loop_clock=SimulatedTime(), **common) == 0
     assert not Path("profiles").exists()
-    assert commands.identify(configured(), "left", held=False, beats=SimulatedTime(), **common) == 0
+    assert commands.identify(configured(), "left", held=False, loop_clock=SimulatedTime(), **common) == 0
     found = profile.load(Path("profiles"), "virtual-left")
     assert found is not None
     assert found.mechanics.mass == pytest.approx(0.045, rel=0.1)
@@ -137,7 +138,7 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("netboard.devices.contract.registry.make", make)
     common = {"given": {}, "replace_it": False, "ask": operator}
-    assert commands.calibrate(Config(), "left", zero_only=False, yes=False, beats=SimulatedTime(), **common) == 0
+    assert commands.calibrate(Config(), "left", zero_only=False, yes=False, loop_clock=SimulatedTime(), **common) == 0
     assert [words.partition(",")[0] for words in operator.asked] == [
         "Hold the stylus at the neutral height",
         "Hold the stylus at the lower far left corner of the workspace",
@@ -150,7 +151,7 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert place.box == (-0.05, -0.06, -0.02, 0.05, 0.06, 0.08)
     assert place.scale == pytest.approx(1.5)
     operator.place = (0.0, 0.0, 0.0)
-    assert commands.calibrate(Config(), "left", zero_only=True, yes=True, beats=SimulatedTime(), **common) == 0
+    assert commands.calibrate(Config(), "left", zero_only=True, yes=True, loop_clock=SimulatedTime(), **common) == 0
     found = profile.load(Path("profiles"), "puppet")
     assert found is not None
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))

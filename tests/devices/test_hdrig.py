@@ -96,10 +96,10 @@ def test_a_servo_that_does_not_answer_is_not_waited_for(
     monkeypatch.setattr(hdrig, "ANSWER_S", 0.01)
     monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
     assert device._rig is not None
-    assert device._seat is not None
+    assert device._opened is not None
     fake.calls.fake_stall(1)
     with pytest.raises(DeviceTimeout, match="did nothing"):
-        device._rig.ask(device._seat, "asking", lambda: 0)
+        device._rig.ask(device._opened, "asking", lambda: 0)
     assert fake.calls.fake_jobs() == 1
 
 

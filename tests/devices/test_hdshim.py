@@ -64,14 +64,14 @@ def test_a_watch_notes_when_a_callback_began_and_ended(
         monkeypatch.setattr(hdrig, "SETTLE_NS", 1_000_000)
     rig = hdrig.rig_of(fake.path)
     with rig.paused():
-        seat = rig.init("Default Device")
-        servo = (kind or hdshim.ShimServo)(rig.library, seat.handle, 10**9)
+        opened = rig.init("Default Device")
+        servo = (kind or hdshim.ShimServo)(rig.library, opened.handle, 10**9)
         watch = hdshim.Watch(servo.entry if kind else None, 10)
-        rig.schedule(seat, servo, watch.entry)
+        rig.schedule(opened, servo, watch.entry)
     fake.wait(15)
-    rig.release(seat)
+    rig.release(opened)
     began, ended = watch.times.T
     assert len(began) == 10
     assert (ended >= began).all()
     assert (np.diff(began) > 0).all()
-    assert (servo.shot() is None) == (kind is None)
+    assert (servo.result() is None) == (kind is None)

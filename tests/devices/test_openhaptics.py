@@ -276,7 +276,9 @@ def test_a_calibration_that_never_comes_is_not_waited_for(fake: Fake) -> None:
     pauses: list[float] = []
     calibrate = hdfind.calibrate
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("netboard.devices.touch.device.calibrate", lambda rig, seat: calibrate(rig, seat, pauses.append))
+        patch.setattr(
+            "netboard.devices.touch.device.calibrate", lambda rig, opened: calibrate(rig, opened, pauses.append)
+        )
         with pytest.raises(DeviceError, match="not calibrated"):
             device.open()
     assert sum(pauses) == pytest.approx(hdfind.CALIBRATE_S)

@@ -23,7 +23,7 @@ from netboard.benchmarks.faults.devices import (
 )
 from netboard.devices.contract import registry
 from netboard.devices.contract.device import Device
-from netboard.nodes.agent.stylus_source import Held
+from netboard.nodes.agent.stylus_source import SimulatedHandDevice
 
 MS = 1_000_000
 
@@ -71,7 +71,7 @@ def test_no_file_is_no_force(tmp_path: Path) -> None:
 
 
 def test_it_can_be_held_by_a_simulated_hand(device: TamperedTouch) -> None:
-    assert isinstance(device, Held)
+    assert isinstance(device, SimulatedHandDevice)
     device.write(0.0, 0.0, 0.5)
     assert device.felt == 0.5
     device.command(())

@@ -16,7 +16,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Command, StatusRequest
 from netboard.network.protocol.joining import Hello, Refusal
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
-from netboard.network.protocol.motion import Beat, Force, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.protocol.records import EventRecord, LogBatch, LogEnd
 from netboard.network.protocol.views import Frames
 from netboard.stage.view import View
@@ -231,7 +231,7 @@ def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() ->
 def test_other_widths_of_the_same_number_are_accepted() -> None:
     """Another language may write an integer in eight bytes, or a float in four."""
     wide = b"\x96\x0c\xd3" + (1).to_bytes(8, "big") + b"\xcf" + (2).to_bytes(8, "big") + b"\xd0\x03\x04\xc2"
-    assert decode(wide) == Beat(1, 2, 3, 4, False)
+    assert decode(wide) == Heartbeat(1, 2, 3, 4, False)
     assert decode(b"\x96\x0b\x01\x02\x03\xca\x3f\x00\x00\x00\x04") == FORCE
 
 
@@ -239,7 +239,7 @@ def test_small_messages() -> None:
     assert encode(StatusRequest()) == b"\x91\x33"
     assert decode(b"\x91\x33") == StatusRequest()
     assert encode(LogEnd(-1)) == b"\x92\x21\xff"
-    assert encode(Beat(1, 2, 3, 4, True)) == b"\x96\x0c\x01\x02\x03\x04\xc3"
+    assert encode(Heartbeat(1, 2, 3, 4, True)) == b"\x96\x0c\x01\x02\x03\x04\xc3"
 
 
 def test_views_carry_what_may_not_be_seen_as_nil() -> None:

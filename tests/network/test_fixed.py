@@ -11,7 +11,7 @@ from wire_strategies import messages_of
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.messages import Message
-from netboard.network.protocol.motion import Beat, Force, Point, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Stylus
 
 
 def written(message: Message, form: fixed.Form) -> bytes:
@@ -57,5 +57,5 @@ def test_other_forms_and_other_messages_are_left_to_the_codec() -> None:
     stylus = Stylus(1, 2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
     words = np.zeros(len(fixed.STYLUS.markers), np.int64)
     whole = written(stylus, fixed.STYLUS)
-    for frame in (b"", encode(stylus), encode(Beat(1, 2, 3, 4, True)), whole[:-1], whole + b"\0"):
+    for frame in (b"", encode(stylus), encode(Heartbeat(1, 2, 3, 4, True)), whole[:-1], whole + b"\0"):
         assert not fixed.read(frame, fixed.STYLUS.head, fixed.STYLUS.markers, words)

@@ -69,8 +69,8 @@ EXAMPLES: dict[str, Message] = {
     "point": motion.Point(
         123_457, SERVER_NS + 57_000_000, 123_456, PEER_NS + 57_120_000, 0.0105, -0.03125, 200.0, 2.0, 287_000
     ),
-    "beat": motion.Beat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
-    "beat-arm": motion.Beat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
+    "beat": motion.Heartbeat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
+    "beat-arm": motion.Heartbeat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
     "view-dyadic": View(
         station="left",
         tick=123_457,

@@ -17,7 +17,7 @@ from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Beat, Safeguard, Stylus
+from netboard.network.protocol.motion import Heartbeat, Safeguard, Stylus
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.agent import Agent
 from netboard.nodes.operator.launcher import free_port
@@ -80,7 +80,7 @@ class Server:
             if isinstance(message, Hello):
                 self.router.send(agent, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
             elif isinstance(message, Stylus):
-                beat = Beat(self._tick, now_ns(), message.seq, 300_000, self.may_arm)
+                beat = Heartbeat(self._tick, now_ns(), message.seq, 300_000, self.may_arm)
                 self.router.send(agent, encode(beat))
 
     def heard_of(self, kind: type[Message]) -> list[Message]:

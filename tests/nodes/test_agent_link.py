@@ -12,7 +12,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Beat, Force, Point
+from netboard.network.protocol.motion import Force, Heartbeat, Point
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.motion_link import REMEMBERED, Link
 
@@ -94,7 +94,7 @@ def test_a_point_counts_as_a_force_does_in_either_form(pair: Pair) -> None:
 
 
 def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:
-    assert pair.say(Beat(1, 0, -1, 0, True))
+    assert pair.say(Heartbeat(1, 0, -1, 0, True))
     assert pair.link.received_ns is not None
 
 

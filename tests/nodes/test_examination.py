@@ -17,7 +17,7 @@ from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
 from netboard.nodes.doctor import disk, network, software, timing
 from netboard.nodes.doctor.report import Effort, Report, examine
-from netboard.nodes.doctor.timing import Woken
+from netboard.nodes.doctor.timing import WakeUps
 from netboard.recording.files.provenance import doctor_report_path, provenance
 from netboard.services.cli import app
 
@@ -37,8 +37,8 @@ def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def woken(p999_us: float, scheduling: str = "ok") -> Woken:
-    return Woken({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us, 1, 1000)
+def woken(p999_us: float, scheduling: str = "ok") -> WakeUps:
+    return WakeUps({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us, 1, 1000)
 
 
 @pytest.mark.parametrize(("p999_us", "colour"), [(120.0, "green"), (800.0, "yellow"), (1500.0, "red")])

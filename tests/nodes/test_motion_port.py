@@ -18,7 +18,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
-from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.sockets import LARGEST_SAMPLE
 from netboard.nodes.ports import samples
@@ -196,7 +196,7 @@ def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -
     for tick in range(2 * BEAT_TICKS):
         rig.port.beat(tick, tick)
     beats = rig.router.heard(A)
-    assert [type(m) for m in beats] == [Beat, Beat]
+    assert [type(m) for m in beats] == [Heartbeat, Heartbeat]
 
 
 def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came(rig: Rig) -> None:
@@ -342,7 +342,7 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Ri
         rig.router.heard(A)
         rig.port.beat(0, sent)
         (beat,) = rig.router.heard(A)
-        assert isinstance(beat, Beat)
+        assert isinstance(beat, Heartbeat)
         assert beat.arm == may
         lacking = rig.port.lacks(sent + 2 * delay_ns, SIDES)
         assert any("clock" in what for what in lacking) != may, lacking

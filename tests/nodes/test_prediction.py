@@ -11,16 +11,16 @@ from netboard.base.finding import Finding
 from netboard.base.tables.rig import Realtime
 from netboard.nodes.agent import agent
 from netboard.nodes.doctor import exchange, prediction
-from netboard.nodes.doctor.exchange import Exchanged
+from netboard.nodes.doctor.exchange import ExchangeTimes
 
 WORK_MS = prediction.WORK_US * 1e-3
 
 
-def even(count: int = 1000) -> Exchanged:
+def even(count: int = 1000) -> ExchangeTimes:
     """Exchanges that all take the same time: the right agent's way to the server is 50 us longer."""
     woke = np.full((2, count), 50_000)
     up = np.array([[100_000], [150_000]]) + np.zeros((2, count), np.int64)
-    return Exchanged(woke, up, np.full((2, count), 80_000), prediction.WORK_EXCHANGE_US)
+    return ExchangeTimes(woke, up, np.full((2, count), 80_000), prediction.WORK_EXCHANGE_US)
 
 
 def test_a_loop_waits_for_the_later_sample() -> None:

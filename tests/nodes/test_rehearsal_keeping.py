@@ -10,7 +10,7 @@ from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.tables.simulated import Participant
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.recording.files.offline_writer import Keeper
+from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import find_attempts
 from netboard.recording.integrity.verification import verify_recording
@@ -26,7 +26,7 @@ def config() -> Config:
 
 @pytest.mark.slow
 def test_a_rehearsed_block_is_a_whole_recording(tmp_path: Path) -> None:
-    keeper = Keeper(tmp_path, config(), SESSION, UTC_NS)
+    keeper = BlockWriter(tmp_path, config(), SESSION, UTC_NS)
     rehearsal = Rehearsal(config(), {"A": Participant(), "B": Participant()})
     for rows in rehearsal.pieces():
         keeper.take(rows)
@@ -48,7 +48,7 @@ def test_a_rehearsed_block_is_a_whole_recording(tmp_path: Path) -> None:
 
 
 def test_no_recording_is_written_over(tmp_path: Path) -> None:
-    keeper = Keeper(tmp_path, config(), SESSION, UTC_NS)
+    keeper = BlockWriter(tmp_path, config(), SESSION, UTC_NS)
     keeper.finish()
     with pytest.raises(RecordingError, match="block04"):
-        Keeper(tmp_path, config(), SESSION, UTC_NS)
+        BlockWriter(tmp_path, config(), SESSION, UTC_NS)

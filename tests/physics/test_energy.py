@@ -10,7 +10,7 @@ from independent import Hands, still, waving
 from numpy.typing import NDArray
 from trajectories import Scene, drive, falling, sampled, samples, scene_of, trajectory
 
-from netboard.physics.scene.energy import Flows, flows, stored, stored_along, work_along
+from netboard.physics.scene.energy import Powers, flows, stored, stored_along, work_along
 from netboard.physics.scene.models import rates
 from netboard.physics.scene.statics import equilibrium
 
@@ -137,14 +137,14 @@ def test_work_is_counted_since_the_start_through_each_flow() -> None:
     path = trajectory(scene, MOVED[:6], waving, 1e-3, 50)
     times = np.arange(51) * 1e-3
     work = work_along(times, path, samples(waving, times), scene.parts, scene.packed)
-    assert work.shape == (51, len(Flows._fields))
+    assert work.shape == (51, len(Powers._fields))
     assert (work[0] == 0).all()
     assert (np.diff(work[:, 2:4], axis=0) <= 0).all()
     # The trapezium's rule is no good, but knows which flow is which.
     powers = np.array(
         [flows(tuple(x), *waving(t), scene.parts, scene.record) for x, t in zip(path.tolist(), times, strict=True)]
     )
-    coarse = np.vstack([np.zeros(len(Flows._fields)), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
+    coarse = np.vstack([np.zeros(len(Powers._fields)), np.cumsum((powers[1:] + powers[:-1]) / 2 * 1e-3, axis=0)])
     assert work == pytest.approx(coarse, abs=0.02 * np.abs(coarse).max())
 
 

@@ -21,7 +21,7 @@ from netboard.recording.export import matlab
 from netboard.recording.export.formats import FORMATS, export, library
 from netboard.recording.export.tables import TABLES, TICKS
 from netboard.recording.files.reader import Recording
-from netboard.recording.importing.table_import import Wishes, import_table
+from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.services.cli import app
 
 
@@ -85,7 +85,7 @@ def test_any_bits_come_back_as_a_recording(tmp_path: Path, name: str, seed: int)
     rows = make_rows(seed)
     export([write(tmp_path / "S01.mcap", rows)], name, tmp_path / "out", quiet)
     table = tmp_path / "out" / "ticks" / f"S01.{name}"
-    made = import_table(table, tmp_path, Config(), Wishes(), UTC_NS, lambda *told: None)
+    made = import_table(table, tmp_path, Config(), ImportOptions(), UTC_NS, lambda *told: None)
     with Recording(made.path) as recording:
         expected = without_payloads(rows) if name == "csv" else rows
         assert recording.ticks().tobytes() == expected.tobytes()

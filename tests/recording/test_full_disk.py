@@ -19,7 +19,7 @@ from netboard.recording.format.disk import (
     LOW_BYTES,
     LOW_S,
     STEP_NS,
-    Consumption,
+    DiskUse,
     Space,
     allocate,
     require_space,
@@ -43,7 +43,7 @@ def test_space_is_judged_by_its_size_and_by_how_long_it_will_do() -> None:
 
 
 def test_the_rate_is_that_of_the_last_minute() -> None:
-    consumption = Consumption()
+    consumption = DiskUse()
     rate, free = 2_000_000, 10**9
     for second in range(300):
         space = consumption.judge(second * 10**9, min(second, 150) * rate, free)
@@ -55,7 +55,7 @@ def test_the_rate_is_that_of_the_last_minute() -> None:
 
 
 def test_a_burst_is_not_taken_for_the_rate() -> None:
-    consumption = Consumption()
+    consumption = DiskUse()
     written = 0
     for tenth in range(500):
         written += 10**7

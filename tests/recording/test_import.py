@@ -18,10 +18,10 @@ from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.recording.export.formats import export
-from netboard.recording.files.offline_writer import Keeper
+from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
 from netboard.recording.importing import reading
-from netboard.recording.importing.table_import import Wishes, import_table
+from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.recording.integrity.account import account_of, parts_of
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import Severity
@@ -45,13 +45,13 @@ def write_csv(path: Path, columns: dict[str, Any], separator: str = ",") -> Path
 
 
 def imported(path: Path, folder: Path, config: Config = CONFIG, **wishes: Any) -> Recording:
-    return Recording(import_table(path, folder, config, Wishes(**wishes), UTC_NS, quiet).path)
+    return Recording(import_table(path, folder, config, ImportOptions(**wishes), UTC_NS, quiet).path)
 
 
 @pytest.fixture(scope="module")
 def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two trials of simulated people."""
-    keeper = Keeper(tmp_path_factory.mktemp("rehearsed"), CONFIG, "0123456789abcdef", UTC_NS)
+    keeper = BlockWriter(tmp_path_factory.mktemp("rehearsed"), CONFIG, "0123456789abcdef", UTC_NS)
     for rows in Rehearsal(CONFIG, {"A": Participant(), "B": Participant()}).pieces():
         keeper.take(rows)
     keeper.finish()
@@ -220,7 +220,7 @@ def test_what_is_wrong_with_a_table_is_said(tmp_path: Path, text: str, message: 
     table = tmp_path / "table.csv"
     table.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=rf"table\.csv: {message}" if "missing" in message else message) as error:
-        import_table(table, tmp_path / "made", CONFIG, Wishes(), UTC_NS, quiet)
+        import_table(table, tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, quiet)
     assert "table.csv" in str(error.value)
     assert not (tmp_path / "made").exists()
 
@@ -240,7 +240,7 @@ def test_what_is_wrong_with_a_table_is_said(tmp_path: Path, text: str, message: 
 def test_what_is_wrong_with_wishes_is_said(tmp_path: Path, wishes: dict[str, Any], message: str) -> None:
     table = write_csv(tmp_path / "task.csv", task_table())
     with pytest.raises(ConfigError, match=message):
-        import_table(table, tmp_path, CONFIG, Wishes(**wishes), UTC_NS, quiet)
+        import_table(table, tmp_path, CONFIG, ImportOptions(**wishes), UTC_NS, quiet)
 
 
 @pytest.mark.slow
@@ -253,7 +253,7 @@ def test_a_table_that_ends_badly_leaves_nothing(
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join([*lines[:-1], lines[5]]), encoding="utf-8")
     with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected increasing numbers"):
-        import_table(table, tmp_path / "made", CONFIG, Wishes(), UTC_NS, lambda *told: None)
+        import_table(table, tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, lambda *told: None)
     assert list((tmp_path / "made").iterdir()) == []
 
 

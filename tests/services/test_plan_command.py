@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.base.config import Config
-from netboard.nodes.server.planned import Planned, Wanted
+from netboard.nodes.server.planned import Planned, StudySession
 from netboard.services.cli import app
 from netboard.services.studies import load_study
 from netboard.task.plans.plan import digest, plan_of
@@ -121,7 +121,7 @@ def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
 
 @pytest.mark.slow
 def test_a_session_that_was_begun_before_is_said_when_the_server_starts(capsys: pytest.CaptureFixture[str]) -> None:
-    planned = Planned(Config(), load_study("pilot"), Wanted("pilot", 1))
+    planned = Planned(Config(), load_study("pilot"), StudySession("pilot", 1))
     planned.begun()
     assert capsys.readouterr().out == ""
     planned.path.parent.mkdir()

@@ -35,7 +35,7 @@ from netboard.devices.setup.words import (
 from netboard.network.protocol.codec import decode
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.rehearsal import session as rehearsal
-from netboard.nodes.rehearsal.jobs import Sheet
+from netboard.nodes.rehearsal.jobs import BlockResult
 from netboard.services import power
 from netboard.services.cli import app
 from netboard.services.info import quality_table
@@ -56,7 +56,7 @@ POWER = json.loads((DATA.parent.parent / "docs" / "data" / "power.json").read_te
 RUNNER = CliRunner()
 assert rehearsal.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
 
-SHEET = Sheet("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
+SHEET = BlockResult("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
 SHEETS = [
     replace(SHEET, session=f"S{session:02}", block=block, label=f"{LONG}, {level}", given_up=block == 2)
     for session in (1, 2)

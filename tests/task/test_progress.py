@@ -22,7 +22,7 @@ from netboard.task.journal.entries import (
     Ended,
     Entry,
     Header,
-    Lines,
+    JournalContent,
     Note,
     Opened,
     Outcome,
@@ -81,7 +81,7 @@ ONE_OF_EACH: list[Entry] = [
 def test_every_entry_is_read_as_it_was_written() -> None:
     assert {type(entry) for entry in ONE_OF_EACH} == set(KINDS.values()) - {Header}
     data = written(ONE_OF_EACH)
-    assert read_lines(data, SOURCE) == Lines(HEADER, tuple(ONE_OF_EACH), len(data), b"")
+    assert read_lines(data, SOURCE) == JournalContent(HEADER, tuple(ONE_OF_EACH), len(data), b"")
     assert data.count(b"\n") == 1 + len(ONE_OF_EACH)
     assert all(json.loads(line)["at"] == AT for line in data.splitlines())
 
@@ -101,7 +101,7 @@ def test_half_a_character_does_not_stop_a_note() -> None:
 )
 def test_a_torn_last_line_is_left_out_and_reported(tail: bytes) -> None:
     data = written(ONE_OF_EACH)
-    assert read_lines(data + tail, SOURCE) == Lines(HEADER, tuple(ONE_OF_EACH), len(data), tail)
+    assert read_lines(data + tail, SOURCE) == JournalContent(HEADER, tuple(ONE_OF_EACH), len(data), tail)
 
 
 def test_a_last_line_without_its_end_does_not_count() -> None:

@@ -13,7 +13,7 @@ from netboard.base.tables.experiment import Session
 from netboard.base.tables.rig import Display
 from netboard.windows.participant import screens
 from netboard.windows.participant.grip import grip_of
-from netboard.windows.participant.scene import COLOURS, Mood, extent
+from netboard.windows.participant.scene import COLOURS, PictureState, extent
 
 CONFIG = Config()
 
@@ -54,7 +54,7 @@ def test_the_mood_colours_the_target(app, board, phase):
     view, _ = board
     view.show_picture(compose(replace(VIEW, phase=phase)))
     app.processEvents()
-    assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[Mood.RUN].target
+    assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[PictureState.RUN].target
 
 
 def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
@@ -105,7 +105,7 @@ def test_blank_leaves_nothing_of_the_board(app, board):
     app.processEvents()
     image = view.grab().toImage()
     colours = {image.pixelColor(x, y).name() for x in range(0, 840, 5) for y in range(0, 480, 5)}
-    assert colours == {COLOURS[Mood.LOST].background}
+    assert colours == {COLOURS[PictureState.LOST].background}
 
 
 def test_a_screenshot_is_written_once(app, board, tmp_path):

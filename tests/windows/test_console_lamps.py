@@ -12,14 +12,14 @@ from netboard.network.protocol.control import REPLAY_COMMANDS, REPLAY_OF, Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import LACKING, STOP
 from netboard.windows.operator import words
-from netboard.windows.operator.changes import Recent, StatusHistory, minutes_left
+from netboard.windows.operator.changes import RecentCounts, StatusHistory, minutes_left
 from netboard.windows.operator.commands import COMMANDS, RELEASING, STOP_KEYS, refusal
 from netboard.windows.operator.lamps import SESSION_LAMPS, Level, alarm, limits_of, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
 from netboard.windows.operator.words import Tone
 
 LIMITS = limits_of(Config(), MINE)
-NONE = Recent()
+NONE = RecentCounts()
 
 
 def of(lamps, name):
@@ -150,7 +150,7 @@ def test_running_but_not_recording_is_shouted() -> None:
 
 def test_what_else_is_shouted() -> None:
     assert "NO REPLY" in alarm(RUNNING, 0.9, NONE, False)
-    assert "FULL IN 4" in alarm(RUNNING, 0.0, Recent(minutes=4.2), False)
+    assert "FULL IN 4" in alarm(RUNNING, 0.0, RecentCounts(minutes=4.2), False)
     assert "EMERGENCY STOP" in alarm(STATES["stopped"], 0.0, NONE, False)
     assert "LET GO" in alarm(None, math.inf, NONE, True)
     assert alarm(None, math.inf, NONE, False) == ""
@@ -169,7 +169,9 @@ def test_the_server_is_silent_within_a_second() -> None:
 
 def test_late_ticks_of_now_count() -> None:
     for recently, level in ((0, Level.GOOD), (3, Level.WATCH), (21, Level.BAD)):
-        assert of(session_lamps(RUNNING, 0.0, Recent(late_ticks=recently), LIMITS), "Deadline misses").level is level
+        assert (
+            of(session_lamps(RUNNING, 0.0, RecentCounts(late_ticks=recently), LIMITS), "Deadline misses").level is level
+        )
 
 
 def test_no_consent_is_wrong_except_in_a_pilot() -> None:

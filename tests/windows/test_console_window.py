@@ -340,9 +340,9 @@ def test_a_server_that_does_not_know_it_any_more_is_greeted_anew(table: Table) -
 def test_the_strips_show_the_last_ten_seconds(app) -> None:
     import numpy as np
 
-    from netboard.windows.operator.strips import Strips
+    from netboard.windows.operator.strips import StripCharts
 
-    strips = Strips(Config())
+    strips = StripCharts(Config())
     strips.take([point(tick) for tick in range(0, 15_000, 5)])
     strips.redraw()
     times, heights = strips._lines[0][0].getData()

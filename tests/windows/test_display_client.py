@@ -15,7 +15,7 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import sockets
 from netboard.nodes.operator.launcher import free_port
-from netboard.windows.participant.scene import Mood
+from netboard.windows.participant.scene import PictureState
 
 WIDE = Geometry(board_length=0.8)
 
@@ -47,11 +47,11 @@ class Rig:
         self.server.tell(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
         assert until(self.app, lambda: self.client.session == session)
 
-    def shows(self, mood, **view):
-        """Whether the window shows a mood in the end, while a view is published if one is given."""
+    def shows(self, state, **view):
+        """Whether the window shows a state in the end, while a view is published if one is given."""
         return until(
             self.app,
-            lambda: (not view or self.server.show(**view)) and self.window.board.picture.mood is mood,
+            lambda: (not view or self.server.show(**view)) and self.window.board.picture.state is state,
         )
 
     def close(self):
@@ -86,7 +86,7 @@ def test_it_waits_in_words_then_greets_then_shows_and_reports(rig):
     hello = next(message for message in server.heard if isinstance(message, Hello))
     assert (hello.role, hello.side, hello.protocol) == ("display", "left", PROTOCOL_VERSION)
     assert server.peer.startswith(b"display.left@")
-    assert rig.shows(Mood.RUN, tick=77)
+    assert rig.shows(PictureState.RUN, tick=77)
     assert until(rig.app, lambda: server.hear(Frames))
     frames = next(message for message in server.heard if isinstance(message, Frames))
     ((tick, received_ns, painted_ns),) = frames.shown
@@ -97,21 +97,21 @@ def test_it_waits_in_words_then_greets_then_shows_and_reports(rig):
 def test_the_servers_configuration_says_what_the_board_looks_like(rig):
     rig.serve()
     rig.welcome(replace(Config(), geometry=Geometry(ball_radius=0.04)))
-    assert rig.shows(Mood.RUN, tick=5)
+    assert rig.shows(PictureState.RUN, tick=5)
     assert rig.window.board.picture.ball_radius == 0.04
 
 
 def test_another_block_is_taken_over_without_a_restart(rig):
     rig.serve()
     rig.welcome()
-    assert rig.shows(Mood.RUN, tick=5)
+    assert rig.shows(PictureState.RUN, tick=5)
     block = Block(number=2, blocks=18, instructions="Now the other way round.")
     rig.server.tell(Welcome("s1", PROTOCOL_VERSION, 0, resolve(replace(Config(), block=block, geometry=WIDE))))
     assert until(rig.app, lambda: rig.client.config.block == block)
-    assert rig.shows(Mood.WAIT, phase="idle", block=2, blocks=18)
+    assert rig.shows(PictureState.WAIT, phase="idle", block=2, blocks=18)
     assert until(rig.app, lambda: rig.window.board.picture.text == "Now the other way round.")
     assert rig.window.board.picture.headline == "Block 2 of 18"
-    assert rig.shows(Mood.RUN, block=2, blocks=18)
+    assert rig.shows(PictureState.RUN, block=2, blocks=18)
     assert rig.window.board.picture.extent[0] > 0.9
 
 
@@ -120,7 +120,7 @@ def test_the_screen_is_the_displays_own(rig):
     theirs = Display(language="de", patch=True, mm_per_pixel=0.3)
     rig.welcome(replace(Config(), display=theirs))
     assert rig.client.config.display == local_config(rig.port).display
-    assert rig.shows(Mood.LEVEL, phase="levelling")
+    assert rig.shows(PictureState.LEVEL, phase="levelling")
     assert rig.window.board.picture.headline == "Hold the board level"
     assert rig.window.board.picture.patch is None
 
@@ -135,24 +135,24 @@ def test_a_board_that_does_not_fit_is_said(rig, caplog):
 
 def test_views_that_show_nothing_new_are_not_painted(rig):
     server = rig.serve()
-    assert rig.shows(Mood.RUN, tick=0)
+    assert rig.shows(PictureState.RUN, tick=0)
     ticks = iter(range(8, 10_000, 8))
     assert until(rig.app, lambda: server.show(tick=next(ticks)) and next(ticks) > 500)
     assert rig.client.tally.painted == 1
-    assert rig.shows(Mood.HOLD, phase="holding", tick=20_000)
+    assert rig.shows(PictureState.HOLD, phase="holding", tick=20_000)
     assert until(rig.app, lambda: rig.client.tally.painted == 2)
 
 
 def test_a_lost_link_is_said_and_heals_by_itself(hasty):
     server = hasty.serve()
     hasty.welcome()
-    assert hasty.shows(Mood.RUN, tick=1)
-    assert hasty.shows(Mood.LOST)
+    assert hasty.shows(PictureState.RUN, tick=1)
+    assert hasty.shows(PictureState.LOST)
     assert hasty.window.board.picture.headline == "Connection lost"
     assert not hasty.window.board.picture.board
     server.close()
     hasty.serve()
-    assert hasty.shows(Mood.RUN, tick=3)
+    assert hasty.shows(PictureState.RUN, tick=3)
     hasty.welcome(session="s2")
 
 
@@ -176,16 +176,16 @@ def test_a_refusal_is_shown_while_there_is_nothing_else(rig):
 def test_the_end_of_the_session_is_no_lost_link(hasty):
     server = hasty.serve()
     hasty.welcome()
-    assert hasty.shows(Mood.FINISHED, phase="finished")
+    assert hasty.shows(PictureState.FINISHED, phase="finished")
     server.tell(Goodbye("the session is over"))
     assert until(hasty.app, lambda: hasty.window.board.picture.headline == "The session is over")
 
 
 def test_what_breaks_the_protocol_is_left_out(rig, caplog):
     server = rig.serve()
-    assert rig.shows(Mood.RUN, tick=1)
+    assert rig.shows(PictureState.RUN, tick=1)
     assert until(rig.app, lambda: server.views.send(b"\xc1 no message at all") and bool(caplog.records))
-    assert rig.shows(Mood.LEVEL, phase="levelling")
+    assert rig.shows(PictureState.LEVEL, phase="levelling")
 
 
 def test_it_says_goodbye(rig):

@@ -13,7 +13,7 @@ from netboard.base.config import Config
 from netboard.base.errors import WireError
 from netboard.stage.curtain import make_curtain, view_of
 from netboard.task.trials.state_machine import Phase
-from netboard.windows.participant.scene import COLOURS, GRAIN, TEXT_SHARE, Mood
+from netboard.windows.participant.scene import COLOURS, GRAIN, TEXT_SHARE, PictureState
 from netboard.windows.participant.screens import compose
 
 CONFIG = Config()
@@ -129,9 +129,9 @@ def test_one_person_with_two_hands_sees_both():
 
 
 @pytest.mark.parametrize("phase", PHASES)
-def test_every_phase_has_its_mood(phase):
+def test_every_phase_has_its_picture_state(phase):
     picture = shown(replace(VIEW, phase=phase))
-    assert picture.colours == COLOURS[picture.mood]
+    assert picture.colours == COLOURS[picture.state]
 
 
 @pytest.mark.parametrize("change", [{"phase": "dancing"}, {"z": math.nan}, {"p": math.inf}, {"left": math.nan}])
@@ -153,5 +153,5 @@ def test_colours_of_things_that_touch_differ_in_brightness():
             ("cursor", "board"),
         ):
             assert abs(brightness(getattr(colours, one)) - brightness(getattr(colours, other))) > 12
-    holding = COLOURS[Mood.HOLD]
+    holding = COLOURS[PictureState.HOLD]
     assert abs(brightness(holding.fill) - brightness(holding.target)) > 12

@@ -10,7 +10,7 @@ from netboard.base.config import Config
 from netboard.base.tables.experiment import Block, Session, Task
 from netboard.base.tables.rig import Display
 from netboard.windows.participant.language import load_words
-from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.scene import COLOURS, PictureState
 from netboard.windows.participant.screens import blank, compose
 
 CONFIG = Config()
@@ -38,7 +38,7 @@ def test_after_a_success_the_time_is_told_and_what_comes_next():
     picture = shown(phase="levelling", result="succeeded", completion=3.4, best=2.9)
     assert (picture.headline, picture.detail) == ("Well done", "Last 3.40 s   (best 2.90 s)")
     assert picture.notice == "Hold the board level"
-    assert picture.colours.headline == COLOURS[Mood.SUCCESS].headline
+    assert picture.colours.headline == COLOURS[PictureState.SUCCESS].headline
     best = shown(phase="levelling", result="succeeded", completion=2.9, best=2.9)
     assert best.detail == "2.90 s   Your best time so far"
 

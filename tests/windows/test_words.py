@@ -9,9 +9,9 @@ from display_parts import WORDS
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.windows.participant.language import LANGUAGES, load_words
-from netboard.windows.participant.words import FILLED, Words, instructions, parse_words
+from netboard.windows.participant.words import FILLED, DisplayTexts, instructions, parse_words
 
-KEYS = [field.name for field in fields(Words)]
+KEYS = [field.name for field in fields(DisplayTexts)]
 SAMPLES = {"block": 3, "blocks": 18, "trial": 4, "trials": 60, "time": "2.90", "end": "x", "hold": "1.5", "host": "h"}
 
 

@@ -17,7 +17,7 @@ from netboard.physics.arithmetic.vectors import State
 from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.methods.catalogue import METHODS, NUMBER
 from netboard.physics.methods.march import Grid, forces_along, make_grid, run
-from netboard.physics.scene.energy import Flows, Stored, stored_along, work_along
+from netboard.physics.scene.energy import Powers, StoredEnergy, stored_along, work_along
 from netboard.physics.scene.linear import board_matrix
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
 from netboard.physics.stability.step_matrix import is_stable
@@ -261,17 +261,17 @@ def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = Tru
     Returns
     -------
     dict of str to ndarray of float64, shape (n,)
-        E_ and the fields of `netboard.physics.scene.energy.Stored`, W_ and those of
-        `netboard.physics.scene.energy.Flows` (W_friction only with friction of balls). Except for the integration error
-        and impacts at stops, the sum of all E less that of all W is constant [J].
+        E_ and the fields of `netboard.physics.scene.energy.StoredEnergy`, W_ and those of
+        `netboard.physics.scene.energy.Powers` (W_friction only with friction of balls). Except for the integration
+        error and impacts at stops, the sum of all E less that of all W is constant [J].
     """
     parts, scene, held = parts_of(physics, free), pack_scene(physics), hold_hands(hands, "hermite")
     styluses = styluses_along(held, np.rint(motion.t * held.scale).astype(np.int64))
     stored = stored_along(motion.states, styluses, parts, scene)
     works = work_along(motion.t, motion.states, styluses, parts, scene)
-    columns = {f"E_{name}": stored[:, i] for i, name in enumerate(Stored._fields)}
-    flows = [name for name in Flows._fields if name != "friction" or parts.resisted]
-    return {**columns, **{f"W_{name}": works[:, Flows._fields.index(name)] for name in flows}}
+    columns = {f"E_{name}": stored[:, i] for i, name in enumerate(StoredEnergy._fields)}
+    flows = [name for name in Powers._fields if name != "friction" or parts.resisted]
+    return {**columns, **{f"W_{name}": works[:, Powers._fields.index(name)] for name in flows}}
 
 
 # --- steps --------------------------------------------------------------------------------------------------------

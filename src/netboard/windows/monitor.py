@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout
 from netboard.base.errors import DeviceError
 from netboard.devices.contract.device import Reading
 from netboard.windows.participant import window as windows
-from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.scene import COLOURS, PictureState
 
 READ_MS, DRAW_MS = 4, 33
 """Interval between two readings, and between two redraws [ms]."""
@@ -50,7 +50,7 @@ class MonitorWindow(windows.Window):
         self._lines = [*self._plot(rows, "position", "mm"), *self._plot(rows, "velocity", "mm/s")]
         self.words = QLabel(self)
         rows.addWidget(self.words)
-        colours = COLOURS[Mood.RUN]
+        colours = COLOURS[PictureState.RUN]
         self.setStyleSheet(f"background: {colours.background}; color: {colours.detail};")
         self._timers = [self._every(READ_MS, self.take), self._every(DRAW_MS, self.redraw)]
 
@@ -94,7 +94,7 @@ class MonitorWindow(windows.Window):
 
     def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
         """Make a plot with one line per axis."""
-        plot = pg.PlotWidget(self, background=COLOURS[Mood.RUN].background)
+        plot = pg.PlotWidget(self, background=COLOURS[PictureState.RUN].background)
         plot.setLabel("left", f"{name} [{unit}]")
         plot.setLabel("bottom", "time [s]")
         plot.getAxis("left").enableAutoSIPrefix(False)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import stdtrit
 
-from netboard.analysis.cohort.rows import KEPT, SIZE, Kept
+from netboard.analysis.cohort.rows import KEPT, SIZE, CohortMeasure
 from netboard.analysis.statistics.exact_tests import permutation_p
 from netboard.base.errors import ConfigError
 
@@ -150,7 +150,7 @@ def differences(
     ]
 
 
-def condition_means(groups: pd.DataFrame, kept: Kept) -> pd.DataFrame:
+def condition_means(groups: pd.DataFrame, kept: CohortMeasure) -> pd.DataFrame:
     """Return the level of each dyad (rows, in their order) in each condition, as `topics.measures.levels` does."""
     value, weight = kept.value(groups), groups[kept.weight]
     known = np.isfinite(value) & (weight > 0)

@@ -83,7 +83,7 @@ KEYS = ["dyad", "performer", "condition", "group"]
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class CohortMeasure:
     """A measure that can be computed from `GROUPS`.
 
     Attributes
@@ -111,7 +111,7 @@ _KEPT: dict[str, tuple[Callable[[pd.DataFrame], pd.Series], str]] = {
     "|delay at 20 %|": (_column("delay_20"), "movements"),
 }
 
-KEPT = tuple(Kept(one, *_KEPT[one.name]) for one in MEASURES if one.name in _KEPT)
+KEPT = tuple(CohortMeasure(one, *_KEPT[one.name]) for one in MEASURES if one.name in _KEPT)
 """The measures of a cohort, in the order of the report."""
 
 

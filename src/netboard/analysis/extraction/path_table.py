@@ -13,7 +13,7 @@ from netboard.analysis.extraction.streams import Streams
 from netboard.base.errors import RecordingError
 
 
-class Shelf(Mapping[str, pd.DataFrame]):
+class PathTable(Mapping[str, pd.DataFrame]):
     """Paths of each recording by its name, read on each access."""
 
     def __init__(self, folder: Path) -> None:

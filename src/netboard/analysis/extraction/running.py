@@ -24,7 +24,7 @@ from netboard.recording.export.runs import Run, runs_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from netboard.analysis.extraction.path_table import Shelf
+    from netboard.analysis.extraction.path_table import PathTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Harvest:
+class Extraction:
     """Result of the extraction, with peak memory of any process in bytes; 0 if all came from the cache."""
 
     sources: tuple[Source, ...]
@@ -55,16 +55,16 @@ class Harvest:
     peak: float
 
 
-def harvest(
+def extract(
     recordings: Sequence[Path],
     readings: Readings,
     crew: Crew,
     cache: Cache | None,
-    shelf: "Shelf",
+    shelf: "PathTable",
     progress: Progress,
     *,
     skip: bool = False,
-) -> Harvest:
+) -> Extraction:
     """Extract the tables of recordings, without a cache measuring all and storing nothing.
 
     `progress` is called with the numbers of finished and of all recordings. RecordingError if a recording cannot be
@@ -73,7 +73,7 @@ def harvest(
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = _digests([run.path for run in runs])
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
-    taken = _Taken(shelf, progress, len(runs))
+    taken = _Collector(shelf, progress, len(runs))
     if cache is not None:
         _take_kept(keys, cache, taken)
     missing = [run for run in runs if run.path not in taken.tables]
@@ -96,13 +96,13 @@ def harvest(
     sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in taken.tables)
     left_out.sort(key=lambda one: one.file)
     tables = tuple(taken.tables[source.run.path] for source in sources)
-    return Harvest(sources, tuple(left_out), tables, shelf, peak)
+    return Extraction(sources, tuple(left_out), tables, shelf, peak)
 
 
-class _Taken:
+class _Collector:
     """Collector of arriving tables: stores paths on disk, keeps the other tables and reports progress."""
 
-    def __init__(self, shelf: "Shelf", progress: Progress, total: int) -> None:
+    def __init__(self, shelf: "PathTable", progress: Progress, total: int) -> None:
         self.tables: dict[Path, Measured] = {}
         self._shelf, self._progress, self._total = shelf, progress, total
         self._seconds = 0.0
@@ -141,7 +141,7 @@ def _digests(paths: Sequence[Path]) -> dict[Path, str]:
         return dict(zip(paths, pool.map(digest_of, paths), strict=True))
 
 
-def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
+def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Collector) -> None:
     """Add the cached tables."""
     for path, key in keys.items():
         if (measured := cache.get(key)) is not None:

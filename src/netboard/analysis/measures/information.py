@@ -82,7 +82,7 @@ class Granger:
 
 
 @dataclass(frozen=True, slots=True)
-class Chance:
+class SurrogateComparison:
     """A measure in true dyads and in surrogate dyads of partners who never met.
 
     Attributes
@@ -224,7 +224,7 @@ def chance_level(
     *,
     most: int = 999,
     unit: str = "dyad",
-) -> Chance:
+) -> SurrogateComparison:
     """Compare true dyads with surrogate dyads, which pair each source with the target of another dyad.
 
     Trials are paired in order and cut to the shorter one. Match trials with the same demands first, for example by
@@ -267,7 +267,7 @@ def chance_level(
     surrogates = means[(exchanges != own).all(axis=1)]
     level, least = float(surrogates.mean()), 1 / (1 + len(means))
     p = (1 + int((means >= true).sum())) * least if np.isfinite(true + means.sum()) else np.nan
-    return Chance(true, level, true - level, p, least, surrogates, n, unit, n <= MOST_UNITS)
+    return SurrogateComparison(true, level, true - level, p, least, surrogates, n, unit, n <= MOST_UNITS)
 
 
 # --- embedding ---------------------------------------------------------------------------------------------------

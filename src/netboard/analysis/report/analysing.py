@@ -22,7 +22,7 @@ from netboard.recording.export.formats import Progress, need, new_folder, refuse
 from netboard.recording.files.locate import find_recordings
 
 if TYPE_CHECKING:
-    from netboard.analysis.extraction.running import Harvest
+    from netboard.analysis.extraction.running import Extraction
     from netboard.analysis.extraction.settings import Readings
     from netboard.analysis.extraction.study import Study
     from netboard.analysis.extraction.workers import Crew
@@ -32,7 +32,7 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class AnalysisOptions:
     """How to run an analysis. Of these options, only `skip` (leave out unreadable recordings) changes its numbers."""
 
     workers: int | None = None
@@ -44,7 +44,7 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class GivenSettings:
     """The settings of an analysis as given: a file, or None for the defaults, and the overrides."""
 
     file: Path | None = None
@@ -59,8 +59,8 @@ class Asked:
 def analyse(
     named: Sequence[Path],
     output: Path | None,
-    asked: Asked,
-    wishes: Wishes,
+    asked: GivenSettings,
+    chosen: AnalysisOptions,
     read: "Callable[[], Readings]",
     telling: Callable[[], AbstractContextManager[Progress]],
 ) -> list[str]:
@@ -71,20 +71,20 @@ def analyse(
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)
-    if wishes.dask is not None and wishes.workers is not None:
+    if chosen.dask is not None and chosen.workers is not None:
         raise ConfigError("--workers: found with --dask, whose cluster has its own workers; expected one of them")
     folder = output or Path(f"{named[0].resolve().stem}_analysis")
     refuse_existing(folder)
     recordings = find_recordings(named)
-    store = Store(wishes.cache or default_folder()) if wishes.keep else None
+    store = Store(chosen.cache or default_folder()) if chosen.keep else None
     with telling() as tell, new_folder(folder) as part:
         tell("looking in the cache", 0, 1)
-        options = (*asked.overrides, f"skip={wishes.skip}", f"paper={wishes.beside_the_paper}")
+        options = (*asked.overrides, f"skip={chosen.skip}", f"paper={chosen.beside_the_paper}")
         key = key_of_analysis(recordings, asked.text, options) if store else ""
         words = take(store, key, part) if store else None
         before, peak = "all from the cache", 0.0
         if words is None:
-            words, kept, peak = _analysed(recordings, part, read(), wishes, store, tell)
+            words, kept, peak = _analysed(recordings, part, read(), chosen, store, tell)
             before = f"{kept} from the cache" if kept else ""
             if store:
                 keep(store, key, part, words)
@@ -94,7 +94,12 @@ def analyse(
 
 
 def _analysed(
-    recordings: Sequence[Path], part: Path, readings: "Readings", wishes: Wishes, store: Store | None, tell: Progress
+    recordings: Sequence[Path],
+    part: Path,
+    readings: "Readings",
+    chosen: AnalysisOptions,
+    store: Store | None,
+    tell: Progress,
 ) -> tuple[tuple[str, ...], int, float]:
     """Analyse recordings into a folder.
 
@@ -102,31 +107,31 @@ def _analysed(
     """
     from netboard.analysis.extraction.cache import Cache
     from netboard.analysis.extraction.exclusions import require_recordings
-    from netboard.analysis.extraction.path_table import Shelf
-    from netboard.analysis.extraction.running import harvest
+    from netboard.analysis.extraction.path_table import PathTable
+    from netboard.analysis.extraction.running import extract
     from netboard.analysis.extraction.study import study_of
     from netboard.analysis.report.folder import write_analysis
 
     cache = None if store is None else Cache(store)
     require_recordings(readings.exclusions, {path.stem for path in recordings})
     with TemporaryDirectory(dir=part) as paths:
-        found = harvest(recordings, readings, _crew(wishes), cache, Shelf(Path(paths)), tell, skip=wishes.skip)
+        found = extract(recordings, readings, _crew(chosen), cache, PathTable(Path(paths)), tell, skip=chosen.skip)
         study = study_of(found.measured, readings, found.paths)
-        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
+        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=chosen.beside_the_paper)
     words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
     return words, sum(source.kept for source in found.sources), found.peak
 
 
-def _crew(wishes: Wishes) -> "Crew":
+def _crew(chosen: AnalysisOptions) -> "Crew":
     """Choose the workers that extract the measures."""
     from netboard.analysis.extraction.workers import cores, dask, processes
 
-    if wishes.dask is None:
-        return processes(wishes.workers or cores())
-    return dask(wishes.dask)
+    if chosen.dask is None:
+        return processes(chosen.workers or cores())
+    return dask(chosen.dask)
 
 
-def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
+def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
     """Yield what was measured, and what was excluded."""
     hours = study.blocks["duration"].sum() / 3600
     recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"

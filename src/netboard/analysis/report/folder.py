@@ -17,7 +17,7 @@ import pandas as pd
 
 from netboard.analysis.extraction.exclusions import EXCLUSIONS
 from netboard.analysis.extraction.fingerprint import fingerprint
-from netboard.analysis.extraction.running import Harvest, LeftOut
+from netboard.analysis.extraction.running import Extraction, LeftOut
 from netboard.analysis.extraction.settings import resolve
 from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study
 from netboard.analysis.extraction.tables import DTYPES, Columns, words
@@ -74,7 +74,7 @@ PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which ar
 def write_analysis(
     folder: Path,
     study: Study,
-    harvest: Harvest,
+    extracted: Extraction,
     command: Sequence[str],
     progress: Progress,
     *,
@@ -84,11 +84,11 @@ def write_analysis(
     progress("numbers", 0, 3)
     results = results_of(study)
     comparison = compare(study) if beside_the_paper else None
-    origin = provenance(harvest, command)
+    origin = provenance(extracted, command)
     (folder / "settings.toml").write_text(resolve(study.readings), encoding="utf-8")
     text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
     (folder / "provenance.json").write_text(text, encoding="utf-8")
-    write_tables(folder / "tables", study, results, harvest.left_out, comparison)
+    write_tables(folder / "tables", study, results, extracted.left_out, comparison)
     progress("pictures", 1, 3)
     drawn = list(pictures(study))
     _write_pictures(folder / "figures", drawn)
@@ -173,7 +173,7 @@ def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
             (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(shown, kind))
 
 
-def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
+def provenance(extracted: Extraction, command: Sequence[str]) -> dict[str, Any]:
     """Return the provenance of an analysis, without time and machine: command, versions, hash of the code, and data.
 
     ``recordings`` by name, each with its ``file`` name and ``sha256``; ``left_out``, with ``file`` and ``why`` of each;
@@ -185,15 +185,15 @@ def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
         "code_sha256": fingerprint(),
         "recordings": {
             source.run.path.stem: {"file": str(source.run.path), "sha256": source.sha256}
-            for source in sorted(harvest.sources, key=lambda source: source.run.path.stem)
+            for source in sorted(extracted.sources, key=lambda source: source.run.path.stem)
         },
-        "left_out": [asdict(one) for one in harvest.left_out],
-        "handedness": dict(sorted(_hands(harvest))),
+        "left_out": [asdict(one) for one in extracted.left_out],
+        "handedness": dict(sorted(_hands(extracted))),
     }
 
 
-def _hands(harvest: Harvest) -> Iterator[tuple[str, str]]:
+def _hands(extracted: Extraction) -> Iterator[tuple[str, str]]:
     """Yield pseudonym and dominant hand of each participant."""
-    for source in harvest.sources:
+    for source in extracted.sources:
         for person in source.run.people:
             yield person.label, person.handedness

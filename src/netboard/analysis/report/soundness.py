@@ -24,7 +24,7 @@ _KINDS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Soundness:
+class DataQuality:
     """Recordings of a study, their quality flags, reasons for exclusion, excluded attempts, and unusual attempts."""
 
     sentences: tuple[str, ...]
@@ -36,14 +36,14 @@ class Soundness:
     left_out: Grid
 
 
-def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> Soundness:
+def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> DataQuality:
     """Return the quality section of a study."""
     table = grid(
         "Files that were found and are not part of this study",
         [code("File"), Column("Why")],
         [(str(one["file"]), str(one["why"])) for one in left_out],
     )
-    return Soundness(
+    return DataQuality(
         tuple(_sentences(study, len(left_out))),
         _recordings(study),
         _flags(study),

@@ -25,7 +25,7 @@ _LEVEL = r"(?!.* vs )(?P<group>.+)"
 
 
 @dataclass(frozen=True, slots=True)
-class Saying:
+class SentencePattern:
     """Pattern of the sentence for a quantity.
 
     Attributes
@@ -64,40 +64,40 @@ class Theme:
 
     topic: str
     picture: str
-    sayings: tuple[Saying, ...]
+    patterns: tuple[SentencePattern, ...]
     headings: tuple[Heading, ...]
 
     @property
     def quantities(self) -> tuple[str, ...]:
         """All quantities that it uses from the table of results."""
-        said = [one.quantity for one in self.sayings]
+        said = [one.quantity for one in self.patterns]
         return tuple(dict.fromkeys([*said, *(quantity for one in self.headings for quantity in one.quantities)]))
 
 
-def _compared(quantity: str, what: str) -> tuple[Saying, ...]:
+def _compared(quantity: str, what: str) -> tuple[SentencePattern, ...]:
     """Return patterns for a quantity's contrasts between haptic conditions and teams, and for its level."""
     return (
-        Saying(
+        SentencePattern(
             quantity,
             _FELT,
             f"With {{force}}, {what} differed from that with haptics off",
             "by {value} in {team}",
             "no difference",
         ),
-        Saying(
+        SentencePattern(
             quantity,
             _TEAMS,
             f"In {{one}} trials, {what} differed from that in {{other}} ones",
             "by {value}",
             "no difference",
         ),
-        Saying(quantity, _LEVEL, f"{what[0].upper()}{what[1:]} was", "{value} ({group})"),
+        SentencePattern(quantity, _LEVEL, f"{what[0].upper()}{what[1:]} was", "{value} ({group})"),
     )
 
 
-def _spread(what: str) -> Saying:
+def _spread(what: str) -> SentencePattern:
     start = f"From the first to the last group of trials, the {what} at the first braking changed"
-    return Saying(f"change of {what}", _GROUPS, start, "by {value} in {team}", "no change")
+    return SentencePattern(f"change of {what}", _GROUPS, start, "by {value} in {team}", "no change")
 
 
 THEMES = (
@@ -105,7 +105,7 @@ THEMES = (
         "learning",
         "learning",
         (
-            Saying(
+            SentencePattern(
                 "change of completion time",
                 _STAGES,
                 "From the first to the last {count} trials, completion time changed",
@@ -124,7 +124,7 @@ THEMES = (
         "dyads",
         "dyads",
         (
-            Saying(
+            SentencePattern(
                 "completion time: mean of the two minus dyad",
                 "(?P<group>.+)",
                 "The gain of dyads in completion time (mean of the two partners alone minus the dyad) was",
@@ -176,7 +176,7 @@ THEMES = (
         "contrasts",
         "differences",
         (
-            Saying(
+            SentencePattern(
                 "completion time: ratio",
                 _FELT,
                 "With {force},",
@@ -184,7 +184,7 @@ THEMES = (
                 "no difference",
                 1.0,
             ),
-            Saying(
+            SentencePattern(
                 "completion time: ratio",
                 r"(?P<one>dyadic) vs (?P<other>bimanual), (?P<force>.+)",
                 "Trials took",
@@ -219,25 +219,25 @@ def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...
         mine = results[(results["topic"] == theme.topic) & results["value"].notna()]
         rows = records(mine[mine["quantity"].isin(theme.quantities)])
         if rows:
-            sentences = tuple(_sentences(theme.sayings, rows))
+            sentences = tuple(_sentences(theme.patterns, rows))
             table = _table(theme, titles.get(theme.picture, theme.topic), rows)
             found.append(Main(theme.picture, titles.get(theme.picture, theme.topic), sentences, table))
     return tuple(found)
 
 
-def _sentences(sayings: Sequence[Saying], rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _sentences(patterns: Sequence[SentencePattern], rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield results as sentences; groups with the same start share one."""
     known: set[str] = set()
-    for saying in sayings:
-        if not saying.none and saying.quantity in known:
+    for pattern in patterns:
+        if not pattern.none and pattern.quantity in known:
             continue
         clauses: dict[str, list[str]] = {}
         for row in rows:
-            match = re.fullmatch(saying.group, row["group"]) if row["quantity"] == saying.quantity else None
+            match = re.fullmatch(pattern.group, row["group"]) if row["quantity"] == pattern.quantity else None
             if match:
                 words = {part: _trials(said) if part == "team" else said for part, said in match.groupdict().items()}
-                clauses.setdefault(saying.lead.format(**words), []).append(_clause(saying, row, words))
-                known.add(saying.quantity)
+                clauses.setdefault(pattern.lead.format(**words), []).append(_clause(pattern, row, words))
+                known.add(pattern.quantity)
         yield from (f"{lead} {'; '.join(said)}." for lead, said in clauses.items())
 
 
@@ -247,21 +247,21 @@ def _trials(team: str) -> str:
     return f"{configuration} trials{f' with a {partner}' if partner else ''}"
 
 
-def _clause(saying: Saying, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
+def _clause(pattern: SentencePattern, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     """Return a clause with the result of one group and its confidence interval."""
     value = f"{written(row)[0]}{after(unit_of(row))}"
     aside = ", ".join(part for part in (between(row), counted(int(row["n"]), row["of"])) if part)
-    said = f"{saying.clause.format(value=value, **words)} ({aside})"
-    return f"{said}: {_sure(saying, row)}" if saying.none else said
+    said = f"{pattern.clause.format(value=value, **words)} ({aside})"
+    return f"{said}: {_sure(pattern, row)}" if pattern.none else said
 
 
-def _sure(saying: Saying, row: Mapping[str, Any]) -> str:
+def _sure(pattern: SentencePattern, row: Mapping[str, Any]) -> str:
     """Return a phrase on the position of the confidence interval."""
     if not (isfinite(row["low"]) and isfinite(row["high"])):
         return "there is no interval, so nothing is known of how sure it is"
-    if row["low"] <= saying.without <= row["high"]:
-        return f"the interval includes {amount(saying.without)} ({saying.none})"
-    return f"the whole interval is {'above' if row['low'] > saying.without else 'below'} {amount(saying.without)}"
+    if row["low"] <= pattern.without <= row["high"]:
+        return f"the interval includes {amount(pattern.without)} ({pattern.none})"
+    return f"the whole interval is {'above' if row['low'] > pattern.without else 'below'} {amount(pattern.without)}"
 
 
 def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:

@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.extraction.study import Study
-from netboard.analysis.measures.information import Chance, Past, chance_level, granger
+from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
 from netboard.analysis.topics.figure import Picture
 from netboard.analysis.topics.groups import Condition, conditions
@@ -59,7 +59,7 @@ class Influence:
     direction: Direction
     dyads: tuple[str, ...]
     values: NDArray[np.float64]
-    chance: Chance | None
+    chance: SurrogateComparison | None
     trials: int
     of: int
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from netboard.analysis.extraction.cache import Cache
-from netboard.analysis.extraction.path_table import Shelf
-from netboard.analysis.extraction.running import harvest
+from netboard.analysis.extraction.path_table import PathTable
+from netboard.analysis.extraction.running import extract
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.workers import processes
@@ -39,7 +39,7 @@ def tables(recordings: Sequence[Path], workers: int, kept: Path) -> Measurement:
     """Make the tables of a study."""
     watch = Watch()
     with TemporaryDirectory() as paths:
-        found = harvest(recordings, Readings(), processes(workers), Cache(kept), Shelf(Path(paths)), quiet)
+        found = extract(recordings, Readings(), processes(workers), Cache(kept), PathTable(Path(paths)), quiet)
         study = study_of(found.measured, Readings(), found.paths)
     took, data = watch.read(), float(study.blocks["duration"].sum())
     return Measurement(len(study.trials), data, took, peak_memory(), found.peak)

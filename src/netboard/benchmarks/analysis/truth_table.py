@@ -14,7 +14,7 @@ from netboard.benchmarks.analysis.truth import Known, block
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.export.runs import runs_of
-from netboard.recording.files.offline_writer import Keeper
+from netboard.recording.files.offline_writer import BlockWriter
 
 WHOLE, QUICK = (16, 12), (2, 6)
 """Blocks, and trials in each [1]."""
@@ -45,7 +45,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], Measured]:
     """Write a block of known trials as a recording, and measure it."""
     known, rows, config = block(trials, seed)
-    keeper = Keeper(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
+    keeper = BlockWriter(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
     keeper.take(rows)
     keeper.finish()
     return known, measure(runs_of([keeper.path])[0], Readings())

@@ -1,7 +1,7 @@
 """Malformed messages for real agents, a display and a logger, from a server that talks nonsense between its messages.
 
-One agent runs the simulated participant of a dyad, the other one is controlled over the nerve, so that every socket of
-every process is tested. The devices must render exactly the forces that the server commanded, to the bit.
+One agent runs the simulated participant of a dyad, the other one is controlled over the channel moves, so that every
+socket of every process is tested. The devices must render exactly the forces that the server commanded, to the bit.
 """
 
 import time
@@ -57,7 +57,7 @@ class Front:
         configuration = "dyadic" if whole else "bimanual"
         self.side = side
         self.rig = Rig(folder, (*PLAIN, *settings, f"block.configuration={configuration}"), environment)
-        self.channels = ("motion", "view", "control", "log") if whole else ("motion", "nerve")
+        self.channels = ("motion", "view", "control", "log") if whole else ("motion", "moves")
         self.whole = whole
 
     def start(self) -> None:
@@ -183,7 +183,7 @@ def _peers_part(served: Served, babbled: int, ended: dict[str, int], shown: int,
             ("left display: control", server.nonsense["control"]),
             ("logger: log", server.nonsense["log"]),
             ("right agent: motion", other.nonsense["motion"]),
-            ("right agent: nerve", other.nonsense["nerve"]),
+            ("right agent: moves", other.nonsense["moves"]),
             ("all: no ZeroMQ", babbled),
         )
     ]

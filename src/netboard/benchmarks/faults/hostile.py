@@ -22,7 +22,7 @@ from netboard.benchmarks.faults.mutants import parse
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
-from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import channels, sockets
@@ -49,12 +49,12 @@ BLOCKS = 1000
 KEPT_OPEN = 4
 """Connections left open in which no ZeroMQ is spoken [1]."""
 
-MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Beat, LogBatch, LogEnd)
+MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Heartbeat, LogBatch, LogEnd)
 """Message types that a peer must believe from its server; malformed frames that decode to one are skipped."""
 
 
 class HostileServer:
-    """Everything a server binds, and the nerve of a bimanual participant.
+    """Everything a server binds, and the channel between the hands of a bimanual participant.
 
     - `grown`: those of them whose force has grown to what is wanted.
     - `durable`: number of the first record that the logger does not have on disk [1].
@@ -75,12 +75,12 @@ class HostileServer:
         }
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         bimanual = config.block.configuration == "bimanual"
-        self._nerve = sockets.nerve_sender(context, where.listen(channels.NERVE)) if bimanual else None
+        self._moves = sockets.moves_sender(context, where.listen(channels.MOVES)) if bimanual else None
         self._peers: dict[str, set[bytes]] = {channel: set() for channel in self._routers}
         self._wanted: dict[bytes, int] = {}
         self._turns = 0
         self._log_ended = False
-        self.nonsense = dict.fromkeys([*self._routers, "view", *(["nerve"] if bimanual else [])], 0)
+        self.nonsense = dict.fromkeys([*self._routers, "view", *(["moves"] if bimanual else [])], 0)
 
     def turn(self, *channels: str) -> None:
         """Do what is due in this millisecond, and send a malformed message on some channels."""
@@ -124,7 +124,7 @@ class HostileServer:
     def _speak(self) -> None:
         turn, now = self._turns, now_ns()
         for name in self._peers["motion"]:
-            force = Force(turn, now, -1, FORCE, 0) if name in self.armed else Beat(turn, now, -1, 0, arm=True)
+            force = Force(turn, now, -1, FORCE, 0) if name in self.armed else Heartbeat(turn, now, -1, 0, arm=True)
             self._routers["motion"].send(name, encode(force))
         if turn % BLOCK_TURNS == 0:
             self._welcome = self._begin(turn // BLOCK_TURNS % BLOCKS + 1)
@@ -161,8 +161,8 @@ class HostileServer:
             return
         if channel == "view":
             self.nonsense[channel] += self._views["left"].send(frame)
-        elif channel == "nerve" and self._nerve is not None:
-            self.nonsense[channel] += sockets.send(self._nerve, frame)
+        elif channel == "moves" and self._moves is not None:
+            self.nonsense[channel] += sockets.send(self._moves, frame)
         else:
             self.nonsense[channel] += sum(self._routers[channel].send(name, frame) for name in self._peers[channel])
 
@@ -181,7 +181,7 @@ class Babbler:
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0
         self._talk = zmtp.Talk(KEPT_OPEN, seed)
-        places = [(network.host, network.port + channel) for channel in range(channels.NERVE)]
+        places = [(network.host, network.port + channel) for channel in range(channels.MOVES)]
         self._listeners = [net.create_server(place) for place in places]
         for listener in self._listeners:
             listener.setblocking(False)

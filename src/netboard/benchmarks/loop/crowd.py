@@ -32,7 +32,7 @@ from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION
-from netboard.network.protocol.motion import Beat, Force, Safeguard, Stylus
+from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.agent import phase_shift
@@ -112,7 +112,7 @@ class LightAgent:
                 counts["forces"] += 1
                 continue
             match decode(frame):
-                case Beat(tick=tick, sent_ns=sent_ns, lead_ns=lead_ns, arm=arm):
+                case Heartbeat(tick=tick, sent_ns=sent_ns, lead_ns=lead_ns, arm=arm):
                     self._note(tick, sent_ns, lead_ns)
                     self._frame["safeguards"] = int(Safeguard.ARMED) if arm else 0
                     counts["beats"] += 1

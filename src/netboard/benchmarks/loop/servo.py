@@ -162,7 +162,7 @@ def _loop(servo: Servo, count: int) -> None:
     pacer = Pacer(now_ns())
     for _ in range(count):
         pacer.wait()
-        servo.shot()
+        servo.result()
         servo.put((0.0, 0.0, 0.0), now_ns())
 
 

@@ -57,7 +57,7 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
     if room < 0.5 * LEAST_SIDE:
         raise NetboardError(
             f"the neutral height, {zero_z * 1e3:.0f} mm, is not well within the workspace, {box.z_min * 1e3:.0f} to "
-            f"{box.z_max * 1e3:.0f} mm: take the corners anew"
+            f"{box.z_max * 1e3:.0f} mm: measure the corners again"
         )
     return max(1.0, needed / room)
 

@@ -16,7 +16,7 @@ from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.contract.device import Device, Reading
 from netboard.devices.safety.chain import Vector
 from netboard.devices.setup.identification import Identified, Motion, identify
-from netboard.devices.setup.loop import Beats, Driver, Progress, Track
+from netboard.devices.setup.loop import Driver, LoopClock, Progress, Track
 
 AXIS = 2
 """Axis of the task: vertical [1]."""
@@ -65,7 +65,7 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
     )
 
 
-def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
+def run(device: Device, clock: LoopClock, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
     """Move the stylus of an open device along the chirp.
 
     Raises `DeviceError` if the device has no motors, has too little room or fails; or if the safety chain cuts the
@@ -87,7 +87,7 @@ def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progr
             k * (z + chirp.lead(t) - reading.z) - c * reading.vz,
         )
 
-    return Driver(device, beats, limits_of(chirp, own)).drive(chirp.seconds, force, progress)
+    return Driver(device, clock, limits_of(chirp, own)).drive(chirp.seconds, force, progress)
 
 
 def _check_room(device: Device, home: Vector, chirp: Chirp) -> None:

@@ -1,6 +1,6 @@
 """Runs one device in a loop without a server: reads it without force, or drives it through the safety chain.
 
-Time comes from `Beats`, so that a test can run a virtual device in simulated time. Readings and rendered forces are
+Time comes from `LoopClock`, so that a test can run a virtual device in simulated time. Readings and rendered forces are
 stored in a `Track`. Rule 1: a run without force writes nothing. Rule 2: every force passes the safety chain, and on
 every exit path the force goes to zero first.
 """
@@ -29,7 +29,7 @@ ARMING_SECONDS = 15.0
 """Timeout for arming the safety chain [s]."""
 
 
-class Beats(Protocol):
+class LoopClock(Protocol):
     """Clock of a 1 kHz loop."""
 
     def now(self) -> int:
@@ -96,14 +96,14 @@ def track_of(rows: list[Row]) -> Track:
     )
 
 
-def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lambda _: None) -> Track:
+def watch(device: Device, loop_clock: LoopClock, seconds: float, progress: Progress = lambda _: None) -> Track:
     """Read a device each millisecond without writing force."""
     rows: list[Row] = []
     total = round(seconds * 1e9 / TICK_NS)
     for k in range(total):
-        begun = beats.wait()
+        begun = loop_clock.wait()
         reading = device.read(begun)
-        ended = beats.now()
+        ended = loop_clock.now()
         rows.append((begun, ended, reading, ended, ZERO))
         if k % 100 == 0:
             progress(k / total)
@@ -113,8 +113,8 @@ def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lam
 class Driver:
     """Drives a device through the safety chain."""
 
-    def __init__(self, device: Device, beats: Beats, limits: Limits) -> None:
-        self._device, self._beats = device, beats
+    def __init__(self, device: Device, loop_clock: LoopClock, limits: Limits) -> None:
+        self._device, self._beats = device, loop_clock
         self._limits = limits
         self._safety = Safety(limits, device.info.max_force, device.info.continuous_force)
 

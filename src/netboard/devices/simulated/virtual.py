@@ -89,7 +89,7 @@ def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float,
     return fx * share, fy * share, fz * share
 
 
-class Heat:
+class MotorTemperature:
     """Motor temperature as a first-order system driven by the squared force.
 
     Temperature is relative to the room, in units of the motors' limit: the continuous force, held indefinitely, brings
@@ -111,7 +111,7 @@ class Heat:
         self.warm = self.temperature > (COOL if self.warm else 1.0)
 
 
-class Late:
+class DelayLine:
     """Delay line for positions, with linear interpolation between samples."""
 
     def __init__(self, delay_ns: int) -> None:
@@ -152,10 +152,10 @@ class VirtualTouch(Device):
         self._limit = own.max_force
         self._time_ns: int | None = None
         self._velocimeter = Velocimeter(own.resolution)
-        self._heat = Heat(own.continuous_force, own.thermal_time) if own.thermal_time > 0.0 else None
+        self._heat = MotorTemperature(own.continuous_force, own.thermal_time) if own.thermal_time > 0.0 else None
         self._read_delay_ns = round(virtual.read_latency_ms * MS_NS)
         self._write_delay_ns = round(virtual.write_latency_ms * MS_NS)
-        self._late = Late(self._read_delay_ns) if self._read_delay_ns > 0 else None
+        self._late = DelayLine(self._read_delay_ns) if self._read_delay_ns > 0 else None
         self._coming: deque[tuple[int, Vector]] = deque()
 
     @property
@@ -220,7 +220,7 @@ class VirtualTouch(Device):
     def _close(self) -> None:
         self._time_ns = None
         self._velocimeter = Velocimeter(self._device.resolution)
-        self._late = Late(self._read_delay_ns) if self._late is not None else None
+        self._late = DelayLine(self._read_delay_ns) if self._late is not None else None
         self._coming.clear()
         self._acting = self._written
 
@@ -252,7 +252,7 @@ class VirtualTouch(Device):
             self._warm_up(self._heat, steps * STEP)
         return time_ns + steps * STEP_NS
 
-    def _warm_up(self, heat: Heat, seconds: float) -> None:
+    def _warm_up(self, heat: MotorTemperature, seconds: float) -> None:
         """Update the motor temperature; hot motors deliver no more than the continuous force."""
         heat.live(seconds, hypot(*self._acting))
         self._limit = self._device.continuous_force if heat.warm else self._device.max_force

@@ -23,7 +23,7 @@ from netboard.base.settings import NO_EXTRAS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Found, Reading
 from netboard.devices.touch.api import Error, Fault
 from netboard.devices.touch.find import calibrate, candidates, describe, enable, find, present
-from netboard.devices.touch.library import Rig, Seat, rig_of
+from netboard.devices.touch.library import OpenDevice, Rig, rig_of
 from netboard.devices.touch.servo import PythonServo, Servo, Vector, wait_ticks
 from netboard.devices.touch.shim import ShimServo
 
@@ -86,7 +86,7 @@ class OpenHaptics(Device):
         super().__init__(side, config)
         self._options = self.read_options(Options)
         self._rig: Rig | None = None
-        self._seat: Seat | None = None
+        self._opened: OpenDevice | None = None
         self._servo: Servo | None = None
         self._most = 0.0
         self._lost = False
@@ -106,50 +106,50 @@ class OpenHaptics(Device):
         self._rig = rig = rig_of(self._options.library)
         try:
             with rig.paused():
-                self._seat = seat = find(rig, self._options.serial, self._options.name)
-                info = describe(rig.library, seat, self._options.resolution)
+                self._opened = opened = find(rig, self._options.serial, self._options.name)
+                info = describe(rig.library, opened, self._options.resolution)
                 timeout_ns = round(self._options.force_timeout_ms * 1e6)
-                self._servo = servo = SERVOS[self._options.servo](rig.library, seat.handle, timeout_ns)
-                rig.schedule(seat, servo)
-            self._first_ticks(rig, servo, seat)
-            calibrate(rig, seat)
+                self._servo = servo = SERVOS[self._options.servo](rig.library, opened.handle, timeout_ns)
+                rig.schedule(opened, servo)
+            self._first_ticks(rig, servo, opened)
+            calibrate(rig, opened)
             with rig.paused():
-                limits = enable(rig, seat)
-            self._first_ticks(rig, servo, seat)
+                limits = enable(rig, opened)
+            self._first_ticks(rig, servo, opened)
         except BaseException:
             self._release()
             raise
         self._most = info.max_force
         return replace(info, details={**info.details, "servo": self._options.servo, **limits})
 
-    def _first_ticks(self, rig: Rig, servo: Servo, seat: Seat) -> None:
+    def _first_ticks(self, rig: Rig, servo: Servo, opened: OpenDevice) -> None:
         """Wait until the servo runs, and check its errors."""
         running = wait_ticks(servo, 2, FIRST_TICK_NS)
-        self._judge(rig.faults(seat), monotonic_ns())
+        self._judge(rig.faults(opened), monotonic_ns())
         if not running:
             raise DeviceTimeout("the servo loop of the haptic device does not run; is another program in its way?")
 
     def _read(self, now_ns: int) -> Reading:
         assert self._rig is not None
-        assert self._seat is not None
+        assert self._opened is not None
         assert self._servo is not None
         since_ns = self._rig.since_ns
-        shot = self._servo.shot()
-        self._judge(self._rig.faults(self._seat), now_ns)
-        assert shot is not None  # open() waited for the first one
-        if since_ns is not None and now_ns - max(shot.stamp_ns, since_ns) > STALL_NS:
+        result = self._servo.result()
+        self._judge(self._rig.faults(self._opened), now_ns)
+        assert result is not None  # open() waited for the first one
+        if since_ns is not None and now_ns - max(result.stamp_ns, since_ns) > STALL_NS:
             self._lost = True
-            late_ms = (now_ns - shot.stamp_ns) * 1e-6
+            late_ms = (now_ns - result.stamp_ns) * 1e-6
             raise DeviceTimeout(f"the servo loop of the haptic device has stalled for {late_ms:.0f} ms")
         tired = self._tired_ns is not None and now_ns - self._tired_ns < REST_NS
-        ready = since_ns is not None and not (shot.docked or shot.cut or tired)
-        right, up, near = shot.position
-        to_right, upwards, nearer = shot.velocity
+        ready = since_ns is not None and not (result.docked or result.cut or tired)
+        right, up, near = result.position
+        to_right, upwards, nearer = result.velocity
         return Reading(
-            min(shot.stamp_ns, now_ns),
+            min(result.stamp_ns, now_ns),
             *(1e-3 * near, 1e-3 * right, 1e-3 * up),
             *(1e-3 * nearer, 1e-3 * to_right, 1e-3 * upwards),
-            shot.buttons,
+            result.buttons,
             ready,
         )
 
@@ -167,8 +167,8 @@ class OpenHaptics(Device):
 
     def _release(self) -> bool:
         """Release the device, if there is one; return whether it is known to have taken a zero force."""
-        seat, self._seat, self._servo = self._seat, None, None
-        return seat is None or self._rig is None or self._rig.release(seat)
+        opened, self._opened, self._servo = self._opened, None, None
+        return opened is None or self._rig is None or self._rig.release(opened)
 
     def _judge(self, faults: list[Fault], now_ns: int) -> None:
         """Process errors of the library: make the device not ready for a while, or report it lost."""

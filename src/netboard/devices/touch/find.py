@@ -17,7 +17,7 @@ from typing import TypeVar
 from netboard.base.errors import DeviceError, DeviceNotFound
 from netboard.devices.contract.device import Box, DeviceInfo, Found
 from netboard.devices.touch.api import Calibration, Capability, Fault, Library, Parameter, Style
-from netboard.devices.touch.library import Rig, Seat
+from netboard.devices.touch.library import OpenDevice, Rig
 
 T = TypeVar("T")
 
@@ -86,7 +86,7 @@ def config_folders() -> list[Path]:
     )
 
 
-def find(rig: Rig, serial: str, name: str) -> Seat:
+def find(rig: Rig, serial: str, name: str) -> OpenDevice:
     """Initialise the wanted device and make it current, while the scheduler is paused.
 
     ``name``: name of the device. With a serial number, it is tried first; without, it is the only one tried. Empty for
@@ -101,16 +101,16 @@ def find(rig: Rig, serial: str, name: str) -> Seat:
             there[called] = f"{called} (in use by this process)"
             continue
         try:
-            seat = rig.init(each)
+            opened = rig.init(each)
         except DeviceNotFound as error:
             tried[called] = str(error)
             continue
         found, model = map(rig.library.string, (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE))
         rig.library.drain()
         if not serial or found == serial:
-            return seat
+            return opened
         there.setdefault(found, f"{called} ({model or 'unknown model'}, serial {found or 'unknown'})")
-        rig.release(seat)
+        rig.release(opened)
     wanted = f"with serial number {serial}" if serial else f'named "{name}"' if name else "at all"
     why = f" ({'; '.join(dict.fromkeys(tried.values()))})" if tried else ""
     raise DeviceNotFound(
@@ -129,17 +129,17 @@ def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
     with rig.paused():
         for name in names:
             try:
-                seat = rig.init(name)
+                opened = rig.init(name)
             except DeviceNotFound:
                 continue
             model, serial = map(rig.library.string, (Parameter.DEVICE_MODEL_TYPE, Parameter.DEVICE_SERIAL_NUMBER))
             rig.library.drain()
-            rig.release(seat)
+            rig.release(opened)
             found.setdefault(serial, Found(model, serial))
     return tuple(found.values())
 
 
-def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
+def describe(library: Library, opened: OpenDevice, resolution: float) -> DeviceInfo:
     """Return the properties of the current device, while the scheduler is paused.
 
     ``resolution``: size of one encoder step, which the library does not report [m].
@@ -156,7 +156,7 @@ def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
         continuous_force=min(lasting, most),
         resolution=resolution,
         workspace=workspace(usable),
-        details={"name": seat.name or "the library's default", **_details(library)},
+        details={"name": opened.name or "the library's default", **_details(library)},
     )
 
 
@@ -200,16 +200,16 @@ def _listed(faults: list[Fault]) -> str:
     return "; ".join(map(str, faults))
 
 
-def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep) -> None:
+def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = time.sleep) -> None:
     """Make sure that a device is calibrated, while its servo runs without force."""
     hd = rig.library.ticks
-    state = _state(rig, seat)
-    styles = Style(rig.ask(seat, "asking how it is calibrated", lambda: _style(rig.library)))
+    state = _state(rig, opened)
+    styles = Style(rig.ask(opened, "asking how it is calibrated", lambda: _style(rig.library)))
     best = next((style for style in (Style.CALIBRATION_AUTO, Style.CALIBRATION_INKWELL) if style in styles), None)
     if state == Calibration.CALIBRATION_NEEDS_UPDATE and best is not None:
-        rig.ask(seat, "calibrating", lambda: hd.hdUpdateCalibration(best) or 0)
+        rig.ask(opened, "calibrating", lambda: hd.hdUpdateCalibration(best) or 0)
         for _ in range(round(CALIBRATE_S / ASK_AGAIN_S)):
-            if (state := _state(rig, seat)) == Calibration.CALIBRATION_OK:
+            if (state := _state(rig, opened)) == Calibration.CALIBRATION_OK:
                 log.info("the haptic device has been calibrated")
                 break
             pause(ASK_AGAIN_S)
@@ -219,9 +219,9 @@ def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep)
         raise DeviceError(f"the haptic device is not calibrated ({known}): {todo}; docs/how-to/touch.md")
 
 
-def _state(rig: Rig, seat: Seat) -> int:
+def _state(rig: Rig, opened: OpenDevice) -> int:
     """Return the calibration state."""
-    return rig.ask(seat, "asking whether it is calibrated", rig.library.ticks.hdCheckCalibration)
+    return rig.ask(opened, "asking whether it is calibrated", rig.library.ticks.hdCheckCalibration)
 
 
 def _style(library: Library) -> int:
@@ -231,10 +231,10 @@ def _style(library: Library) -> int:
     return room.value
 
 
-def enable(rig: Rig, seat: Seat) -> dict[str, str]:
+def enable(rig: Rig, opened: OpenDevice) -> dict[str, str]:
     """Enable force output and the library's own safeguards, while the scheduler is paused."""
     hd = rig.library
-    hd.calls.hdMakeCurrentDevice(seat.handle)
+    hd.calls.hdMakeCurrentDevice(opened.handle)
     came = {}
     for limit in LIMITS:
         hd.calls.hdEnable(limit)

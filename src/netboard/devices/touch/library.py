@@ -42,7 +42,7 @@ ANSWER_S = 1.0
 
 
 @dataclass
-class Seat:
+class OpenDevice:
     """An initialised device."""
 
     name: str  # name in the library; empty for its default device
@@ -58,7 +58,7 @@ class Rig:
     def __init__(self, library: Library) -> None:
         self.library = library
         self.since_ns: int | None = None  # time at which the scheduler was started; None while it is stopped [ns]
-        self._seats: dict[int, Seat] = {}
+        self._devices: dict[int, OpenDevice] = {}
         self._changing = threading.RLock()
         self._routing = threading.Lock()
         self._paused = 0
@@ -66,7 +66,7 @@ class Rig:
 
     def uses(self, name: str) -> bool:
         """Return True if a device with this name is open here."""
-        return any(seat.name == name for seat in tuple(self._seats.values()))
+        return any(opened.name == name for opened in tuple(self._devices.values()))
 
     @contextmanager
     def paused(self) -> Iterator[None]:
@@ -80,7 +80,7 @@ class Rig:
                 self._paused -= 1
                 self._start()
 
-    def init(self, name: str) -> Seat:
+    def init(self, name: str) -> OpenDevice:
         """Initialise a device and make it current, while the scheduler is paused.
 
         ``name``: name in the library; empty for its default device.
@@ -89,17 +89,17 @@ class Rig:
         self._note(hd.drain())
         handle = hd.calls.hdInitDevice(name.encode() or None)
         if faults := hd.drain():
-            if handle != INVALID_HANDLE and handle not in self._seats:
+            if handle != INVALID_HANDLE and handle not in self._devices:
                 hd.calls.hdDisableDevice(handle)
                 hd.drain()
             raise DeviceNotFound("; ".join(map(str, faults)))
-        if handle == INVALID_HANDLE or handle in self._seats:
+        if handle == INVALID_HANDLE or handle in self._devices:
             raise DeviceNotFound("the library gives no device, and no error")
-        seat = self._seats[handle] = Seat(name, handle)
+        opened = self._devices[handle] = OpenDevice(name, handle)
         hd.calls.hdMakeCurrentDevice(handle)
-        return seat
+        return opened
 
-    def schedule(self, seat: Seat, servo: Servo, entry: Entry | None = None) -> None:
+    def schedule(self, opened: OpenDevice, servo: Servo, entry: Entry | None = None) -> None:
         """Schedule a device's callback in the servo thread, starting at the end of the current pause.
 
         ``entry``: callback to schedule in place of the servo's, such as a watch around it.
@@ -108,21 +108,21 @@ class Rig:
             function, data = entry or servo.entry
             scheduled = self.library.calls.hdScheduleAsynchronous(function, data, DEFAULT_PRIORITY)
             self.check("scheduling the servo callback")
-            seat.servo, seat.scheduled = servo, scheduled
+            opened.servo, opened.scheduled = servo, scheduled
 
     def check(self, what: str) -> None:
         """Raise an error if the error stack is not empty, while the scheduler is paused."""
         if faults := self.library.drain():
             raise DeviceError(f"{what} failed: {'; '.join(map(str, faults))}")
 
-    def ask(self, seat: Seat, what: str, work: Callable[[], int]) -> int:
+    def ask(self, opened: OpenDevice, what: str, work: Callable[[], int]) -> int:
         """Run a function in the servo thread, with this device as the current one."""
         hd, done = self.library, threading.Event()
         found: list[int] = []
         faults: list[Fault] = []
 
         def once(data: int | None) -> int:
-            hd.ticks.hdMakeCurrentDevice(seat.handle)
+            hd.ticks.hdMakeCurrentDevice(opened.handle)
             found.append(work())
             faults.extend(hd.drain())
             done.set()
@@ -134,35 +134,35 @@ class Rig:
             with self.paused():
                 hd.calls.hdUnschedule(scheduled)
             raise DeviceTimeout(f"{what} failed: the servo loop did nothing for {ANSWER_S:g} s")
-        self._note([fault for fault in faults if fault.handle in self._seats and fault.handle != seat.handle])
-        if mine := [fault for fault in faults if fault.handle not in self._seats or fault.handle == seat.handle]:
+        self._note([fault for fault in faults if fault.handle in self._devices and fault.handle != opened.handle])
+        if mine := [fault for fault in faults if fault.handle not in self._devices or fault.handle == opened.handle]:
             raise DeviceError(f"{what} failed: {'; '.join(map(str, mine))}")
         return found[0]
 
-    def faults(self, seat: Seat) -> list[Fault]:
+    def faults(self, opened: OpenDevice) -> list[Fault]:
         """Return the errors of a device; those of other devices are kept for them."""
         with self._routing:
-            for other in tuple(self._seats.values()):
+            for other in tuple(self._devices.values()):
                 if other.servo is not None:
                     self._note([self.library.fault(*raw) for raw in other.servo.faults()])
-        return [seat.faults.popleft() for _ in range(len(seat.faults))]
+        return [opened.faults.popleft() for _ in range(len(opened.faults))]
 
-    def release(self, seat: Seat) -> bool:
+    def release(self, opened: OpenDevice) -> bool:
         """Release a device; do nothing if it is released.
 
         Returns True if the device is known to have taken a zero force, or never had a force.
         """
         with self._changing:
-            if self._seats.get(seat.handle) is not seat:
+            if self._devices.get(opened.handle) is not opened:
                 return True
-            taken = seat.servo is None or self._zero(seat.servo)  # before the pause: only a running servo writes it
+            taken = opened.servo is None or self._zero(opened.servo)  # before the pause: only a running servo writes it
             with self.paused():
-                if seat.scheduled is not None:
-                    self.library.calls.hdUnschedule(seat.scheduled)
-                self.library.calls.hdDisableDevice(seat.handle)
-                del self._seats[seat.handle]
+                if opened.scheduled is not None:
+                    self.library.calls.hdUnschedule(opened.scheduled)
+                self.library.calls.hdDisableDevice(opened.handle)
+                del self._devices[opened.handle]
                 for fault in self.library.drain():
-                    if fault.handle in self._seats:
+                    if fault.handle in self._devices:
                         self._note([fault])
                     else:
                         log.info("while a device was released: %s", fault)
@@ -170,8 +170,8 @@ class Rig:
 
     def clear(self) -> None:
         """Release all devices."""
-        for seat in tuple(self._seats.values()):
-            self.release(seat)
+        for opened in tuple(self._devices.values()):
+            self.release(opened)
 
     def _zero(self, servo: Servo) -> bool:
         """Set zero force and wait until it has reached the motors; return whether it has."""
@@ -181,9 +181,9 @@ class Rig:
     def _note(self, faults: list[Fault]) -> None:
         """Assign errors to their devices; an error of unknown origin goes to all."""
         for fault in faults:
-            owner = self._seats.get(fault.handle)
-            for seat in [owner] if owner else tuple(self._seats.values()):
-                seat.faults.append(fault)
+            owner = self._devices.get(fault.handle)
+            for opened in [owner] if owner else tuple(self._devices.values()):
+                opened.faults.append(fault)
 
     def _stop(self) -> None:
         if self.since_ns is not None:
@@ -193,7 +193,7 @@ class Rig:
 
     def _start(self) -> None:
         """Start the scheduler if a callback is scheduled and no pause is active."""
-        if self._paused or not any(seat.scheduled is not None for seat in self._seats.values()):
+        if self._paused or not any(opened.scheduled is not None for opened in self._devices.values()):
             return
         self.library.calls.hdStartScheduler()
         self.since_ns = monotonic_ns()

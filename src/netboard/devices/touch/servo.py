@@ -1,13 +1,13 @@
 """The servo callback of one device, run by the vendor once per millisecond: read, take the force, write it.
 
-A servo knows only the vendor's frame (x right, y up, z towards the user; mm). It publishes a `Shot` in each tick and
-renders the force that was set last, through one slot in each direction. Neither side waits.
+A servo knows only the vendor's frame (x right, y up, z towards the user; mm). In each tick it publishes a
+`TickResult` and renders the force that was set last, through one slot in each direction. Neither side waits.
 
-Rule 1: a force older than the timeout is cut to zero. It stays cut, and every shot reports this, until a zero force is
-set; so the force cannot return with a step.
+Rule 1: a force older than the timeout is cut to zero. It stays cut, and every result reports this, until a zero force
+is set; so the force cannot return with a step.
 Rule 2: each tick empties the vendor's error stack and keeps the errors for `faults`. The stack is shared by all devices
 of the process, so an error may belong to another one.
-Rule 3: a shot is published last, so that the errors of its tick are available with it.
+Rule 3: a result is published last, so that the errors of its tick are available with it.
 """
 
 import time
@@ -28,7 +28,7 @@ SETTLE_TICKS = 2
 KEPT_FAULTS = 256
 
 
-class Shot(NamedTuple):
+class TickResult(NamedTuple):
     """Result of one tick."""
 
     tick: int
@@ -58,8 +58,8 @@ class Servo(Protocol):
     def put(self, force: Vector, stamp_ns: int) -> None:
         """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
 
-    def shot(self) -> Shot | None:
-        """Return the latest shot; None before the first tick."""
+    def result(self) -> TickResult | None:
+        """Return the latest result; None before the first tick."""
 
     def faults(self) -> list[Raw]:
         """Return the errors since the last call, oldest tick first."""
@@ -82,7 +82,7 @@ class PythonServo:
         self._buttons, self._docked = c_int32(), c_ubyte()
         self._force: tuple[Vector, int] = ((0.0, 0.0, 0.0), 0)
         self._cut = False
-        self._shot: Shot | None = None
+        self._shot: TickResult | None = None
         self._ticks = 0
         self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
         self._entry = Entry(CALLBACK(self._tick), c_void_p())
@@ -96,8 +96,8 @@ class PythonServo:
         """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
         self._force = (force, stamp_ns)
 
-    def shot(self) -> Shot | None:
-        """Return the latest shot; None before the first tick."""
+    def result(self) -> TickResult | None:
+        """Return the latest result; None before the first tick."""
         return self._shot
 
     def faults(self) -> list[Raw]:
@@ -123,7 +123,7 @@ class PythonServo:
                 break
             self._faults.append((error.code, error.internal, error.handle))
         self._ticks += 1
-        self._shot = Shot(
+        self._shot = TickResult(
             self._ticks,
             stamp_ns,
             (position[0], position[1], position[2]),
@@ -157,5 +157,5 @@ def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
 
 def ticks_of(servo: Servo) -> int:
     """Return the number of ticks of a servo so far [1]."""
-    shot = servo.shot()
-    return 0 if shot is None else shot.tick
+    result = servo.result()
+    return 0 if result is None else result.tick

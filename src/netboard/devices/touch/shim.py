@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from netboard.base import compiled
 from netboard.base.errors import DeviceNotFound
 from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
-from netboard.devices.touch.servo import Entry, Raw, Shot, Vector
+from netboard.devices.touch.servo import Entry, Raw, TickResult, Vector
 
 SOURCE = Path(__file__).with_name("servo_shim.c")
 
@@ -49,7 +49,7 @@ class Calls(ctypes.Structure):
     _fields_ = tuple((name, c_void_p) for name in CALLED)
 
 
-class ShimShot(ctypes.Structure):
+class ShimResult(ctypes.Structure):
     """Result of a tick; ``struct sample`` in the shim."""
 
     _fields_ = (
@@ -63,7 +63,7 @@ class ShimShot(ctypes.Structure):
     )
 
 
-class WatchRoom(ctypes.Structure):
+class WatchState(ctypes.Structure):
     """State of a watch; ``struct watch`` in the shim."""
 
     _fields_ = (
@@ -86,7 +86,7 @@ def shim() -> ctypes.PyDLL:
     library.servo_prepare.restype = None
     library.servo_put.argtypes = (c_void_p, c_double, c_double, c_double, c_int64)
     library.servo_put.restype = None
-    library.servo_take.argtypes = (c_void_p, POINTER(ShimShot))
+    library.servo_take.argtypes = (c_void_p, POINTER(ShimResult))
     library.servo_take.restype = c_int
     library.servo_next_fault.argtypes = (c_void_p, POINTER(ErrorInfo))
     library.servo_next_fault.restype = c_int
@@ -142,7 +142,7 @@ class ShimServo:
         calls = Calls(*map(library.address, CALLED))
         made.servo_prepare(self._at, byref(calls), handle, timeout_ns)
         self._put, self._take, self._next_fault = made.servo_put, made.servo_take, made.servo_next_fault
-        self._seen: Shot | None = None
+        self._seen: TickResult | None = None
         self._entry = Entry(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self._at))
 
     @property
@@ -154,13 +154,13 @@ class ShimServo:
         """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
         self._put(self._at, *force, stamp_ns)
 
-    def shot(self) -> Shot | None:
-        """Return the latest shot; None before the first tick."""
-        seen = ShimShot()
+    def result(self) -> TickResult | None:
+        """Return the latest result; None before the first tick."""
+        seen = ShimResult()
         if self._take(self._at, byref(seen)):
             position, velocity = cast(Vector, tuple(seen.position)), cast(Vector, tuple(seen.velocity))
             docked, cut = bool(seen.docked), bool(seen.cut)
-            self._seen = Shot(seen.tick, seen.stamp_ns, position, velocity, seen.buttons, docked, cut)
+            self._seen = TickResult(seen.tick, seen.stamp_ns, position, velocity, seen.buttons, docked, cut)
         return self._seen
 
     def faults(self) -> list[Raw]:
@@ -182,7 +182,7 @@ class Watch:
         self._times = np.zeros((room, 2), np.int64)
         self._inner = entry
         callback = None if entry is None else ctypes.cast(entry.function, c_void_p)
-        self._room = WatchRoom(callback, entry and entry.data, self._times.ctypes.data, room, 0)
+        self._room = WatchState(callback, entry and entry.data, self._times.ctypes.data, room, 0)
         self.entry = Entry(ctypes.cast(shim().watch_tick, CALLBACK), c_void_p(ctypes.addressof(self._room)))
 
     @property

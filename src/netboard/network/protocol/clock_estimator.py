@@ -54,7 +54,7 @@ class ClockEstimator:
     tightest.
 
     A probe whose limits contradict the earlier ones proves that a clock was stepped, suspended or ran away: the
-    estimate starts anew. A step smaller than the delay can go undetected. Until the window has passed, the error may
+    estimate restarts. A step smaller than the delay can go undetected. Until the window has passed, the error may
     then exceed the bound, at most by the shortest one-way delay since the step.
 
     The drift is the slope between two estimates of the last minutes. Its bound is the sum of their bounds over the time
@@ -82,7 +82,7 @@ class ClockEstimator:
     accepted, rejected : int
         Probes used, and impossible ones: a negative round trip, or an answer before its question [1].
     restarts : int
-        Times the estimate started anew [1].
+        Number of restarts of the estimate [1].
     """
 
     def __init__(self, window_ns: int = 2_000_000_000, skew_ppm: int = 100) -> None:

@@ -24,9 +24,9 @@ from netboard.network.protocol.joining import ROLES, Goodbye, Hello, Ping, Pong,
 from netboard.network.protocol.motion import (
     Backfill,
     BackfillRequest,
-    Beat,
     Felt,
     Force,
+    Heartbeat,
     Move,
     Point,
     Pointer,
@@ -60,7 +60,7 @@ Message = (
     | Stylus
     | Force
     | Point
-    | Beat
+    | Heartbeat
     | BackfillRequest
     | Backfill
     | View
@@ -127,7 +127,7 @@ KINDS: dict[int, Kind] = {
     6: Kind(Pong, 64, up=_PINGED),
     10: Kind(Stylus, 256, up=_AGENT),
     11: Kind(Force, 64, down=_AGENT),
-    12: Kind(Beat, 64, down=_AGENT),
+    12: Kind(Heartbeat, 64, down=_AGENT),
     13: Kind(Point, 128, down=_AGENT),
     14: Kind(BackfillRequest, 64, down=_AGENT),
     15: Kind(Backfill, 2304, up=_AGENT),

@@ -73,7 +73,7 @@ class Stylus:
     rendered : float
         Vertical force given to the device since the sample before, after all limits [N].
     force_tick : int
-        Tick of the last `Force`, `Point` or `Beat` received, -1 for none yet [1].
+        Tick of the last `Force`, `Point` or `Heartbeat` received, -1 for none yet [1].
     force_sent_ns : int
         Its ``sent_ns``, server time: t0 of a clock probe [ns].
     force_received_ns : int
@@ -166,7 +166,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Beat:
+class Heartbeat:
     """Heartbeat while no force is rendered: the server is alive, and the commanded force is zero.
 
     Attributes

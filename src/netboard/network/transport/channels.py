@@ -15,10 +15,10 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.tables.rig import Network
 from netboard.network.transport.authenticator import Authenticator, Credentials
 
-MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
+MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, MOVES = range(6)
 """Channels: TCP port = network.port + channel."""
 
-CHANNELS = ("motion", "log", "view.left", "view.right", "control", "nerve")
+CHANNELS = ("motion", "log", "view.left", "view.right", "control", "moves")
 """Their names."""
 
 VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
@@ -71,9 +71,9 @@ class Addresses:
         return Endpoint(f"ipc://{_own_folder() / f'{self.port}.{what}.{side}'}")
 
     def _endpoint(self, machine: str, channel: int) -> Endpoint:
-        """Return an endpoint; the nerve stays on the machine, because both hands are at one station."""
+        """Return an endpoint; the channel for moves stays on the machine, because both hands are at one station."""
         port = self.port + channel
-        inside = channel == NERVE
+        inside = channel == MOVES
         if self.transport == "ipc":
             return Endpoint(f"ipc://{_own_folder() / str(port)}", channel, None if inside else self.lock)
         if inside:

@@ -68,7 +68,7 @@ KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
 RENEW_S, MOST_RENEW_S = 2.0, 16.0
-"""Time after which a peer that finds no server connects anew, doubled each time up to the longest [s].
+"""Time after which a peer that finds no server reconnects, doubled each time up to the longest [s].
 
 A server that is slow to answer must not get new handshakes before it has answered.
 """
@@ -319,12 +319,12 @@ def view_subscriber(context: Context, endpoint: Endpoint) -> Socket:
     return _connect(socket, endpoint)
 
 
-def nerve_sender(context: Context, endpoint: Endpoint) -> Socket:
+def moves_sender(context: Context, endpoint: Endpoint) -> Socket:
     """Make the socket with which the brain of a simulated bimanual participant commands the other hand."""
     return _bind(context, _make(context, zmq.PUSH, CONTROL_HWM), endpoint)
 
 
-def nerve_receiver(context: Context, endpoint: Endpoint) -> Socket:
+def moves_receiver(context: Context, endpoint: Endpoint) -> Socket:
     """Make that other hand's socket."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
     return _connect(socket, endpoint)
@@ -367,7 +367,7 @@ def send(socket: Socket, frame: bytes) -> bool:
 
 
 def send_or_renew(socket: Socket, frame: bytes) -> bool:
-    """Send as `send` does; if no peer is connected, connect anew for the next time."""
+    """Send as `send` does; if no peer is connected, reconnect for the next call."""
     if send(socket, frame):
         _renewed.pop(socket, None)
         return True
@@ -376,7 +376,7 @@ def send_or_renew(socket: Socket, frame: bytes) -> bool:
 
 
 def renew(socket: Socket) -> None:
-    """Connect anew, unless that was done recently: libzmq itself does not retry after a failed handshake."""
+    """Reconnect, unless that was done recently: libzmq itself does not retry after a failed handshake."""
     now = time.monotonic()
     since, wait = _renewed.get(socket, (now, RENEW_S))
     if now - since > 2 * MOST_RENEW_S:  # the connection has worked since then

@@ -109,7 +109,7 @@ def phase_shift(lead_ns: int) -> int:
     return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
 
 
-class Companion(Protocol):
+class StylusSource(Protocol):
     """The simulated participant or player that moves a virtual stylus, in the agent's process."""
 
     @property
@@ -132,19 +132,19 @@ class Agent:
         side: Side,
         device: Device,
         context: sockets.Context,
-        companion: Companion | None = None,
+        source: StylusSource | None = None,
     ) -> None:
         where = keys.reach(config.network, f"agent.{side}")
         socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         timeout_ns = int(config.network.sample_timeout_ms * 1e6)
         self._config, self._side = config, side
-        self._identity: Mapping[str, str] = {} if companion is None else companion.identity
+        self._identity: Mapping[str, str] = {} if source is None else source.identity
         self._link = Link(socket, introduction(side, config, device.info, self._identity), timeout_ns)
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
         self._fixture = config.fixture
         self._passivity = Passivity() if config.safety.passivity else None
-        self._companion = companion
+        self._source = source
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
@@ -214,7 +214,7 @@ class Agent:
     def _tick(self, until_ns: int) -> int:
         """Read and send the stylus, then render until the next tick is due; return the phase shift [ns].
 
-        An agent that computes the force itself need not wait for an answer, and renders at once. The companion runs
+        An agent that computes the force itself need not wait for an answer, and renders at once. The stylus source runs
         after the first answer, or in the last quarter of the tick if none has come by then.
         """
         reading = self._device.read(now_ns())
@@ -256,12 +256,12 @@ class Agent:
             return True
 
     def _live(self) -> None:
-        """Advance the companion by a millisecond, at a time when that delays no force."""
-        if self._companion is not None:
+        """Advance the stylus source by a millisecond, at a time when that delays no force."""
+        if self._source is not None:
             if self._link.block:
-                self._companion.begin(self._link.block)
+                self._source.begin(self._link.block)
                 self._link.block = ""
-            self._companion.step(now_ns(), self._link.kind in (FORCE, POINT))
+            self._source.step(now_ns(), self._link.kind in (FORCE, POINT))
 
     def _arm(self, reading: Reading) -> None:
         """Arm the device only while the server allows it and commands no force.

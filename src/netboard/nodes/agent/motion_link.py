@@ -21,7 +21,7 @@ from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
-from netboard.network.protocol.motion import Backfill, BackfillRequest, Beat, Force, Point
+from netboard.network.protocol.motion import Backfill, BackfillRequest, Force, Heartbeat, Point
 from netboard.network.transport import fastpath, sockets
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ NONE, FORCE, POINT, BEAT = range(4)
 NEWER = -4
 """Result of `hear` beside those of `fastpath.hear`: the newest answer is a newer one [1]."""
 
-_ANSWERS: tuple[Any, ...] = (None, Force, Point, Beat)
+_ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
 _PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point)), struct.Struct("<4q?7x"))
 _LENGTH = len(fixed.POINT.markers)
 _SEND_FORM, _FORCE_FORM, _POINT_FORM = fixed.STYLUS[:2], fixed.FORCE[:2], fixed.POINT[:2]
@@ -208,7 +208,7 @@ class Link:
         return int(self.state[0]["kind"])
 
     @property
-    def newest(self) -> Force | Point | Beat | None:
+    def newest(self) -> Force | Point | Heartbeat | None:
         """The newest answer."""
         kind, words = self.kind, self.state[0]["words"]
         return None if kind == NONE else _ANSWERS[kind](*_PACKERS[kind].unpack_from(words.data))
@@ -286,7 +286,7 @@ class Link:
             self._nonsense.say(f"invalid message from the server: {error}")
             return False
         match message:
-            case Force() | Point() | Beat():
+            case Force() | Point() | Heartbeat():
                 return self._take(message)
             case BackfillRequest():
                 self.asked = message
@@ -324,7 +324,7 @@ class Link:
         self._path.close()
         sockets.close_after_goodbye(self._socket)
 
-    def _take(self, message: Force | Point | Beat) -> bool:
+    def _take(self, message: Force | Point | Heartbeat) -> bool:
         """Take an answer that did not come in its fixed form."""
         kind = _ANSWERS.index(type(message))
         _PACKERS[kind].pack_into(self.state[0]["came"].data, 0, *astuple(message))

@@ -2,10 +2,9 @@
 
 A simulated participant sees the views of its station's display, feels the force that its device renders, and acts. In a
 dyadic block each station has its own controller, which moves the hand on that side's device. In a bimanual block one
-controller in the left agent sees the view of the block's station and moves both hands: commands for the right hand
-travel over the nerve, a channel from the left agent to the right one. Simulated participants are made anew for each
-block. A player sits at the display, which sends the pointer's position to its side's agent and receives the force on
-the hand.
+controller in the left agent sees the view of the block's station and moves both hands: it sends the movements of the
+right hand over the channel ``moves`` to the right agent. Simulated participants are re-created for each block. A player
+sits at the display, which sends the pointer's position to its side's agent and receives the force on the hand.
 """
 
 from collections.abc import Iterable
@@ -34,14 +33,14 @@ HOST: Side = "left"
 """Side whose agent runs the controller of a bimanual participant."""
 
 SHORTEST_MOVE = 1e-3
-"""Shortest movement that the nerve may command [s]."""
+"""Shortest movement that may be commanded to the other hand [s]."""
 
 FELT_NS = 8_000_000
 """Interval at which a player's display receives the force on the hand: the interval of views [ns]."""
 
 
 @runtime_checkable
-class Held(Protocol):
+class SimulatedHandDevice(Protocol):
     """A device in a simulated hand, which can be felt and moved."""
 
     side: Side
@@ -58,7 +57,7 @@ class Held(Protocol):
 
 
 @runtime_checkable
-class Pointed(Protocol):
+class PointerDevice(Protocol):
     """A device whose stylus follows a pointer."""
 
     side: Side
@@ -71,7 +70,7 @@ class Pointed(Protocol):
         """Take the pointer's position [m]; None before the player has pointed anywhere."""
 
 
-class Eye:
+class ViewReceiver:
     """Receives the views of a station."""
 
     def __init__(self, socket: sockets.Socket) -> None:
@@ -97,17 +96,21 @@ class Eye:
         self._socket.close()
 
 
-class Person:
-    """A controller with one or two hands; it moves the hand on this device directly, the other one over the nerve.
+class LiveController:
+    """A controller with one or two hands; it moves the hand on this device directly, the other one by messages.
 
     Parameters
     ----------
-    nerve : zmq.Socket or None
+    moves_socket : zmq.Socket or None
         Channel to the other hand, if this participant has two.
     """
 
     def __init__(
-        self, config: Config, device: Held, context: sockets.Context, nerve: "sockets.Socket | None" = None
+        self,
+        config: Config,
+        device: SimulatedHandDevice,
+        context: sockets.Context,
+        moves_socket: "sockets.Socket | None" = None,
     ) -> None:
         where = keys.reach(config.network, f"agent.{device.side}")
         bimanual = config.block.configuration == "bimanual"
@@ -115,63 +118,63 @@ class Person:
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
         self._controller = Controller(config.participant, config.physics, config.task, sides, rng)
-        self._eye = Eye(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
+        self._views = ViewReceiver(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
         self._device = device
         self._reads = config.block.force == "full"  # only the full force shows where the partner is
-        self._nerve = nerve
+        self._moves = moves_socket
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Look, feel, decide, move."""
         self._device.live(now_ns)
-        self._eye.look(now_ns)
-        felt = self._device.felt if haptics and self._reads and self._nerve is None else None
-        moves = self._controller.step(now_ns * 1e-9, self._eye.glimpse, felt)
+        self._views.look(now_ns)
+        felt = self._device.felt if haptics and self._reads and self._moves is None else None
+        moves = self._controller.step(now_ns * 1e-9, self._views.glimpse, felt)
         for move in moves:
             if move.side == self._device.side:
                 self._device.command((move,))
-            elif self._nerve is not None:
+            elif self._moves is not None:
                 delay = move.start - now_ns * 1e-9
-                sockets.send(self._nerve, encode(Move(move.side, delay, move.duration, move.displacement)))
+                sockets.send(self._moves, encode(Move(move.side, delay, move.duration, move.displacement)))
 
     def close(self) -> None:
         """Close the subscription."""
-        self._eye.close()
+        self._views.close()
 
 
-class Limb:
-    """A hand without a controller of its own: it follows the commands of the nerve."""
+class SecondHand:
+    """A hand without a controller of its own: it makes the movements that the other agent commands."""
 
-    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+    def __init__(self, config: Config, device: SimulatedHandDevice, context: sockets.Context) -> None:
         self._device = device
-        self._nerve = sockets.nerve_receiver(context, channels.addresses(config.network).reach(channels.NERVE))
+        self._moves = sockets.moves_receiver(context, channels.addresses(config.network).reach(channels.MOVES))
 
     def step(self, now_ns: int, haptics: bool) -> None:
-        """Begin the movements that the nerve commands."""
+        """Begin the commanded movements."""
         self._device.live(now_ns)
-        while (frame := sockets.receive(self._nerve)) is not None:
+        while (frame := sockets.receive(self._moves)) is not None:
             try:
                 move = decode(frame)
             except WireError:
                 continue
-            if isinstance(move, Move) and move.side == self._device.side and _possible(move):
+            if isinstance(move, Move) and move.side == self._device.side and _is_possible(move):
                 start = now_ns * 1e-9 + move.delay
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
 
     def close(self) -> None:
-        """Close the nerve."""
-        self._nerve.close()
+        """Close the channel."""
+        self._moves.close()
 
 
 class Player:
     """A player at this side's display, whose pointer moves the stylus."""
 
-    def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
+    def __init__(self, config: Config, device: PointerDevice, context: sockets.Context) -> None:
         where = channels.addresses(config.network)
         self.identity = identity_of("player with a mouse")
         self._device = device
         self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
-        self._told_ns = 0
+        self._published_ns = 0
 
     def begin(self, text: str) -> None:
         """Keep the player: it is the same in every block."""
@@ -181,8 +184,8 @@ class Player:
         frame = sockets.receive(self._pointer)
         if frame is not None:
             self._take(frame, now_ns)
-        if now_ns - self._told_ns >= FELT_NS:
-            self._told_ns = now_ns
+        if now_ns - self._published_ns >= FELT_NS:
+            self._published_ns = now_ns
             self._felt.send(encode(Felt(self._device.side, self._device.felt)))
 
     def _take(self, frame: bytes, now_ns: int) -> None:
@@ -194,61 +197,61 @@ class Player:
             self._device.point(pointer.z, now_ns)
 
 
-def _possible(move: Move) -> bool:
+def _is_possible(move: Move) -> bool:
     """Return whether a movement is within the limits of a hand."""
     return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 
-class Life:
-    """The simulated participant at a device, made anew for each block.
+class LiveParticipant:
+    """The simulated participant at a device, re-created for each block.
 
     The configuration of a block is read in a thread, because that takes several milliseconds.
     """
 
-    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+    def __init__(self, config: Config, device: SimulatedHandDevice, context: sockets.Context) -> None:
         self.identity = identity_of(SIMULATED_PARTICIPANT, config.participant)
         self._reader = ThreadPoolExecutor(1, "configuration", beside_loop)
-        self._told: Future[Config] | None = None
+        self._configuration: Future[Config] | None = None
         self._config, self._device, self._context = config, device, context
-        self._nerve: sockets.Socket | None = None
-        self._who = self._made()
+        self._moves: sockets.Socket | None = None
+        self._current = self._create()
 
     def begin(self, text: str) -> None:
         """Make a new participant for a block, as soon as its configuration has been read."""
-        self._told = self._reader.submit(parse, text, "the server's configuration")
+        self._configuration = self._reader.submit(parse, text, "the server's configuration")
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Advance by a millisecond."""
-        if self._told is not None and self._told.done():
-            self._enter(self._told.result())
-            self._told = None
-        self._who.step(now_ns, haptics)
+        if self._configuration is not None and self._configuration.done():
+            self._enter(self._configuration.result())
+            self._configuration = None
+        self._current.step(now_ns, haptics)
 
-    def _enter(self, told: Config) -> None:
+    def _enter(self, received: Config) -> None:
         """Enter a block, unless its configuration is the current one."""
-        config = replace(self._config, block=told.block, physics=told.physics, task=told.task)
+        config = replace(self._config, block=received.block, physics=received.physics, task=received.task)
         if config != self._config:
             self._config = config
-            self._who.close()
-            self._who = self._made()
+            self._current.close()
+            self._current = self._create()
 
-    def _made(self) -> Person | Limb:
+    def _create(self) -> LiveController | SecondHand:
         if self._config.block.configuration != "bimanual":
-            return Person(self._config, self._device, self._context)
+            return LiveController(self._config, self._device, self._context)
         if self._device.side != HOST:
-            return Limb(self._config, self._device, self._context)
-        return Person(self._config, self._device, self._context, self._own_nerve())
+            return SecondHand(self._config, self._device, self._context)
+        return LiveController(self._config, self._device, self._context, self._own_moves_socket())
 
-    def _own_nerve(self) -> sockets.Socket:
+    def _own_moves_socket(self) -> sockets.Socket:
         """Return the channel to the other hand; bound only once, because an address is not free again at once."""
-        if self._nerve is None:
+        if self._moves is None:
             where = keys.reach(self._config.network, f"agent.{self._device.side}")
-            self._nerve = sockets.nerve_sender(self._context, where.reach(channels.NERVE))
-        return self._nerve
+            self._moves = sockets.moves_sender(self._context, where.reach(channels.MOVES))
+        return self._moves
 
 
-def companion_of(config: Config, device: Device, context: sockets.Context) -> Life | Player | None:
+def stylus_source_of(config: Config, device: Device, context: sockets.Context) -> LiveParticipant | Player | None:
     """Return the simulated participant or player of a device; None if a real hand holds it."""
-    if isinstance(device, Pointed):
+    if isinstance(device, PointerDevice):
         return Player(config, device, context)
-    return Life(config, device, context) if isinstance(device, Held) else None
+    return LiveParticipant(config, device, context) if isinstance(device, SimulatedHandDevice) else None

@@ -41,7 +41,7 @@ ROUND_SECONDS = 0.1
 
 
 @dataclass(frozen=True)
-class Exchanged:
+class ExchangeTimes:
     """Times of all exchanges; rows are the sides [ns]."""
 
     woke_ns: NDArray[np.int64]  # start of an agent's millisecond after its deadline
@@ -50,7 +50,7 @@ class Exchanged:
     server_us: float  # CPU time of the server for an exchange, with ZeroMQ's thread [us]
 
 
-def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Exchanged:
+def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> ExchangeTimes:
     """Exchange frames for a while, each process with the settings of its loop."""
     port, ticks = free_port(), round(seconds / TICK_SECONDS) + WARM_UP_TICKS
     asked = {"wanted": asdict(wanted), "port": port, "ticks": ticks}
@@ -66,7 +66,7 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
         server, *agents = (json.loads(_line(one)) for one in processes)
     kept = [np.array(agent["stamps"], np.int64)[WARM_UP_TICKS:] for agent in agents]
     stamps = np.stack([one[: min(map(len, kept))] for one in kept])
-    return Exchanged(stamps[:, :, 0], stamps[:, :, 1], stamps[:, :, 2], server["cpu_us"])
+    return ExchangeTimes(stamps[:, :, 0], stamps[:, :, 1], stamps[:, :, 2], server["cpu_us"])
 
 
 @contextmanager

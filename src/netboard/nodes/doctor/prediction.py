@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from netboard.base.finding import Colour, Finding
-from netboard.nodes.doctor.exchange import Exchanged
+from netboard.nodes.doctor.exchange import ExchangeTimes
 
 LOOP = "predicted loop"
 """Name of the finding."""
@@ -55,24 +55,24 @@ class Prediction:
     missed_high: float
 
 
-def predict(exchanged: Exchanged, missed: int, ticks: int) -> Prediction:
+def predict(times: ExchangeTimes, missed: int, ticks: int) -> Prediction:
     """Predict the loop. ``missed``, ``ticks``: what a timer missed, of how many [1]."""
-    p50, p99 = np.percentile(loops_ns(exchanged), (50, 99)) * 1e-6
+    p50, p99 = np.percentile(loops_ns(times), (50, 99)) * 1e-6
     scale = MANY / ticks
     low = chi2.ppf((1 - LEVEL) / 2, 2 * missed) / 2 if missed else 0.0
     high = chi2.ppf((1 + LEVEL) / 2, 2 * (missed + 1)) / 2
     return Prediction(float(p50), float(p99), missed * scale, float(low) * scale, float(high) * scale)
 
 
-def loops_ns(exchanged: Exchanged) -> NDArray[np.float64]:
+def loops_ns(times: ExchangeTimes) -> NDArray[np.float64]:
     """Return the sample-to-force latencies that follow from the exchanges, of both sides [ns]."""
-    arrived = exchanged.woke_ns + exchanged.up_ns
+    arrived = times.woke_ns + times.up_ns
     due = np.median(arrived) + LEAD_NS
-    wakes = np.maximum(exchanged.woke_ns[0], exchanged.woke_ns[1])
+    wakes = np.maximum(times.woke_ns[0], times.woke_ns[1])
     begun = np.minimum(arrived.max(axis=0), due + wakes)
     in_time = arrived <= begun  # a sample that misses its tick is overtaken by the next one
-    work_ns = 1e3 * WORK_US * exchanged.server_us / WORK_EXCHANGE_US
-    took: NDArray[np.float64] = (begun - exchanged.woke_ns + exchanged.down_ns)[in_time] + work_ns
+    work_ns = 1e3 * WORK_US * times.server_us / WORK_EXCHANGE_US
+    took: NDArray[np.float64] = (begun - times.woke_ns + times.down_ns)[in_time] + work_ns
     return took
 
 

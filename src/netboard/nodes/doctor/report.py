@@ -118,8 +118,8 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
     plain = replace(wanted, scheduling=False, lock_memory=False)
     usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 3))
     yield timing.comparison(usual)
-    exchanged = exchange.measure(wanted, effort.timer_seconds, lambda done: progress((2 + done) / 3))
-    yield prediction.finding(prediction.predict(exchanged, real.missed, real.ticks))
+    times = exchange.measure(wanted, effort.timer_seconds, lambda done: progress((2 + done) / 3))
+    yield prediction.finding(prediction.predict(times, real.missed, real.ticks))
 
 
 def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:

@@ -20,7 +20,7 @@ STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc
 LIGHT_SLEEP_US = 20
 """Wake-up time from a core's deepest sleep that is still acceptable [us]."""
 
-LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in anew"
+LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in again"
 
 LEAST_RUNTIME = 0.8
 """Smallest share of a core that real-time loops should be allowed [1]."""

@@ -32,7 +32,7 @@ WARM_UP_TICKS = 200
 
 
 @dataclass(frozen=True)
-class Woken:
+class WakeUps:
     """Wake-up latencies of a loop."""
 
     came: dict[str, str]
@@ -45,7 +45,7 @@ class Woken:
     ticks: int
 
 
-def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Woken:
+def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> WakeUps:
     """Run a loop in a process of its own. ``progress``: called repeatedly with the share that is done, up to 1."""
     asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
     command = [sys.executable, "-m", "netboard.nodes.doctor.timing", asked]
@@ -59,31 +59,32 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
                 progress(min(1.0, (time.monotonic() - began) / seconds))
     if loop.returncode:
         raise NetboardError(f"the timer's loop failed: {(trouble.strip().splitlines() or ['no word'])[-1]}")
-    return Woken(**json.loads(said))
+    return WakeUps(**json.loads(said))
 
 
-def verdict(woken: Woken) -> Finding:
+def verdict(wake_ups: WakeUps) -> Finding:
     """Judge a loop that asked for the server's settings."""
-    found, figures = told(woken), figures_of(woken)
-    if woken.p999_us <= GOOD_US:
+    found, figures = told(wake_ups), figures_of(wake_ups)
+    if wake_ups.p999_us <= GOOD_US:
         return Finding(TIMER, "green", found, figures=figures)
-    colour: Colour = "yellow" if woken.p999_us <= BEARABLE_US else "red"
+    colour: Colour = "yellow" if wake_ups.p999_us <= BEARABLE_US else "red"
     return Finding(TIMER, colour, found, "find what else runs here; see docs/how-to/real-time.md", figures)
 
 
-def comparison(woken: Woken) -> Finding:
+def comparison(wake_ups: WakeUps) -> Finding:
     """Report a loop that asked for no settings."""
-    return Finding(f"{TIMER}, nothing asked for", "green", told(woken), figures=figures_of(woken))
+    return Finding(f"{TIMER}, nothing asked for", "green", told(wake_ups), figures=figures_of(wake_ups))
 
 
-def told(woken: Woken) -> str:
+def told(wake_ups: WakeUps) -> str:
     """Return the latencies in words."""
-    return f"p50 {woken.p50_us:.0f}, p99 {woken.p99_us:.0f}, p99.9 {woken.p999_us:.0f}, max {woken.max_us:.0f} us late"
+    p50, p99, p999, most = wake_ups.p50_us, wake_ups.p99_us, wake_ups.p999_us, wake_ups.max_us
+    return f"p50 {p50:.0f}, p99 {p99:.0f}, p99.9 {p999:.0f}, max {most:.0f} us late"
 
 
-def figures_of(woken: Woken) -> dict[str, float]:
+def figures_of(wake_ups: WakeUps) -> dict[str, float]:
     """Return the latencies as numbers."""
-    return {"p50_us": woken.p50_us, "p99_us": woken.p99_us, "p999_us": woken.p999_us, "max_us": woken.max_us}
+    return {name: getattr(wake_ups, name) for name in ("p50_us", "p99_us", "p999_us", "max_us")}
 
 
 def lateness(ticks: int) -> list[int]:

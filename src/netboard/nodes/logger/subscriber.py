@@ -41,7 +41,7 @@ ANSWERS = 64
 """Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
-class Ear(Protocol):
+class RecordReceiver(Protocol):
     """Receiver of a subscriber's records."""
 
     def begin(self, welcome: Welcome) -> None:
@@ -60,9 +60,9 @@ class Ear(Protocol):
 class Listener:
     """Subscribes to the log of one server. ``clock``: monotonic time [ns]."""
 
-    def __init__(self, link: Link, ear: Ear, purpose: str, clock: Callable[[], int] = now_ns) -> None:
+    def __init__(self, link: Link, receiver: RecordReceiver, purpose: str, clock: Callable[[], int] = now_ns) -> None:
         self.lost = 0
-        self._link, self._ear, self._clock = link, ear, clock
+        self._link, self._receiver, self._clock = link, receiver, clock
         self._hello = Hello("listener", "", PROTOCOL_VERSION, NAME, version("netboard"), {"for": purpose})
         self._session = ""
         self._next: int | None = None
@@ -129,7 +129,7 @@ class Listener:
             waited = bool(self._session) or self._clock() - self._began_ns > EARLY_WELCOME_NS
             self._session, self._next = welcome.session, 0 if waited else None
             self._answers.clear()
-            self._ear.begin(welcome)
+            self._receiver.begin(welcome)
         self._say(LogRequest(-1 if self._next is None else self._next))
 
     def _take(self, batch: LogBatch) -> None:
@@ -145,7 +145,7 @@ class Listener:
                 self._sort(number, frame, rows, events)
         self._next = max(expected, batch.first + len(batch.records))
         if rows or events:
-            self._ear.take(np.frombuffer(b"".join(rows), TICK), events)
+            self._receiver.take(np.frombuffer(b"".join(rows), TICK), events)
 
     def _sort(self, number: int, frame: bytes, rows: list[bytes], events: list[EventRecord]) -> None:
         """Add a record to the ticks or events, or use it as a clock probe."""
@@ -164,11 +164,11 @@ class Listener:
             case EventRecord():
                 events.append(record)
             case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener" and sent_ns in self._answers:
-                self._ear.tell_clock(record.offset_ns, record.bound_ns)
+                self._receiver.tell_clock(record.offset_ns, record.bound_ns)
 
     def _miss(self, first: int, count: int) -> None:
         self.lost += count
-        self._ear.tell_lost(first, count)
+        self._receiver.tell_lost(first, count)
 
     def _say(self, message: Message) -> None:
         self._link.send(encode(message))

@@ -19,7 +19,7 @@ from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import sent_by
-from netboard.network.protocol.motion import Backfill, BackfillRequest, Beat, Stylus
+from netboard.network.protocol.motion import Backfill, BackfillRequest, Heartbeat, Stylus
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport import endpoints, fastpath, sockets
 from netboard.nodes.ports import samples
@@ -176,7 +176,7 @@ class MotionPort:
             if agent.hello is not None:
                 seq, lead_ns = int(self._words[place, samples.SEQ]), int(self._words[place, samples.LEAD])
                 arm = self.may_arm and agent.clock.bound_ns <= self._bound_ns
-                self._router.send(agent.peer, encode(Beat(tick, now_ns, seq, lead_ns, arm)))
+                self._router.send(agent.peer, encode(Heartbeat(tick, now_ns, seq, lead_ns, arm)))
 
     def lacks(self, now_ns: int, needed: Collection[Side]) -> list[str]:
         """Return what is missing of the agents of these sides."""

@@ -18,7 +18,7 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.population import people_of
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
-from netboard.recording.files.offline_writer import REHEARSED, Keeper
+from netboard.recording.files.offline_writer import REHEARSED, BlockWriter
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class BlockResult:
     """Results of a block, as they are shown and written as JSON."""
 
     session: str
@@ -74,7 +74,7 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
     ]
 
 
-def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -> Sheet:
+def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -> BlockResult:
     """Rehearse one block."""
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
@@ -84,19 +84,19 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
         for letter, person in job.people.items()
         for name, text in identity_of(SIMULATED_PARTICIPANT, person).items()
     }
-    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, begun_ns, said)
+    writer = None if job.folder is None else BlockWriter(job.folder, job.config, job.session, begun_ns, said)
     ticks = 0
     for rows in rehearsal.pieces():
-        if keeper is not None:
-            keeper.take(rows)
+        if writer is not None:
+            writer.take(rows)
         ticks += len(rows)
         tell(rehearsal.successes)
         if not job.fast:
             time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
-    if keeper is not None:
-        keeper.finish()
+    if writer is not None:
+        writer.finish()
     summary, block = rehearsal.summary(), job.config.block
-    return Sheet(
+    return BlockResult(
         session=job.config.session.name,
         block=block.number,
         label=block.label or f"{block.configuration}, {block.force}",
@@ -108,20 +108,20 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
         ticks=summary.ticks,
         seconds=time.perf_counter() - began,
         given_up=summary.given_up,
-        recording="" if keeper is None else str(keeper.path),
+        recording="" if writer is None else str(writer.path),
     )
 
 
 def rehearse_all(
-    jobs: Sequence[Job], workers: int, done: Callable[[Sheet], object] = lambda sheet: None
-) -> list[Sheet]:
+    jobs: Sequence[Job], workers: int, done: Callable[[BlockResult], object] = lambda block_result: None
+) -> list[BlockResult]:
     """Rehearse blocks."""
     if workers == 1:
-        sheets = []
+        results = []
         for job in jobs:
-            sheets.append(rehearse(job))
-            done(sheets[-1])
-        return sheets
+            results.append(rehearse(job))
+            done(results[-1])
+        return results
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         asked = [pool.submit(rehearse, job) for job in jobs]
         for answer in as_completed(asked):

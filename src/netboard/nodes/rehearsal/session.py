@@ -15,7 +15,7 @@ from netboard.base.errors import NetboardError
 from netboard.base.terminal import FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
 from netboard.nodes.rehearsal.block import Rehearsal
-from netboard.nodes.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehearse_all
+from netboard.nodes.rehearsal.jobs import BlockResult, Job, jobs_of, rehearse, rehearse_all
 
 console = Console(highlight=False)
 
@@ -41,19 +41,19 @@ def rehearse_blocks(
         for job in jobs:
             next(Rehearsal(job.config, job.people).pieces(1))
     began = time.perf_counter()
-    sheets = together(jobs, workers) if workers > 1 else in_turn(jobs)
+    results = together(jobs, workers) if workers > 1 else in_turn(jobs)
     took = time.perf_counter() - began
     if as_json:
-        console.file.write(json.dumps(as_data(sheets, took)) + "\n")
+        console.file.write(json.dumps(as_data(results, took)) + "\n")
     else:
-        console.print(table_of(sheets))
-        console.print(in_total(sheets, took))
-    return 1 if any(sheet.given_up for sheet in sheets) else 0
+        console.print(table_of(results))
+        console.print(in_total(results, took))
+    return 1 if any(result.given_up for result in results) else 0
 
 
-def in_turn(jobs: Sequence[Job]) -> list[Sheet]:
+def in_turn(jobs: Sequence[Job]) -> list[BlockResult]:
     """Rehearse in this process, with a bar for the block and one for all."""
-    sheets = []
+    results = []
     with bars() as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
         done = 0
@@ -65,17 +65,17 @@ def in_turn(jobs: Sequence[Job]) -> list[Sheet]:
                 progress.update(task, completed=successes)  # type: ignore[arg-type]
                 progress.update(whole, completed=before + successes)
 
-            sheets.append(rehearse(job, tell))
-            done += sheets[-1].successes
+            results.append(rehearse(job, tell))
+            done += results[-1].successes
             progress.remove_task(task)
-    return sheets
+    return results
 
 
-def together(jobs: Sequence[Job], workers: int) -> list[Sheet]:
+def together(jobs: Sequence[Job], workers: int) -> list[BlockResult]:
     """Rehearse several at once, with a bar for all."""
     with bars() as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
-        return rehearse_all(jobs, workers, lambda sheet: progress.advance(whole, sheet.successes))
+        return rehearse_all(jobs, workers, lambda result: progress.advance(whole, result.successes))
 
 
 def bars() -> Progress:
@@ -84,40 +84,40 @@ def bars() -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
-def table_of(sheets: Sequence[Sheet]) -> FittedTable:
+def table_of(results: Sequence[BlockResult]) -> FittedTable:
     """Return a table with a row for each block."""
     counted = numbers("trials", "failed", "mean time", "ticks", "speed")
     table = FittedTable("block", "condition", *counted, title="Rehearsal")
-    for sheet in sheets:
-        mean = "-" if sheet.mean_completion is None else f"{sheet.mean_completion:.2f} s"
+    for result in results:
+        mean = "-" if result.mean_completion is None else f"{result.mean_completion:.2f} s"
         table.add_row(
-            f"{sheet.session} {sheet.block}",
-            Text(sheet.label).append(" given up" if sheet.given_up else "", "red"),
-            str(sheet.successes),
-            str(sheet.failures),
+            f"{result.session} {result.block}",
+            Text(result.label).append(" given up" if result.given_up else "", "red"),
+            str(result.successes),
+            str(result.failures),
             mean,
-            str(sheet.ticks),
-            f"{sheet.factor:.0f} x",
+            str(result.ticks),
+            f"{result.factor:.0f} x",
         )
     return table
 
 
-def in_total(sheets: Sequence[Sheet], took: float) -> str:
+def in_total(results: Sequence[BlockResult], took: float) -> str:
     """Return a summary of one line, with the time that it took."""
-    ticks, hours = sum(s.ticks for s in sheets), sum(s.ticks for s in sheets) * TICK_SECONDS / 3600
-    successes, failures = sum(s.successes for s in sheets), sum(s.failures for s in sheets)
+    ticks, hours = sum(s.ticks for s in results), sum(s.ticks for s in results) * TICK_SECONDS / 3600
+    successes, failures = sum(s.successes for s in results), sum(s.failures for s in results)
     return (
-        f"{len(sheets)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of "
+        f"{len(results)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of "
         f"simulated time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, "
         f"{ticks * TICK_SECONDS / took:.0f} x real time"
     )
 
 
-def as_data(sheets: Sequence[Sheet], took: float) -> dict[str, object]:
+def as_data(results: Sequence[BlockResult], took: float) -> dict[str, object]:
     """Return the results for JSON."""
-    ticks = sum(sheet.ticks for sheet in sheets)
+    ticks = sum(result.ticks for result in results)
     return {
-        "blocks": [{**asdict(sheet), "real_time_factor": sheet.factor} for sheet in sheets],
+        "blocks": [{**asdict(result), "real_time_factor": result.factor} for result in results],
         "ticks": ticks,
         "seconds": took,
         "ticks_per_second": ticks / took,

@@ -14,7 +14,7 @@ class ReplayState:
 
     reel: LoadedRecording
     playback: Playback
-    # Id of this run; not that of the recording, because numbering starts anew.
+    # Id of this run; not that of the recording, because numbering restarts.
     session: str = field(default_factory=lambda: uuid.uuid4().hex)
 
     @property

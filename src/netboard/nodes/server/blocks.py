@@ -50,7 +50,7 @@ class PreparedBlock:
 class BlockSequence:
     """The blocks of a session in order, and the current one.
 
-    ``remake``: makes the configurations anew for a completed form; None for a session without a form.
+    ``remake``: re-creates the configurations for a completed form; None for a session without a form.
     """
 
     def __init__(

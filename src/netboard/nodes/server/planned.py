@@ -27,7 +27,7 @@ console = Console(highlight=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class StudySession:
     """A session of a study."""
 
     study: str
@@ -55,7 +55,7 @@ class Wanted:
 class Planned:
     """One session of a plan on a rig; raise ConfigError if the plan has no such session, or it does not fit the rig."""
 
-    def __init__(self, config: Config, study: Study, wanted: Wanted) -> None:
+    def __init__(self, config: Config, study: Study, wanted: StudySession) -> None:
         self.study, self.wanted = study, wanted
         hands = (config.session.hand_a, config.session.hand_b)
         self.plan: Plan = plan_of(self.study, wanted.seed, wanted.dyad, hands)
@@ -141,7 +141,7 @@ class Planned:
         return BlockSequence(blocks, self.blocks, progress.block - 1), Attempts(journal=journal, progress=progress)
 
 
-def named(config: Config, wanted: Wanted) -> Config:
+def named(config: Config, wanted: StudySession) -> Config:
     """Name dyad and session after their numbers where the configuration does not name them."""
     usual, session = Session(), config.session
     name = f"S{wanted.session:02d}" if session.name == usual.name else session.name

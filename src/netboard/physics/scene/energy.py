@@ -20,7 +20,7 @@ from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
 
-class Stored(NamedTuple):
+class StoredEnergy(NamedTuple):
     """Stored energies; potential energy is relative to the height of the origin.
 
     Attributes
@@ -42,7 +42,7 @@ class Stored(NamedTuple):
     spring_board: float
 
 
-class Flows(NamedTuple):
+class Powers(NamedTuple):
     """Powers, + = into the scene.
 
     Attributes
@@ -87,7 +87,7 @@ def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
 
 
 @inlined
-def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> Stored:
+def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> StoredEnergy:
     """Return the stored energies of the scene.
 
     Parameters
@@ -97,7 +97,7 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
     Returns
     -------
-    Stored
+    StoredEnergy
         Their sum is the stored energy [J].
     """
     s, c = turned(x[2], parts)
@@ -112,7 +112,7 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
         above = z + scene["ball_height"] * c if parts.lagrangian else z
         gravity += weight * (len(places(x)) * above + s * total(places(x)))
     left, right = left_z - (z - arm), right_z - (z + arm)
-    return Stored(
+    return StoredEnergy(
         kinetic,
         gravity,
         0.5 * scene["k_left"] * (left * left),
@@ -122,7 +122,7 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
 
 @inlined
-def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Flows:
+def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Powers:
     """Return the power flows of the scene.
 
     Parameters
@@ -132,7 +132,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
 
     Returns
     -------
-    Flows
+    Powers
         Their sum is the rate of the stored energy [W].
     """
     s, c = turned(x[2], parts)
@@ -153,7 +153,7 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
     heat = 0.0
     if parts.resisted:
         heat = -dot(friction(speeds(x), scene["m"] * scene["g"] * abs(c), parts, scene), speeds(x))
-    return Flows(
+    return Powers(
         (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
         (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,
         -scene["c_left"] * (left_slip * left_slip),
@@ -260,9 +260,9 @@ def stored_along(
     Returns
     -------
     ndarray of float64, shape (n, 5)
-        As in `Stored` [J].
+        As in `StoredEnergy` [J].
     """
-    out = np.empty((len(states), len(Stored._fields)))
+    out = np.empty((len(states), len(StoredEnergy._fields)))
     _make_along(parts)[0]((0.0,) * states.shape[1], states, hands, scene, out)
     return out
 
@@ -293,8 +293,8 @@ def work_along(
     Returns
     -------
     ndarray of float64, shape (n, 7)
-        As in `Flows`, since the first state [J].
+        As in `Powers`, since the first state [J].
     """
-    out = np.zeros((len(states), len(Flows._fields)))
+    out = np.zeros((len(states), len(Powers._fields)))
     _make_along(parts)[1]((0.0,) * states.shape[1], times, states, hands, scene, out)
     return out

@@ -29,7 +29,7 @@ _DRIFT_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class PhaseChange:
     """A change of the trial phase."""
 
     tick: int  # tick that caused the change; the new phase begins with the next one
@@ -47,7 +47,7 @@ class Survey:
         self.ticks = 0
         self._last = 0
         self._jumps: list[tuple[int, int]] = []
-        found: list[Happening] = []
+        found: list[PhaseChange] = []
         self.attempts: tuple[Attempt, ...] = attempts_along(self._watched(recording, found))
         self.happenings = tuple(found)
         # Quality flags of each completed attempt, by the tick of its release.
@@ -58,7 +58,7 @@ class Survey:
         self.rate = self.ticks * 10**9 / round(self.duration * 1e9)  # mean row rate [Hz]
         self._utc_ns = self.origin_ns + _utc_minus_server(recording)
 
-    def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:
+    def _watched(self, recording: Recording, found: list[PhaseChange]) -> Iterator[NDArray[Any]]:
         """Yield the ticks, and collect times and phase changes on the way."""
         for rows in recording.batches(PORTION):
             leads = rows["time_ns"] - rows["tick"] * TICK_NS
@@ -102,9 +102,9 @@ class Survey:
         return tick * TICK_NS + self._jumps[place][1]
 
 
-def _happening(row: Any) -> Happening:
+def _happening(row: Any) -> PhaseChange:
     name = HAPPENED.get(int(row["event"]), "unknown")
-    return Happening(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
+    return PhaseChange(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
 
 
 def _utc_minus_server(recording: Recording) -> int:

@@ -28,7 +28,7 @@ REHEARSED = {"rehearsed": "true"}
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
 
-class Keeper:
+class BlockWriter:
     """Writer of the recording of one simulated block.
 
     ``utc_ns``: wall-clock time of the first tick [ns]. ``start_ns``: server time of the first tick [ns].

@@ -21,7 +21,7 @@ from netboard.recording.files.provenance import (
 )
 from netboard.recording.format.batches import TickStream
 from netboard.recording.format.channels import IDS, Record, remark, stamped
-from netboard.recording.format.disk import Consumption, Space
+from netboard.recording.format.disk import DiskUse, Space
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import constants_of
 
@@ -51,7 +51,7 @@ class RecordingWriter:
         self._remarks = 0
         self._flush_ns = round(settings.flush_ms * 1e6)
         self._flushed_ns = opened_ns
-        self._consumption = Consumption()
+        self._consumption = DiskUse()
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
         self._ticks = TickStream(self._file, settings.chunk_bytes, constants)
         try:

@@ -57,7 +57,7 @@ class Space(NamedTuple):
         return f"{size} free" if self.seconds >= LOW_S else f"{size} free, for {self.seconds / 60:.0f} min"
 
 
-class Consumption:
+class DiskUse:
     """Growth rate of a recording, and how long the free space lasts."""
 
     def __init__(self) -> None:

@@ -233,7 +233,7 @@ class PartFile:
             return _MOVED
 
     def _save(self) -> None:
-        """Write a deleted file anew; its bytes exist as long as it is open."""
+        """Restore a deleted file; its bytes exist as long as it is open."""
         self.part.parent.mkdir(parents=True, exist_ok=True)
         with self.part.open("xb") as new, os.fdopen(os.dup(self._file.fileno()), "rb") as old:
             old.seek(0)

@@ -24,7 +24,7 @@ SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
 
 
 @dataclass(frozen=True)
-class Wishes:
+class SimulationOptions:
     """The options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
 
     hold: str
@@ -66,25 +66,25 @@ Sheet = dict[str, str]
 
 
 def simulate_file(
-    path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, force: bool, tell: Tell
+    path: Path, result: Path, config: Config, steps: Steps, chosen: SimulationOptions, force: bool, tell: Tell
 ) -> tuple[Sheet, list[str]]:
     """Simulate one file; return its summary, and warnings."""
-    began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
+    began, physics, free = time.monotonic(), config.physics, chosen.ball == "free"
     tell(0.0, "reading")
-    hands = read_hands(path, wishes.gaps)
+    hands = read_hands(path, chosen.gaps)
     tell(0.0)
-    start = wishes.start(physics.balls)
+    start = chosen.start(physics.balls)
     try:
-        motion = simulate(hands, physics, start, free=free, hold=wishes.hold, dt=wishes.dt, steps=steps, progress=tell)
+        motion = simulate(hands, physics, start, free=free, hold=chosen.hold, dt=chosen.dt, steps=steps, progress=tell)
     except ConfigError as fault:
         raise ConfigError(f"{path}: {fault}") from None
     columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
-    if wishes.energy:
+    if chosen.energy:
         energies = energies_of(motion, hands, physics, free)
         columns.update(energies)
         sheet["energy"] = balance(energies)
     tell(1.0, "writing")
-    write_table(result, columns, provenance(path, config, wishes), force)
+    write_table(result, columns, provenance(path, config, chosen), force)
     notes = doubts(hands)
     if not is_stably_integrated(motion, physics, free):
         step = f"{motion.longest * 1e3:.3g} ms"
@@ -92,9 +92,9 @@ def simulate_file(
     return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}, notes
 
 
-def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
+def provenance(path: Path, config: Config, chosen: SimulationOptions) -> dict[str, str]:
     """Return how a result was made, for its file."""
-    options = {name: str(value) for name, value in asdict(wishes).items()}
+    options = {name: str(value) for name, value in asdict(chosen).items()}
     made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -110,9 +110,9 @@ def scene_in_words(physics: Physics, free: bool) -> str:
     return f"{physics.model} model, {physics.board} board, {balls if physics.balls else 'no ball'}"
 
 
-def steps_in_words(steps: Steps, wishes: Wishes) -> str:
+def steps_in_words(steps: Steps, chosen: SimulationOptions) -> str:
     """Describe the steps, and why they were chosen."""
-    if wishes.method != "auto":
+    if chosen.method != "auto":
         return f"{steps.method}, as requested"
     why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
     return f"{steps.method} in steps of at most {steps.longest * 1e3:.3g} ms{why}"

@@ -18,7 +18,7 @@ from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.base.settings import to_toml
 from netboard.recording.importing.columns import COLUMNS, scales
-from netboard.recording.importing.table_import import Wishes
+from netboard.recording.importing.table_import import ImportOptions
 
 KEYS = {
     "columns": 'a table such as columns.left_z = { name = "Height1", unit = "mm" }',
@@ -44,7 +44,7 @@ class Listed:
     where: str
     path: Path
     config: Config
-    wishes: Wishes
+    options: ImportOptions
 
 
 class Manifest:
@@ -125,7 +125,7 @@ class Manifest:
         except ConfigError as error:
             self.problems += str(error).splitlines()
             return
-        self.listed.append(Listed(where, path, config, _wishes(said)))
+        self.listed.append(Listed(where, path, config, _options(said)))
 
     def _at(self, place: int | None, key: str = "") -> str:
         """Format a location in the file: recording or top level, and the line of a key if found."""
@@ -171,10 +171,10 @@ def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
                 yield name, f"unit: {str(error).partition(': ')[2]}, found {parts['unit']}"
 
 
-def _wishes(said: Mapping[str, Any]) -> Wishes:
+def _options(said: Mapping[str, Any]) -> ImportOptions:
     """Return the import options of a table."""
     columns = {name: {"name": one} if isinstance(one, str) else one for name, one in said.get("columns", {}).items()}
-    return Wishes(
+    return ImportOptions(
         names=tuple(f"{name}={one['name']}" for name, one in columns.items() if "name" in one),
         units=tuple(f"{name}={one['unit']}" for name, one in columns.items() if "unit" in one),
         simulate=said.get("simulate", False),

@@ -20,7 +20,7 @@ from netboard.recording.files.offline_writer import name_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.partfile import publish
 from netboard.recording.importing.manifest import Listed, Manifest
-from netboard.recording.importing.table_import import Imported, Wishes, configuration_beside, import_table
+from netboard.recording.importing.table_import import Imported, ImportOptions, configuration_beside, import_table
 from netboard.recording.importing.tables import is_own, probe, sha256_of
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.integrity.severity import RESULTS, Severity
@@ -42,7 +42,7 @@ class Job:
     where: str
     source: Path
     config: Config
-    wishes: Wishes
+    options: ImportOptions
     path: Path
 
 
@@ -87,12 +87,12 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
 
 def _job(one: Listed, folder: Path) -> Job:
     """Read the start of a table and determine the file name of its recording."""
-    own = is_own(one.path) and not one.wishes.names
+    own = is_own(one.path) and not one.options.names
     beside = configuration_beside(one.path) if own else None
     config = one.config if beside is None else parse(beside.read_text(encoding="utf-8"), str(beside))
     if not own:
-        probe(one.path, one.wishes.names, one.wishes.units, one.wishes.rate)
-    return Job(one.where, one.path, config, one.wishes, folder / name_of(config, sha256_of(one.path)))
+        probe(one.path, one.options.names, one.options.units, one.options.rate)
+    return Job(one.where, one.path, config, one.options, folder / name_of(config, sha256_of(one.path)))
 
 
 def _is_there(job: Job) -> bool:
@@ -105,12 +105,12 @@ def _is_there(job: Job) -> bool:
     with Recording(job.path) as recording:
         said, text = recording.metadata, recording.config_text
     ours = {
-        "imported_names": json.dumps(job.wishes.names),
-        "imported_units": json.dumps(job.wishes.units),
-        "imported_interpolation": job.wishes.interpolation,
-        "imported_gap_s": repr(job.wishes.gap),
-        "imported_rate": repr(job.wishes.rate),
-        "imported": "simulated" if job.wishes.simulate else "measured",
+        "imported_names": json.dumps(job.options.names),
+        "imported_units": json.dumps(job.options.units),
+        "imported_interpolation": job.options.interpolation,
+        "imported_gap_s": repr(job.options.gap),
+        "imported_rate": repr(job.options.rate),
+        "imported": "simulated" if job.options.simulate else "measured",
     }
     same = said.get("imported") == "ticks" or all(said.get(name) == value for name, value in ours.items())
     if not same or text != resolve(job.config):
@@ -154,6 +154,6 @@ def _leave_stopping() -> None:
 
 def import_one(job: Job, unnamed: Path) -> Imported:
     """Import a table into the temporary folder and rename the recording when it is complete."""
-    found = import_table(job.source, unnamed, job.config, job.wishes, time.time_ns(), lambda *told: None)
+    found = import_table(job.source, unnamed, job.config, job.options, time.time_ns(), lambda *told: None)
     publish(found.path, job.path)
     return replace(found, path=job.path)

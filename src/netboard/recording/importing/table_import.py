@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
-from netboard.recording.files.offline_writer import Keeper, name_of
+from netboard.recording.files.offline_writer import BlockWriter, name_of
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
@@ -23,7 +23,7 @@ PIECE = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class ImportOptions:
     """Import options."""
 
     # Column names in the table, as ``column=theirs``, and their units, as ``column=unit``.
@@ -55,7 +55,7 @@ def import_table(
     path: Path,
     folder: Path,
     config: Config,
-    wishes: Wishes,
+    options: ImportOptions,
     utc_ns: int,
     progress: Callable[[str, int, int], None],
 ) -> Imported:
@@ -64,55 +64,55 @@ def import_table(
     ``config``: configuration of the experiment; one stored beside an exported table of ticks takes precedence.
     """
     said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
-    if is_own(path) and not wishes.names:
+    if is_own(path) and not options.names:
         beside = configuration_beside(path)
         if beside is not None:
             config = parse(beside.read_text(encoding="utf-8"), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
         return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, warned)
-    samples = read_samples(path, wishes.names, wishes.units, wishes.rate)
-    if not wishes.simulate and not set(TASK) & samples.columns.keys():
+    samples = read_samples(path, options.names, options.units, options.rate)
+    if not options.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(
             f"{path}: has hands only, and nothing of a task ({', '.join(TASK)}): --simulate computes the board, the "
             "ball and the trials from them"
         )
     try:
-        ticks, columns, notes = _at_ticks(samples, wishes)
-        rows = simulated(ticks, columns, config) if wishes.simulate else measured(ticks, columns)
+        ticks, columns, notes = _at_ticks(samples, options)
+        rows = simulated(ticks, columns, config) if options.simulate else measured(ticks, columns)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     said |= {
-        "imported": "simulated" if wishes.simulate else "measured",
+        "imported": "simulated" if options.simulate else "measured",
         "imported_columns": json.dumps(sorted(("time", *samples.columns))),
-        "imported_names": json.dumps(wishes.names),
-        "imported_units": json.dumps(wishes.units),
+        "imported_names": json.dumps(options.names),
+        "imported_units": json.dumps(options.units),
         "imported_samples": str(samples.time.size),
-        "imported_interpolation": wishes.interpolation,
-        "imported_gap_s": repr(wishes.gap),
-        "imported_rate": repr(wishes.rate),
+        "imported_interpolation": options.interpolation,
+        "imported_gap_s": repr(options.gap),
+        "imported_rate": repr(options.rate),
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
     return _keep(pieces, folder, config, said, utc_ns, progress, tuple(notes), rows.size)
 
 
-def _at_ticks(samples: Samples, wishes: Wishes) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
+def _at_ticks(samples: Samples, options: ImportOptions) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
     """Resample to ticks; also return warnings."""
-    found = segments(samples.time, wishes.gap)
-    parts = [resampled(samples.time, samples.columns, segment, wishes.interpolation) for segment in found]
+    found = segments(samples.time, options.gap)
+    parts = [resampled(samples.time, samples.columns, segment, options.interpolation) for segment in found]
     ticks = np.concatenate([segment.ticks for segment in found])
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     usual = float(np.median(np.diff(samples.time)))
     exact = all(segment.exact for segment in found)
     notes = [f"{samples.time.size} samples, {1 / usual:.6g} a second" + (", which are ticks" if exact else "")]
     if len(found) > 1:
-        notes.append(f"{len(found) - 1} gaps of more than {wishes.gap:g} s, in which there is no sample")
+        notes.append(f"{len(found) - 1} gaps of more than {options.gap:g} s, in which there is no sample")
     if alone := samples.time.size - sum(segment.stop - segment.first for segment in found):
         notes.append(f"{alone} samples between gaps, too few to say how the hands moved, are left out")
     if samples.left_out:
         notes.append(f"columns left out: {', '.join(samples.left_out)}")
     absent = [name for name, column in COLUMNS.items() if column.kind == "number" and name not in columns]
     absent = [name for name in absent if name not in ("time", "completion")]
-    if absent and not wishes.simulate:
+    if absent and not options.simulate:
         notes.append(f"not there, and NaN in the recording: {', '.join(absent)}")
     return ticks, columns, notes
 
@@ -133,16 +133,16 @@ def _keep(
         raise ConfigError(f"{said['imported_from']}: has no rows")
     path = folder / name_of(config, said["imported_sha256"])
     folder.mkdir(parents=True, exist_ok=True)
-    keeper = Keeper(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))
+    writer = BlockWriter(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))
     done = 0
     try:
         for rows in chain([first], pieces):
-            keeper.take(rows)
+            writer.take(rows)
             done += rows.size
             progress(said["imported_from"], done, max(total, done))
-        keeper.finish()
+        writer.finish()
     except BaseException:
-        keeper.abandon()
+        writer.abandon()
         path.with_name(f"{path.name}.part").unlink(missing_ok=True)
         raise
     return Imported(path, said["imported"], done, notes)

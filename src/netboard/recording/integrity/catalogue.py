@@ -23,7 +23,7 @@ from netboard.recording.format.chunks import UNSOUND
 from netboard.recording.integrity.checking import check
 from netboard.recording.integrity.severity import RESULTS, Severity
 from netboard.recording.recovery.spill import read_spill
-from netboard.task.journal.entries import AttemptEnded, BlockEnded, Lines, read_lines
+from netboard.task.journal.entries import AttemptEnded, BlockEnded, JournalContent, read_lines
 from netboard.task.studies.factors import factors_of, role_of
 
 JOURNAL = ".journal.jsonl"
@@ -193,7 +193,7 @@ def _spill(path: Path, size: int) -> Entry:
     return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
 
 
-def _journal(path: Path, size: int, lines: Lines) -> Entry:
+def _journal(path: Path, size: int, lines: JournalContent) -> Entry:
     """Make the entry of a session's journal."""
     header, entries = lines.header, lines.entries
     done = {(e.block, e.trial) for e in entries if isinstance(e, AttemptEnded) and e.outcome in ("success", "skipped")}

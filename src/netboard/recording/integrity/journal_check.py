@@ -20,7 +20,16 @@ from netboard.recording.integrity.quality_check import judged
 from netboard.recording.integrity.severity import Finding, Severity
 from netboard.recording.integrity.walk import Walk
 from netboard.recording.recovery.journal_file import journal_path
-from netboard.task.journal.entries import AttemptEnded, Ended, Entry, Header, Lines, Opened, Resumed, read_lines
+from netboard.task.journal.entries import (
+    AttemptEnded,
+    Ended,
+    Entry,
+    Header,
+    JournalContent,
+    Opened,
+    Resumed,
+    read_lines,
+)
 from netboard.task.plans.plan import Plan, config_of, digest, plan_of
 from netboard.task.studies import library
 from netboard.task.studies.study import parse_study, resolve_study
@@ -33,7 +42,7 @@ _BY_REPORTS = {"frozen_display"}
 """Flags that depend on the content and time of display reports."""
 
 
-def journal_of(path: Path, config: Config) -> Lines | None:
+def journal_of(path: Path, config: Config) -> JournalContent | None:
     """Read the journal beside a recording; None if there is none."""
     beside = journal_path(path.parent, config)
     return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None

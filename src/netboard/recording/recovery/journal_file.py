@@ -139,7 +139,7 @@ class Journal:
         return False
 
     def _restore(self) -> None:
-        """Write a deleted file anew from its open handle."""
+        """Restore a deleted file from its open handle."""
         log.warning("%s: was deleted; writing it again", self.path)
         handle = _new(self.path, os.pread(self._handle, self._end, 0))
         os.close(self._handle)

@@ -27,7 +27,7 @@ Row = tuple[int, int, int, str, float, str, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Material:
+class RecordingData:
     """Content of a recording."""
 
     name: str
@@ -39,7 +39,7 @@ class Material:
 class LoadedRecording:
     """A recording ready for replay. ``times``: times of the ticks from the start [s]."""
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: RecordingData) -> None:
         self.name, self.text, ticks = material.name, material.config_text, material.ticks
         if not len(ticks):
             raise RecordingError(f"{self.name}: has no ticks to show")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tick import TICK
 from netboard.recording.files.reader import Recording
-from netboard.recording.replay.loaded import LoadedRecording, Material
+from netboard.recording.replay.loaded import LoadedRecording, RecordingData
 
 DRAWN = ("z", "theta", "p", "left_z", "right_z")
 """Fields of a tick that the display draws."""
@@ -25,7 +25,7 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Loaded
             parts.append(rows)
             tell(sum(map(len, parts)))
         rows = drawable(np.concatenate([part.view(_ROW_BYTES) for part in parts]).view(TICK))
-        return LoadedRecording(Material(path.name, recording.config_text, rows, recording.events()))
+        return LoadedRecording(RecordingData(path.name, recording.config_text, rows, recording.events()))
 
 
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:

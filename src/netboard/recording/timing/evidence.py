@@ -81,7 +81,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
-class Usual:
+class TypicalTimes:
     """Medians of one side [ns]."""
 
     early_ns: float
@@ -91,7 +91,7 @@ class Usual:
     loop_ns: float
 
 
-def usual(stamps: Stamps, side: SideStamps) -> Usual:
+def usual(stamps: Stamps, side: SideStamps) -> TypicalTimes:
     """Return the medians of the times of a side."""
     known = side.rendered_ns != UNKNOWN
     began_ns = stamps.began_ns
@@ -102,7 +102,7 @@ def usual(stamps: Stamps, side: SideStamps) -> Usual:
         (side.rendered_ns - began_ns)[known],
         side.loop_ns[side.loop_ns > 0],
     )
-    return Usual(*(float(np.median(part)) if part.size else 0.0 for part in parts))
+    return TypicalTimes(*(float(np.median(part)) if part.size else 0.0 for part in parts))
 
 
 def episodes(stamps: Stamps, limit_ns: int) -> list[Evidence]:
@@ -207,7 +207,7 @@ def _missing(
     first: int,
     last: int,
     stale: Mapping[Side, Mask],
-    medians: Mapping[Side, Usual],
+    medians: Mapping[Side, TypicalTimes],
 ) -> Evidence:
     """Return the evidence of an episode with missing samples: of the side that was later."""
     found: list[tuple[int, int, Side]] = []
@@ -238,7 +238,7 @@ def _slow(
     first: int,
     last: int,
     slow: Mapping[Side, Mask],
-    medians: Mapping[Side, Usual],
+    medians: Mapping[Side, TypicalTimes],
 ) -> Evidence:
     """Return the evidence of an episode with long loops only."""
     rows = slice(first, last + 1)

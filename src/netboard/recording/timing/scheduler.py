@@ -26,7 +26,7 @@ _SWITCH = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Switch:
+class ContextSwitch:
     """A core ends to run one thread and begins to run another."""
 
     time_ns: int
@@ -35,14 +35,14 @@ class Switch:
     priority: int  # that of the one that runs from now on
 
 
-def read(path: Path) -> list[Switch]:
+def read(path: Path) -> list[ContextSwitch]:
     """Read the switches in a file, in order of time."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     switches = [
-        Switch(
+        ContextSwitch(
             int(one["seconds"]) * 10**9 + int(one["micros"]) * 1000,
             int(one["cpu"]),
             f"{one['name']} ({one['pid']})",
@@ -55,7 +55,7 @@ def read(path: Path) -> list[Switch]:
     return sorted(switches, key=lambda one: one.time_ns)
 
 
-def ran_instead(switches: list[Switch], due_ns: int, began_ns: int) -> Counter[str] | None:
+def ran_instead(switches: list[ContextSwitch], due_ns: int, began_ns: int) -> Counter[str] | None:
     """Return for how long each thread ran on the server's core from a deadline to the start of its tick [ns].
 
     None if the trace does not show the server start in that time.
@@ -74,7 +74,7 @@ def ran_instead(switches: list[Switch], due_ns: int, began_ns: int) -> Counter[s
     return took
 
 
-def table(found: Trace, switches: list[Switch], most: int) -> FittedTable:
+def table(found: Trace, switches: list[ContextSwitch], most: int) -> FittedTable:
     """Return what ran on the server's core during the worst episodes of a late server."""
     title = "On the server's core from the deadline to the tick"
     shown = FittedTable(*numbers("tick", "late [ms]"), "threads, with their time [ms]", title=title)

@@ -325,7 +325,7 @@ def line_of(entry: Header | Entry, at: str) -> bytes:
     return text.encode(errors="replace") + b"\n"
 
 
-class Lines(NamedTuple):
+class JournalContent(NamedTuple):
     """The content of a journal.
 
     Attributes
@@ -346,7 +346,7 @@ class Lines(NamedTuple):
     torn: bytes
 
 
-def read_lines(data: bytes, source: str) -> Lines:
+def read_lines(data: bytes, source: str) -> JournalContent:
     """Decode a journal.
 
     Parameters
@@ -376,7 +376,7 @@ def read_lines(data: bytes, source: str) -> Lines:
     for number, entry in enumerate(entries, start=2):
         if isinstance(entry, Header):
             raise RecordingError(f"{source}, line {number}: a second header")
-    return Lines(header, tuple(entries), len(data) - len(torn), torn)
+    return JournalContent(header, tuple(entries), len(data) - len(torn), torn)
 
 
 def _json(line: bytes) -> dict[str, Any] | None:

@@ -25,7 +25,7 @@ SHORTEST = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Recent:
+class RecentCounts:
     """Recent counts, and the time left on the disk."""
 
     late_ticks: int = 0
@@ -54,7 +54,7 @@ class StatusHistory:
         self._session = ""
         self._past: deque[tuple[float, Status]] = deque()
 
-    def add(self, now: float, status: Status) -> Recent:
+    def add(self, now: float, status: Status) -> RecentCounts:
         """Store a status, and return the recent changes."""
         if status.session != self._session:
             self._past.clear()
@@ -65,7 +65,7 @@ class StatusHistory:
             self._past.popleft()
         before = next(old for at, old in self._past if now - at <= LATELY or old is self._past[-1][1])
         lost_before = {link[0]: link[8] for link in before.links}
-        return Recent(
+        return RecentCounts(
             max(status.late_ticks - before.late_ticks, 0),
             {link[0]: max(link[8] - lost_before.get(link[0], link[8]), 0) for link in status.links},
             self._minutes(now, status),

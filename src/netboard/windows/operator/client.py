@@ -21,7 +21,7 @@ from netboard.network.protocol.control import Reply, Status
 from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
-from netboard.windows.operator.changes import Recent, StatusHistory
+from netboard.windows.operator.changes import RecentCounts, StatusHistory
 from netboard.windows.operator.commands import COMMANDS, RELEASING
 from netboard.windows.operator.lamps import limits_of
 from netboard.windows.operator.window import ConsoleWindow, State
@@ -49,7 +49,7 @@ class ConsoleClient(QObject):
         super().__init__(window)
         self._config, self._context, self._window = config, context, window
         self._operator: Operator | None = Operator(config.network, context)
-        self._history, self._recent = StatusHistory(), Recent()
+        self._history, self._recent = StatusHistory(), RecentCounts()
         self.status: Status | None = None
         self._heard_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
@@ -153,9 +153,9 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
     window.show()
     with sockets.open_context() as context:
         client = ConsoleClient(config, context, window)
-        photographer = windows.Photographer(window, picture, after, lambda: client.status is not None)
-        windows.run(window, stopping, photographer.look)
-        photographer.take()
+        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.status is not None)
+        windows.run(window, stopping, screenshot_timer.look)
+        screenshot_timer.take()
         client.leave()
     window.close()
-    photographer.finish()
+    screenshot_timer.finish()

@@ -12,9 +12,9 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QWidget
 
 from netboard.windows.operator.lamps import Lamp, Level
 from netboard.windows.operator.words import Tone
-from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.scene import COLOURS, PictureState
 
-PLAIN = COLOURS[Mood.RUN]
+PLAIN = COLOURS[PictureState.RUN]
 GOOD, WATCH, BAD = "#2fc79b", "#e69f00", "#d55e00"
 PANEL = "#1b2129"
 """Background of panels."""

@@ -12,7 +12,7 @@ from math import isfinite
 from netboard.base.config import Config
 from netboard.network.protocol.control import REPLAY_OF, Status
 from netboard.nodes.ports.emergency import LACKING
-from netboard.windows.operator.changes import LATELY, Recent
+from netboard.windows.operator.changes import LATELY, RecentCounts
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
 """Phases in which a block is running."""
@@ -76,7 +76,7 @@ def limits_of(config: Config, version: str) -> Limits:
     )
 
 
-def session_lamps(status: Status | None, silence: float, recent: Recent, limits: Limits) -> tuple[Lamp, ...]:
+def session_lamps(status: Status | None, silence: float, recent: RecentCounts, limits: Limits) -> tuple[Lamp, ...]:
     """Return the lamps of the session, always in the same order; `silence` is the time since the last status [s]."""
     server = _server(silence)
     if status is None:
@@ -209,7 +209,7 @@ def _form(status: Status) -> Lamp:
 # --- alarm --------------------------------------------------------------------------------------------------------
 
 
-def alarm(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
+def alarm(status: Status | None, silence: float, recent: RecentCounts, unconfirmed: bool) -> str:
     """Return the alarm to write across the window; empty if there is none.
 
     `unconfirmed`: the server has failed to confirm an emergency stop in time.

@@ -8,7 +8,7 @@ from netboard.base.config import Side
 from netboard.network.protocol.control import Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import LACKING, WORDS
-from netboard.windows.operator.changes import LATELY, Recent
+from netboard.windows.operator.changes import LATELY, RecentCounts
 from netboard.windows.operator.lamps import Lamp, Level, Limits, milliseconds
 
 SLOW_RATE = 900.0
@@ -30,7 +30,7 @@ class _Station:
     lost: int
 
 
-def station_lamps(status: Status, recent: Recent, side: Side, limits: Limits) -> tuple[Lamp, ...]:
+def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limits) -> tuple[Lamp, ...]:
     """Return the lamps of one station, always the same ones in the same order."""
     agent = f"agent.{side}"
     link = next((link for link in status.links if link[0] == agent), None)

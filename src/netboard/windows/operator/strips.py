@@ -36,7 +36,7 @@ Point = tuple[int, float, float, float, float, float, float, float]
 """One item of `netboard.network.protocol.control.Trace.points`."""
 
 
-class Strips(QWidget):
+class StripCharts(QWidget):
     """Three strip charts, one above the other; axis limits and target positions come from the configuration."""
 
     def __init__(self, config: Config) -> None:

@@ -19,7 +19,7 @@ from netboard.network.protocol.control import Status
 from netboard.nodes.ports.emergency import STOP
 from netboard.windows.operator import words
 from netboard.windows.operator.attempts import AttemptTable
-from netboard.windows.operator.changes import Recent
+from netboard.windows.operator.changes import RecentCounts
 from netboard.windows.operator.commands import STOP_KEYS, Command, refusal
 from netboard.windows.operator.controls import CommandBar, CommandButton, NoteField, StopPanel
 from netboard.windows.operator.form import SessionForm
@@ -36,7 +36,7 @@ from netboard.windows.operator.lamp_widget import (
 )
 from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, alarm, faded, session_lamps
 from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
-from netboard.windows.operator.strips import Point, Strips
+from netboard.windows.operator.strips import Point, StripCharts
 from netboard.windows.operator.words import Attempt, Line, Tone
 from netboard.windows.participant.window import Window
 
@@ -56,7 +56,7 @@ class State:
 
     status: Status | None = None
     silence: float = float("inf")  # time since the last status; infinite before the first [s]
-    recent: Recent = field(default_factory=Recent)
+    recent: RecentCounts = field(default_factory=RecentCounts)
     unconfirmed: bool = False  # whether the server has failed to confirm an emergency stop in time
     attempts: Sequence[Attempt] = ()
     points: Sequence[Point] = ()
@@ -242,7 +242,7 @@ class ConsoleWindow(Window):
         self.stop, self.bar = StopPanel(), CommandBar()
         self.session = SessionLamps(SESSION_LAMPS)
         self.stations = StationLamps(STATION_LAMPS, SIDES)
-        self.strips, self.table = Strips(config), AttemptTable()
+        self.strips, self.table = StripCharts(config), AttemptTable()
         self.form = SessionForm(first_entry(config.session))
         self.note = NoteField()
         self.reply, self.commander = label("", 13, Tone.QUIET), label("", 13, Tone.QUIET)

@@ -268,11 +268,11 @@ def run(
     with sockets.open_context() as context:
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)
-        photographer = windows.Photographer(window, picture, after, lambda: client.tally.painted)
-        windows.run(window, stopping, photographer.look)
+        screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.tally.painted)
+        windows.run(window, stopping, screenshot_timer.look)
         if client.tally.painted:
-            photographer.take()
+            screenshot_timer.take()
         client.close()
     window.close()
     log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)
-    photographer.finish()
+    screenshot_timer.finish()

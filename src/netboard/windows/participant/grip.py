@@ -8,7 +8,7 @@ force comes from the agent of the same side, and the stylus is the one in the st
 from netboard.base.config import Config, Side
 from netboard.stage.view import View
 from netboard.windows.participant.scene import CURSOR_RADIUS, Grip, Point, to_grain
-from netboard.windows.participant.words import Words
+from netboard.windows.participant.words import DisplayTexts
 
 ARROW_PER_FORCE = 0.04
 """Length of the arrow for a force of 1 N as drawn [m/N]."""
@@ -32,7 +32,7 @@ TEETH, TOOTH_WIDTH = 6, 0.005
 def grip_of(
     view: View | None,
     config: Config,
-    words: Words,
+    words: DisplayTexts,
     station: Side,
     pointer: float | None,
     force: float | None,
@@ -55,7 +55,7 @@ def grip_of(
     return Grip((how, words.play), mark, spring, _arrow(x, own, reach, up), f"{abs(force):.1f} N", label_at)
 
 
-def _how(words: Words, station: Side, keys: bool) -> str:
+def _how(words: DisplayTexts, station: Side, keys: bool) -> str:
     """Return the sentence that says how to move the stylus."""
     how = (words.press if keys else words.point).format(end=words.end(station))
     return how[:1].upper() + how[1:]

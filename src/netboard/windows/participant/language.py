@@ -4,13 +4,13 @@ from importlib import resources
 from pathlib import Path
 
 from netboard.base.errors import ConfigError
-from netboard.windows.participant.words import Words, parse_words
+from netboard.windows.participant.words import DisplayTexts, parse_words
 
 LANGUAGES = ("en", "de", "fr", "es", "it")
 """The languages of the package."""
 
 
-def load_words(language: str) -> Words:
+def load_words(language: str) -> DisplayTexts:
     """Load the texts of one of `LANGUAGES`, or of a TOML file."""
     if language in LANGUAGES:
         text = (resources.files("netboard.windows.participant") / "languages" / f"{language}.toml").read_text(

@@ -40,7 +40,7 @@ TEXT_SHARE = 0.24
 Point = tuple[float, float]
 
 
-class Mood(Enum):
+class PictureState(Enum):
     """Overall state of a picture; it selects the colours."""
 
     WAIT = "wait"
@@ -80,18 +80,18 @@ _MUTED = Colours(
     board="#454d57", edge="#5d6671", target="#15354a", ball="#7d6224", cursor="#8b95a1", headline="#c3cad2"
 )
 
-COLOURS: dict[Mood, Colours] = {
-    Mood.WAIT: _MUTED,
-    Mood.LEVEL: _ACTIVE,
-    Mood.RUN: _ACTIVE,
-    Mood.HOLD: Colours(target="#56b4e9", fill="#f2f8fc"),
-    Mood.SUCCESS: Colours(target="#2fc79b", headline="#2fc79b"),
-    Mood.FAIL: Colours(ball="#d55e00"),
-    Mood.PAUSED: _MUTED,
-    Mood.FINISHED: _MUTED,
-    Mood.LOST: Colours(headline="#f0e442"),
+COLOURS: dict[PictureState, Colours] = {
+    PictureState.WAIT: _MUTED,
+    PictureState.LEVEL: _ACTIVE,
+    PictureState.RUN: _ACTIVE,
+    PictureState.HOLD: Colours(target="#56b4e9", fill="#f2f8fc"),
+    PictureState.SUCCESS: Colours(target="#2fc79b", headline="#2fc79b"),
+    PictureState.FAIL: Colours(ball="#d55e00"),
+    PictureState.PAUSED: _MUTED,
+    PictureState.FINISHED: _MUTED,
+    PictureState.LOST: Colours(headline="#f0e442"),
 }
-"""The colours of each mood."""
+"""The colours of each picture state."""
 
 PILOT_BACK, PILOT_INK = "#f0e442", "#000000"
 """Background and text of the band that marks a pilot run; nothing else on the screen looks like it."""
@@ -113,7 +113,7 @@ class Grip:
 class Picture:
     """Everything that a display draws."""
 
-    mood: Mood
+    state: PictureState
     colours: Colours
     extent: tuple[float, float]  # width and height of the visible scene, centred on the origin [m]
     # headline, detail, counter, notice: main line; completion times; trial number; what to do, or a notice
@@ -147,7 +147,7 @@ def with_board(picture: Picture, view: View, config: Config) -> Picture:
     pose = _Pose(view.z, math.cos(view.theta), math.sin(view.theta))
     heights = ((-reach, view.left), (reach, view.right))
     held = view.share * geometry.target_width if view.phase == "holding" else 0.0
-    levelling = picture.mood is Mood.LEVEL
+    levelling = picture.state is PictureState.LEVEL
     thickness = geometry.board_thickness
     return replace(
         picture,

@@ -7,7 +7,7 @@ pixel, with shift by ten; Enter accepts, Esc cancels.
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPaintEvent, QPen
 
-from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.scene import COLOURS, PictureState
 from netboard.windows.participant.window import Window, application, in_words, numbered_screen, run
 
 CARD_WIDTH, CARD_HEIGHT, CARD_CORNER = 85.60, 53.98, 3.18
@@ -56,7 +56,7 @@ class CalibrationWindow(Window):
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Draw outline, ruler and text."""
-        colours = COLOURS[Mood.RUN]
+        colours = COLOURS[PictureState.RUN]
         with QPainter(self) as painter:
             painter.fillRect(self.rect(), QColor(colours.background))
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -79,7 +79,7 @@ class CalibrationWindow(Window):
     def _rule(self, painter: QPainter, top: QPointF, mm: float) -> None:
         """Draw a ruler as long as the card, with a tick mark per millimetre."""
         begin = top.x() - CARD_WIDTH / 2 * mm
-        painter.setPen(QPen(QColor(COLOURS[Mood.RUN].detail), 1))
+        painter.setPen(QPen(QColor(COLOURS[PictureState.RUN].detail), 1))
         for i in range(int(CARD_WIDTH) + 1):
             x, length = begin + i * mm, 5 if i % 10 == 0 else 3.5 if i % 5 == 0 else 2
             painter.drawLine(QPointF(x, top.y()), QPointF(x, top.y() + length * mm))

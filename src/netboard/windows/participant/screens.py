@@ -1,7 +1,7 @@
 """Screens of each phase: the board in a trial, texts before, between and after trials. Pure: no Qt, no clock.
 
 Texts are few and calm; times appear between trials only; every picture of a pilot run carries the pilot label. All
-texts come from the `Words` of the participant's language, except instructions that a block brings itself.
+texts come from the `DisplayTexts` of the participant's language, except instructions that a block brings itself.
 """
 
 import math
@@ -10,22 +10,22 @@ from dataclasses import replace
 from netboard.base.config import Config, Side
 from netboard.base.errors import WireError
 from netboard.stage.view import View
-from netboard.windows.participant.scene import COLOURS, Mood, Picture, extent, with_board
+from netboard.windows.participant.scene import COLOURS, Picture, PictureState, extent, with_board
 from netboard.windows.participant.trial_events import SUCCEEDED
-from netboard.windows.participant.words import Words, instructions
+from netboard.windows.participant.words import DisplayTexts, instructions
 
-_MOODS = {
-    "idle": Mood.WAIT,
-    "levelling": Mood.LEVEL,
-    "running": Mood.RUN,
-    "holding": Mood.HOLD,
-    "succeeded": Mood.SUCCESS,
-    "failed": Mood.FAIL,
-    "paused": Mood.PAUSED,
-    "finished": Mood.FINISHED,
-    "away": Mood.WAIT,
+_STATES = {
+    "idle": PictureState.WAIT,
+    "levelling": PictureState.LEVEL,
+    "running": PictureState.RUN,
+    "holding": PictureState.HOLD,
+    "succeeded": PictureState.SUCCESS,
+    "failed": PictureState.FAIL,
+    "paused": PictureState.PAUSED,
+    "finished": PictureState.FINISHED,
+    "away": PictureState.WAIT,
 }
-"""Mood of each phase."""
+"""Picture state of each phase."""
 
 NOTICES = ("", "again")
 """Notices that a view may carry."""
@@ -34,11 +34,11 @@ IN_TRIAL = ("running", "holding")
 """Phases in which the photodiode patch is white."""
 
 
-def compose(view: View, config: Config, words: Words, result: str = "") -> Picture:
+def compose(view: View, config: Config, words: DisplayTexts, result: str = "") -> Picture:
     """Return the picture of a view; `result` is how the last trial ended, while that is still displayed."""
     check(view)
-    mood = _MOODS[view.phase]
-    picture = replace(_empty(mood, config, words), patch=_patch(config, view.phase in IN_TRIAL))
+    state = _STATES[view.phase]
+    picture = replace(_empty(state, config, words), patch=_patch(config, view.phase in IN_TRIAL))
     match view.phase:
         case "idle":
             return _before(picture, view, config, words)
@@ -52,7 +52,7 @@ def compose(view: View, config: Config, words: Words, result: str = "") -> Pictu
 
 def check(view: View) -> None:
     """Raise WireError for a view with an unknown phase or notice, or a number that is not finite."""
-    if view.phase not in _MOODS:
+    if view.phase not in _STATES:
         raise WireError(f"a view in the unknown phase {view.phase!r}")
     if view.notice not in NOTICES:
         raise WireError(f"a view with the unknown notice {view.notice!r}")
@@ -62,15 +62,15 @@ def check(view: View) -> None:
         raise WireError("a view with a number that is not finite")
 
 
-def blank(config: Config, words: Words, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
+def blank(config: Config, words: DisplayTexts, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
     """Return a picture with text only."""
-    picture = _empty(Mood.LOST if lost else Mood.WAIT, config, words)
+    picture = _empty(PictureState.LOST if lost else PictureState.WAIT, config, words)
     return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
 
 
-def _empty(mood: Mood, config: Config, words: Words) -> Picture:
+def _empty(state: PictureState, config: Config, words: DisplayTexts) -> Picture:
     """Return a picture with no content except the label of a pilot run."""
-    return Picture(mood, COLOURS[mood], extent(config), pilot=words.pilot if config.session.pilot else "")
+    return Picture(state, COLOURS[state], extent(config), pilot=words.pilot if config.session.pilot else "")
 
 
 def _patch(config: Config, white: bool) -> bool | None:
@@ -78,7 +78,7 @@ def _patch(config: Config, white: bool) -> bool | None:
     return white if config.display.patch else None
 
 
-def _before(picture: Picture, view: View, config: Config, words: Words) -> Picture:
+def _before(picture: Picture, view: View, config: Config, words: DisplayTexts) -> Picture:
     """Add the texts before a block: the countdown of a rest, then the instructions."""
     if view.rest is not None and view.rest > 0:
         following = words.next.format(block=view.block, blocks=view.blocks)
@@ -92,14 +92,14 @@ def _before(picture: Picture, view: View, config: Config, words: Words) -> Pictu
     )
 
 
-def _away(picture: Picture, view: View, words: Words) -> Picture:
+def _away(picture: Picture, view: View, words: DisplayTexts) -> Picture:
     """Add the texts for a participant who does not take part in this block: not the trials, which are the partner's."""
     left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
     block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
     return replace(picture, headline=words.away, detail=left or words.away_text, counter=block)
 
 
-def _after(picture: Picture, view: View, words: Words) -> Picture:
+def _after(picture: Picture, view: View, words: DisplayTexts) -> Picture:
     """Add the texts after a block."""
     last = view.block >= view.blocks
     done = words.finished if last else words.block_done.format(block=view.block, blocks=view.blocks)
@@ -107,13 +107,13 @@ def _after(picture: Picture, view: View, words: Words) -> Picture:
     return replace(picture, headline=done, detail=best[:1].upper() + best[1:], notice="" if last else words.wait)
 
 
-def _told(picture: Picture, view: View, config: Config, words: Words, result: str) -> Picture:
+def _told(picture: Picture, view: View, config: Config, words: DisplayTexts, result: str) -> Picture:
     """Add the texts of a phase within a trial."""
     fell = words.failed if config.task.time_limit > 0 else words.fell
     match view.phase:
         case "levelling" if result:
             well = result == SUCCEEDED
-            ended = COLOURS[Mood.SUCCESS if well else Mood.FAIL]
+            ended = COLOURS[PictureState.SUCCESS if well else PictureState.FAIL]
             return replace(
                 picture,
                 colours=replace(picture.colours, headline=ended.headline if well else ended.ball),
@@ -135,7 +135,7 @@ def _told(picture: Picture, view: View, config: Config, words: Words, result: st
     return picture
 
 
-def _times(view: View, words: Words) -> str:
+def _times(view: View, words: DisplayTexts) -> str:
     """Completion time of the last trial, marked if it is the best one."""
     if view.completion is None:
         return ""
@@ -144,7 +144,7 @@ def _times(view: View, words: Words) -> str:
     return _last(view, words)
 
 
-def _last(view: View, words: Words) -> str:
+def _last(view: View, words: DisplayTexts) -> str:
     """Last and best completion time, as the participant reads them."""
     if view.completion is None:
         return ""

@@ -27,7 +27,7 @@ from netboard.windows.participant.scene import Grip, Picture
 from netboard.windows.participant.screens import check, compose
 from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.window import BoardWindow, screen_of
-from netboard.windows.participant.words import Words
+from netboard.windows.participant.words import DisplayTexts
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ class Showing(QObject):
         self,
         station: Side,
         config: Config,
-        words: Words,
+        words: DisplayTexts,
         markers: Markers,
         window: BoardWindow,
         player: Player | None = None,

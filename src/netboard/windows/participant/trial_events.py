@@ -29,7 +29,7 @@ class TrialEvents:
 
 
 def events_after(last: TrialEvents | None, view: View) -> TrialEvents:
-    """Return the events after another view; a view of another block or of an earlier tick starts anew."""
+    """Return the events after another view; a view of another block or of an earlier tick clears them."""
     if last is None or view.block != last.view.block or view.tick < last.view.tick:
         return TrialEvents(view, (view.phase,))
     before = last.view

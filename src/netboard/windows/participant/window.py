@@ -96,7 +96,7 @@ def screenshot(widget: QWidget, picture: Path) -> None:
         raise NetboardError(f"{picture}: cannot be written")
 
 
-class Photographer:
+class ScreenshotTimer:
     """Take one screenshot of a window, a delay after `ready` [s]; without a delay, take it then and end the loop."""
 
     def __init__(self, window: Window, picture: Path | None, after: float | None, ready: Callable[[], object]) -> None:

@@ -1,6 +1,6 @@
-"""The texts of a display, in one language. Pure: TOML in, `Words` out.
+"""The texts of a display, in one language. Pure: TOML in, `DisplayTexts` out.
 
-Every text is a field of `Words`; a language is a TOML file with exactly these keys. The display fills in the
+Every text is a field of `DisplayTexts`; a language is a TOML file with exactly these keys. The display fills in the
 placeholders in braces; they must be the same in every language. A missing or unknown key is a `ConfigError` that names
 it, so that a display cannot miss a text in the middle of a session.
 """
@@ -15,7 +15,7 @@ from netboard.base.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class DisplayTexts:
     """All texts of a display."""
 
     decimal: str
@@ -84,13 +84,13 @@ FILLED: dict[str, set[str]] = {
 """Placeholders of each text that has any."""
 
 
-def parse_words(text: str, source: str) -> Words:
+def parse_words(text: str, source: str) -> DisplayTexts:
     """Parse the texts of a language; raise ConfigError with one line per problem if they are not valid."""
     try:
         found = tomllib.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
-    known = [field.name for field in fields(Words)]
+    known = [field.name for field in fields(DisplayTexts)]
     problems = [
         f"{source}: {key}: unknown text, expected one of {', '.join(known)}" for key in found.keys() - set(known)
     ]
@@ -100,7 +100,7 @@ def parse_words(text: str, source: str) -> Words:
             problems.append(f"{source}: {key}: {wrong}")
     if problems:
         raise ConfigError("\n".join(problems))
-    return Words(**found)
+    return DisplayTexts(**found)
 
 
 def _wrong(key: str, word: Any) -> str:
@@ -120,7 +120,7 @@ def _wrong(key: str, word: Any) -> str:
     return ""
 
 
-def instructions(config: Config, words: Words, station: Side) -> str:
+def instructions(config: Config, words: DisplayTexts, station: Side) -> str:
     """Return the instructions before a block: those of the block, or the standard ones of its condition."""
     block = config.block
     if block.instructions:

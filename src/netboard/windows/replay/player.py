@@ -24,7 +24,7 @@ from netboard.recording.replay.position import Playback, clock
 from netboard.stage.view import View
 from netboard.windows.participant import window as windows
 from netboard.windows.participant.language import LANGUAGES, load_words
-from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.scene import COLOURS, PictureState
 from netboard.windows.participant.screens import compose
 from netboard.windows.participant.trial_events import TrialEvents, events_after
 from netboard.windows.participant.widget import BoardView
@@ -37,7 +37,7 @@ STEP, LONG_STEP = 1.0, 10.0
 """Distance that the arrow keys seek [s]."""
 
 NEAR_TICKS = 1000
-"""Ticks between two views above which the trial events start anew [1]."""
+"""Ticks between two views above which the trial events are cleared [1]."""
 
 MOST_WIDE = 1600
 """Largest initial width of boards side by side [pixels]."""
@@ -91,7 +91,7 @@ class PlayerWindow(windows.BoardWindow):
         self.bar = TimeBar(reels, self.pairing, self)
         self.bar.sought.connect(self.seek)
         self.line, keys = QLabel(self), QLabel(KEYS, self)
-        colours = COLOURS[Mood.RUN]
+        colours = COLOURS[PictureState.RUN]
         self.line.setStyleSheet(f"background: {colours.background}; color: {colours.detail}; padding: 4px 12px 0px;")
         keys.setStyleSheet(f"background: {colours.background}; color: {colours.quiet}; padding: 0px 12px 4px;")
         for row in (self.bar, self.line, keys):
@@ -111,7 +111,7 @@ class PlayerWindow(windows.BoardWindow):
 
     def _put_side_by_side(self, reels: Sequence[LoadedRecording]) -> None:
         """Give each recording a board and a caption."""
-        colours = COLOURS[Mood.RUN]
+        colours = COLOURS[PictureState.RUN]
         self.panes += [Pane(reel, self._station, BoardView(self)) for reel in reels[1:]]
         boards = QWidget(self)
         across = QHBoxLayout(boards)

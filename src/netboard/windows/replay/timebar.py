@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QWidget
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.marks import KINDS, Mark
 from netboard.recording.replay.pairing import Pairing
-from netboard.windows.participant.scene import COLOURS, Colours, Mood
+from netboard.windows.participant.scene import COLOURS, Colours, PictureState
 
 MOST_POINTS = 4000
 """Most points drawn per line; more cannot be distinguished on a screen [1]."""
@@ -58,7 +58,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
     sought = Signal(float)
 
     def __init__(self, recordings: Sequence[LoadedRecording], pairing: Pairing, parent: QWidget | None = None) -> None:
-        self._colours: Colours = COLOURS[Mood.RUN]
+        self._colours: Colours = COLOURS[PictureState.RUN]
         super().__init__(parent, background=self._colours.background)
         self.setFixedHeight(HEIGHT * len(recordings) + AXIS_HEIGHT)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)

@@ -15,7 +15,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Felt, Pointer
 from netboard.network.transport import channels, sockets
-from netboard.nodes.agent.stylus_source import Player, companion_of
+from netboard.nodes.agent.stylus_source import Player, stylus_source_of
 from netboard.nodes.operator.launcher import free_port
 
 pytestmark = pytest.mark.integration
@@ -25,12 +25,12 @@ PATIENCE = 30.0
 
 
 class Station:
-    """A stylus and its companion, and the display's ends of the two channels; time goes on by itself, 1 ms a step."""
+    """A stylus and its source, and the display's ends of the two channels; time goes on by itself, 1 ms a step."""
 
     def __init__(self, config: Config, context: sockets.Context) -> None:
         self.device = MouseStylus("left", config)
         self.device.open()
-        player = companion_of(config, self.device, context)
+        player = stylus_source_of(config, self.device, context)
         assert isinstance(player, Player)
         self.player = player
         where = channels.addresses(config.network)
