@@ -50,7 +50,7 @@ def test_colours_are_where_the_view_says(app, board, size):
 
 
 @pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])
-def test_the_mood_colours_the_target(app, board, phase):
+def test_the_picture_state_colours_the_target(app, board, phase):
     view, _ = board
     view.show_picture(compose(replace(VIEW, phase=phase)))
     app.processEvents()
