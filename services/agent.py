@@ -13,13 +13,13 @@ app = typer.Typer()
 def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
     settings = load(config, overrides)
-    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+    from netboard.base.process import Priority, Stopping, cpus_for, io_priority, log_to_stderr, prepare
     from netboard.devices.contract import registry
     from netboard.network.transport import sockets
     from netboard.nodes.agent.agent import Agent
     from netboard.nodes.agent.stylus_source import stylus_source_of
 
-    speak(f"agent {side}")
+    log_to_stderr(f"agent {side}")
     granted = prepare(settings.realtime, Priority.AGENT, cpus_for(side, settings.realtime))
     with (
         Stopping() as stopping,

@@ -31,10 +31,10 @@ def console(
 ) -> None:
     """Open the operator's console: open, run, watch and stop a session."""
     settings = load(config, overrides)
-    from netboard.base.process import Stopping, make_way, speak
+    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
 
-    speak("console")
-    make_way(settings.realtime)
+    log_to_stderr("console")
+    leave_reserved_cpus(settings.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.windows.operator import client

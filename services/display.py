@@ -56,10 +56,10 @@ def display(
     if station is None:
         raise ConfigError("--station: not given, expected left or right")
     from netboard.base.config import played_sides
-    from netboard.base.process import Stopping, make_way, speak
+    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
 
-    speak(f"display {station}")
-    make_way(settings.realtime)
+    log_to_stderr(f"display {station}")
+    leave_reserved_cpus(settings.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.windows.participant import client

@@ -76,7 +76,7 @@ def import_(
     for table in tables or ():
         with telling() as tell:
             found = import_table(table, output, rig, chosen, time.time_ns(), tell)
-        say([found])
+        print_imported([found])
 
 
 def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
@@ -88,7 +88,7 @@ def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     with telling() as tell:
         plan = examine(manifest, folder, tell)
         done, failed = run(plan, folder, workers or cores(), tell) if plan.jobs else ([], [])
-    say(done)
+    print_imported(done)
     total = f"{len(done)} imported, {len(plan.there)} already there, {len(failed)} failed"
     typer.echo(f"{total}; {time.perf_counter() - began:.1f} s")
     for line in failed:
@@ -96,7 +96,7 @@ def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     return 1 if failed else 0
 
 
-def say(done: Sequence["Imported"]) -> None:
+def print_imported(done: Sequence["Imported"]) -> None:
     """Print the new recordings, then the notes on them, each once."""
     for found in done:
         typer.echo(f"{found.path}: {found.ticks} ticks, {found.what}")

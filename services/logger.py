@@ -19,13 +19,13 @@ def logger(
 ) -> None:
     """Run the logger: it writes every tick and event to a recording."""
     settings = load(config, overrides)
-    from netboard.base.process import Stopping, make_way, speak
+    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
     from netboard.network.transport import sockets
     from netboard.nodes.logger.log_link import SocketLink
     from netboard.nodes.logger.logger import Logger
 
-    speak("logger")
-    make_way(settings.realtime)
+    log_to_stderr("logger")
+    leave_reserved_cpus(settings.realtime)
     with Stopping() as stopping, sockets.open_context() as context:
         link = SocketLink(settings.network, "logger", context)
         raise typer.Exit(Logger(settings.recording, link, once=once).run(stopping))

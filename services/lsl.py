@@ -21,14 +21,14 @@ def lsl(
 ) -> None:
     """Stream board, hands, forces and events to the Lab Streaming Layer (LSL), for example for LabRecorder."""
     settings = load(config, overrides)
-    from netboard.base.process import Stopping, make_way, speak
+    from netboard.base.process import Stopping, leave_reserved_cpus, log_to_stderr
     from netboard.network.transport import sockets
     from netboard.nodes.logger.log_link import SocketLink
     from netboard.nodes.logger.lsl_outlets import Outlets
     from netboard.nodes.logger.subscriber import Listener
 
-    speak("lsl")
-    make_way(settings.realtime)
+    log_to_stderr("lsl")
+    leave_reserved_cpus(settings.realtime)
     outlets = Outlets(name, settings.network.port)
     with Stopping() as stopping, sockets.open_context() as context:
         listener = Listener(SocketLink(settings.network, "listener", context), outlets, "Lab Streaming Layer")

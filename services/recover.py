@@ -47,7 +47,7 @@ def recover(
     for file in track(files, "recovering", console=Console(stderr=True), transient=True, disable=len(files) < 2):
         try:
             for report in recover_any(file, output):
-                _say(report)
+                _print_report(report)
         except NetboardError as error:
             refused += 1
             typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
@@ -66,7 +66,7 @@ def _files(paths: Sequence[Path]) -> Iterator[Path]:
         yield from found
 
 
-def _say(report: "Report") -> None:
+def _print_report(report: "Report") -> None:
     """Print what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
     missing = sum(gap.count for gap in report.missing)

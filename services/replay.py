@@ -104,7 +104,7 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     """Replay a recording on the ports of a server, from a position or from the start of the block [s]."""
     from rich.console import Console
 
-    from netboard.base.process import Stopping, speak
+    from netboard.base.process import Stopping, log_to_stderr
     from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.replay.replay_server import ReplayServer, printable_line
@@ -114,7 +114,7 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     authenticator = keys.make_authenticator(config.network)
     console = Console(highlight=False)
     reel = loaded(path)
-    speak("replay")
+    log_to_stderr("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
         server = ReplayServer(reel, config.network, context, authenticator, speed, at)
         console.print(f"{reel.name} is replayed at {config.network.bind}:{config.network.port}")

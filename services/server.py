@@ -95,14 +95,14 @@ def server(
 
 def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: bool) -> int:
     """Serve sessions until all have ended; return 1 if some records may not be on disk."""
-    from netboard.base.process import Priority, Stopping, allow_files, cpus_for, io_priority, prepare, speak
+    from netboard.base.process import Priority, Stopping, allow_files, cpus_for, io_priority, log_to_stderr, prepare
     from netboard.network import keys
     from netboard.network.transport import sockets
     from netboard.nodes.server.server import Server
 
     configs = [sequence.block.config for sequence, _ in sessions]
     authenticators = [keys.make_authenticator(config.network) for config in configs]
-    speak("server")
+    log_to_stderr("server")
     allow_files()
     wanted = configs[0].realtime  # real-time settings apply to the process
     granted = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))

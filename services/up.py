@@ -90,10 +90,10 @@ def require_free(network: "Network") -> None:
 
 def supervise(wanted: dict[str, list[str]]) -> int:
     """Run processes until stopped or one of them ends; then stop the others."""
-    from netboard.base.process import Stopping, speak
+    from netboard.base.process import Stopping, log_to_stderr
     from netboard.nodes.operator.launcher import Launcher
 
-    speak("up")
+    log_to_stderr("up")
     with Stopping() as stopping, Launcher(None, {}) as launcher:
         for name, command in wanted.items():
             launcher.start(name, *command)

@@ -12,7 +12,7 @@ from netboard.analysis.extraction.path_table import PathTable
 from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
-from netboard.analysis.extraction.workers import Crew, processes
+from netboard.analysis.extraction.workers import WorkerPool, processes
 from netboard.recording.export.formats import Progress
 
 HERE = processes(1)
@@ -25,7 +25,7 @@ def quiet(what: str, done: int, total: int) -> None:
 def gathered(
     recordings: Sequence[Path],
     readings: Readings,
-    crew: Crew = HERE,
+    pool: WorkerPool = HERE,
     cache: Cache | None = None,
     progress: Progress = quiet,
     *,
@@ -33,7 +33,7 @@ def gathered(
 ) -> Extraction:
     """Measure recordings, and have the paths in memory."""
     with TemporaryDirectory() as folder:
-        found = extract(recordings, readings, crew, cache, PathTable(Path(folder)), progress, skip=skip)
+        found = extract(recordings, readings, pool, cache, PathTable(Path(folder)), progress, skip=skip)
         return replace(found, paths=dict(found.paths))
 
 

@@ -101,20 +101,20 @@ def test_what_is_sent_arrives_and_what_cannot_be_is_told(road: Road) -> None:
 
 def test_a_dealer_hears_and_says(road: Road) -> None:
     fast = FastPath(road.dealers[A])
-    assert fastpath.hear(fast.record, road.frame) == NOTHING
-    assert fastpath.say(fast.record, bytes_of(b"sample")) == SENT
+    assert fastpath.receive_one(fast.record, road.frame) == NOTHING
+    assert fastpath.send_one(fast.record, bytes_of(b"sample")) == SENT
     assert road.receive() == (1, b"sample")
     for frame in (b"", b"force", b"z" * 100):
         assert road.router.send(A, frame)
-    assert fastpath.hear(fast.record, road.frame) == 0
-    assert fastpath.hear(fast.record, road.frame) == 5
+    assert fastpath.receive_one(fast.record, road.frame) == 0
+    assert fastpath.receive_one(fast.record, road.frame) == 5
     assert road.frame[:5].tobytes() == b"force"
-    assert fastpath.hear(fast.record, road.frame) == 64  # the rest is cut off
+    assert fastpath.receive_one(fast.record, road.frame) == 64  # the rest is cut off
 
 
 def test_a_dealer_that_has_nobody_says_so(road: Road) -> None:
     alone = sockets.motion_agent(road.context, channels.Endpoint("tcp://127.0.0.1:1"), "alone")
-    assert fastpath.say(FastPath(alone).record, bytes_of(b"sample")) == NOT_SENT
+    assert fastpath.send_one(FastPath(alone).record, bytes_of(b"sample")) == NOT_SENT
     alone.close()
 
 
@@ -123,8 +123,8 @@ def test_a_fast_path_that_is_closed_fails_and_does_no_harm(road: Road) -> None:
     road.fast.close()
     record = road.fast.record
     assert fastpath.receive(record, road.frame) == FAILED
-    assert fastpath.hear(record, road.frame) == FAILED
-    assert fastpath.say(record, road.frame) == FAILED
+    assert fastpath.receive_one(record, road.frame) == FAILED
+    assert fastpath.send_one(record, road.frame) == FAILED
     assert fastpath.send_to(record, 1, road.frame) == FAILED
     with pytest.raises(NetboardError, match="the motion channel failed: "):
         road.fast.fail("motion")

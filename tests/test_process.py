@@ -26,7 +26,7 @@ from netboard.base.process import (
     cpu_set,
     cpus_for,
     io_priority,
-    make_way,
+    leave_reserved_cpus,
     prepare,
     steady_loop,
 )
@@ -193,10 +193,10 @@ def test_where_cpus_cannot_be_chosen_none_is(monkeypatch: pytest.MonkeyPatch) ->
 @linux
 def test_who_may_wait_stays_off_the_loops_cpus(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
-    make_way(Realtime())
-    make_way(Realtime(server_cpus="0-1", agent_cpus="2,3"))
+    leave_reserved_cpus(Realtime())
+    leave_reserved_cpus(Realtime(server_cpus="0-1", agent_cpus="2,3"))
     assert machine.asked == []
-    make_way(Realtime(server_cpus="2", agent_cpus=""))
+    leave_reserved_cpus(Realtime(server_cpus="2", agent_cpus=""))
     assert machine.asked == [(0, {0, 1, 3})]
 
 
@@ -305,9 +305,9 @@ def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monke
 def test_what_happens_any_number_of_times_is_said_now_and_then(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seldom = process.Seldom(logging.getLogger("test"))
+    seldom = process.RateLimitedLog(logging.getLogger("test"))
     for number in range(1000):
-        seldom.say(f"number {number}")
+        seldom.log(f"number {number}")
     monkeypatch.setattr(process, "SELDOM_S", 0.0)
-    seldom.say("the end")
+    seldom.log("the end")
     assert [record.message for record in caplog.records] == ["number 0", "the end (the last of 1000)"]

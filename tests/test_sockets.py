@@ -443,19 +443,19 @@ def test_what_is_owed_to_a_peer_that_stands_still_comes_when_it_goes_on(made: Ma
     until(lambda: sockets.send(peer, b"hello"))
     name, _ = until(server.receive)
     until(lambda: not server.send(name, bytes(60_000)))
-    server.owe(name, b"another block")
-    server.owe(name, b"the newest block")
+    server.send_or_queue(name, b"another block")
+    server.send_or_queue(name, b"the newest block")
     assert not server.send(name, b"more")
     heard = []
 
     def told() -> bool:
-        server.pay()
+        server.send_queued()
         heard.append(sockets.receive(peer))
         return heard[-1] == b"the newest block"
 
     until(told)
     assert b"another block" not in heard
-    server.pay()
+    server.send_queued()
     assert sockets.receive(peer) is None
 
 
@@ -465,12 +465,12 @@ def test_what_is_owed_can_be_cancelled(made: Made) -> None:
     until(lambda: sockets.send(peer, b"hello"))
     name, _ = until(server.receive)
     until(lambda: not server.send(name, bytes(60_000)))
-    server.owe(name, b"another block")
+    server.send_or_queue(name, b"another block")
     server.cancel(name)
     server.cancel(b"a stranger")
 
     def read() -> bool:
-        server.pay()
+        server.send_queued()
         frame = sockets.receive(peer)
         assert frame != b"another block"
         return frame is None and server.send(name, b"the last")
@@ -481,18 +481,18 @@ def test_what_is_owed_can_be_cancelled(made: Made) -> None:
 
 def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
-    server.owe(b"agent.left", b"another block")
+    server.send_or_queue(b"agent.left", b"another block")
     peer = made.motion_agent(endpoint_of(server), "agent.left")
     until(lambda: sockets.send(peer, b"hello"))
     until(server.receive)
-    server.pay()
+    server.send_queued()
     server.send(b"agent.left", b"welcome")
     assert until(lambda: sockets.receive(peer)) == b"welcome"
 
 
 def test_the_network_gives_way_to_the_loop_while_it_is_asked_to() -> None:
     with sockets.open_context() as context:
-        context.give_way(True)  # without a priority there is nothing to give
+        context.set_low_priority(True)  # without a priority there is nothing to give
         assert context.threads == ()
     able = hasattr(os, "sched_setscheduler") and sockets._granted(
         "SCHED_FIFO", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(3))
@@ -503,6 +503,6 @@ def test_the_network_gives_way_to_the_loop_while_it_is_asked_to() -> None:
         assert len(context.threads) == 1
         priorities = []
         for wanted in (True, True, False):
-            context.give_way(wanted)
+            context.set_low_priority(wanted)
             priorities += [os.sched_getparam(thread).sched_priority for thread in context.threads]
         assert priorities == [1, 1, 3]

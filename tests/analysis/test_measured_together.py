@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 @contextmanager
 def nobody(recordings: Sequence[Path]) -> Iterator[Executor]:
-    """Stand for a crew that is not to be asked."""
+    """Fail if workers are requested."""
     pytest.fail(f"{recordings} were to be measured anew")
     yield
 

@@ -34,11 +34,11 @@ class FakeRouter:
         frames.append(frame)
         return True
 
-    def owe(self, peer: bytes, frame: bytes) -> None:
+    def send_or_queue(self, peer: bytes, frame: bytes) -> None:
         self.owed[peer] = frame
-        self.pay()
+        self.send_queued()
 
-    def pay(self) -> None:
+    def send_queued(self) -> None:
         self.owed = {peer: frame for peer, frame in self.owed.items() if not self.send(peer, frame)}
 
     def cancel(self, peer: bytes) -> None:

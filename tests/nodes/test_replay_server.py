@@ -49,7 +49,7 @@ class Rig:
 
     def work(self) -> None:
         self.server.go_on(self.milliseconds)
-        self.server.keep_house()
+        self.server.housekeeping()
         self.milliseconds += 1
 
     def status(self) -> Status:

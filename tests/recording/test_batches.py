@@ -20,7 +20,7 @@ from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.reader import Recording
 from netboard.recording.files.writer import RecordingWriter
-from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, heard, pack, told
+from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, attempt_of, attempt_values, pack
 from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
 from netboard.recording.format.predictions import CONSTANTS, UNKNOWN, constants_of
 from netboard.recording.format.summary import find_attempts
@@ -178,7 +178,7 @@ def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, 
 def test_an_attempt_survives_being_listed(rows: np.ndarray) -> None:
     attempts = find_attempts(rows)
     assert attempts
-    again = [heard(json.loads(json.dumps(told(attempt), allow_nan=False))) for attempt in attempts]
+    again = [attempt_of(json.loads(json.dumps(attempt_values(attempt), allow_nan=False))) for attempt in attempts]
     assert repr(tuple(again)) == repr(attempts)
 
 

@@ -74,7 +74,7 @@ def test_a_process_that_ends_takes_the_others_with_it(
             return super().stop(*names)
 
     monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", Watched)
-    monkeypatch.setattr("netboard.base.process.speak", lambda name: None)
+    monkeypatch.setattr("netboard.base.process.log_to_stderr", lambda name: None)
     patient = ["agent", "--side", "left", "--set", "network.port=1025"]
     with caplog.at_level(logging.INFO):
         assert up.supervise({"server": [words], "left agent": patient}) == code

@@ -106,14 +106,14 @@ class Supervisor:
         now = time.monotonic()
         if now >= self._due:
             self._due = now + ALIVE_S
-            self._ready = self._tell("WATCHDOG=1" if self._ready else "READY=1") or self._ready
+            self._ready = self._notify("WATCHDOG=1" if self._ready else "READY=1") or self._ready
 
     def stopping(self) -> None:
         """Report that the process is stopping."""
         if self._address:
-            self._tell("STOPPING=1")
+            self._notify("STOPPING=1")
 
-    def _tell(self, words: str) -> bool:
+    def _notify(self, words: str) -> bool:
         """Send a message without blocking; return whether it was accepted. Stop sending when the supervisor is gone."""
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
@@ -231,7 +231,7 @@ def io_priority(came: dict[str, str], priority: int) -> int | None:
     return priority + IO_ABOVE if came["scheduling"] == OK else None
 
 
-def make_way(wanted: Realtime) -> None:
+def leave_reserved_cpus(wanted: Realtime) -> None:
     """Leave the CPUs reserved for server and agents, if there are others; for processes without deadlines."""
     if taken := ",".join(cpus for cpus in (wanted.server_cpus, wanted.agent_cpus) if cpus not in {"", AUTO}):
         _tried("cpus", partial(_stay_off, taken))
@@ -337,12 +337,12 @@ def peak_memory() -> float:
     return next((float(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")), float("nan"))
 
 
-def speak(name: str) -> None:
+def log_to_stderr(name: str) -> None:
     """Log to standard error, with the name of the process in each line."""
     logging.basicConfig(level=logging.INFO, format=f"%(relativeCreated)8d ms  {name}  %(message)s", force=True)
 
 
-class Seldom:
+class RateLimitedLog:
     """Logs a repeated event at once, then at most once a second, with the number of times."""
 
     def __init__(self, log: logging.Logger) -> None:
@@ -350,7 +350,7 @@ class Seldom:
         self._times = 0
         self._said = -SELDOM_S
 
-    def say(self, text: str) -> None:
+    def log(self, text: str) -> None:
         """Log the event, or only count it."""
         self._times += 1
         now = time.monotonic()

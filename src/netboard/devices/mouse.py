@@ -92,13 +92,13 @@ class MouseStylus(Device):
                 raise ValueError(f"not a height: {z}")
             self._pointer = self._in_reach(z + self.agent.zero)
         self._in_hand = z is not None
-        self._heard_ns = now_ns
+        self._pointed_ns = now_ns
 
     def _let_go(self) -> None:
         """Forget the player and rest the stylus in the middle."""
         self._pointer = self._aim = self._z = self._vz = 0.0
         self._in_hand = False
-        self._heard_ns = 0
+        self._pointed_ns = 0
         self._time_ns: int | None = None
 
     def _open(self) -> DeviceInfo:
@@ -120,7 +120,7 @@ class MouseStylus(Device):
         if now_ns > self._time_ns:
             self._live((now_ns - self._time_ns) * 1e-9)
             self._time_ns = now_ns
-        ready = self._in_hand and now_ns - self._heard_ns <= SILENT_NS
+        ready = self._in_hand and now_ns - self._pointed_ns <= SILENT_NS
         return Reading(now_ns, 0.0, 0.0, self._z, 0.0, 0.0, self._vz, 0, ready)
 
     def _live(self, dt: float) -> None:

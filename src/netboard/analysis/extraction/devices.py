@@ -30,10 +30,10 @@ def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics |
     if "rehearsed" in said or said.get("imported") == "simulated":
         return dict.fromkeys(SIDES, simulated_mechanics(config))
     told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
-    return {side: _told(config, side, told.get(side, {})) for side in SIDES}
+    return {side: _reported_mechanics(config, side, told.get(side, {})) for side in SIDES}
 
 
-def _told(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
+def _reported_mechanics(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
     """Return the mechanics that an agent reported for its device."""
     model = _model_of(details.get("model", ""))
     if details.get("device", getattr(config.agents, side).device) == "virtual":

@@ -15,7 +15,7 @@ from netboard.analysis.extraction.cache import Cache, key_of
 from netboard.analysis.extraction.kept import digest_of
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.workers import Crew
+from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress
@@ -58,7 +58,7 @@ class Extraction:
 def extract(
     recordings: Sequence[Path],
     readings: Readings,
-    crew: Crew,
+    workers_of: WorkerPool,
     cache: Cache | None,
     shelf: "PathTable",
     progress: Progress,
@@ -78,7 +78,7 @@ def extract(
         _take_kept(keys, cache, taken)
     missing = [run for run in runs if run.path not in taken.tables]
     kept, peak = set(taken.tables), 0.0
-    for run, answer in _answers(missing, digests, readings, crew):
+    for run, answer in _answers(missing, digests, readings, workers_of):
         if isinstance(answer, Exception):
             if not skip:
                 raise answer
@@ -149,12 +149,12 @@ def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Collector) -> Non
 
 
 def _answers(
-    runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, crew: Crew
+    runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, workers_of: WorkerPool
 ) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
     """Yield the tables or the error of each recording as it finishes."""
     if not runs:
         return
-    with crew([run.path.absolute() for run in runs]) as executor:
+    with workers_of([run.path.absolute() for run in runs]) as executor:
         asked = {
             executor.submit(_measured, replace(run, path=run.path.absolute()), readings, digests[run.path]): run
             for run in runs

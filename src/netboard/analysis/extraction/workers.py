@@ -18,7 +18,7 @@ from netboard.analysis.extraction.fingerprint import ROOT, fingerprint
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.recording.export.formats import library
 
-Crew = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
+WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
 """Function of the absolute paths of the recordings; returns a context manager that provides the executor."""
 
 PATIENCE = 10.0
@@ -32,11 +32,11 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def processes(workers: int) -> Crew:
+def processes(workers: int) -> WorkerPool:
     """Measure in processes of this machine; in this process alone if one is enough."""
 
     @contextmanager
-    def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
+    def workers_of(recordings: Sequence[Path]) -> Iterator[Executor]:
         count = min(workers, len(recordings))
         spawn = multiprocessing.get_context("spawn")
         pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, leave_stopping)
@@ -49,7 +49,7 @@ def processes(workers: int) -> Crew:
         finally:
             pool.shutdown(cancel_futures=True)
 
-    return crew
+    return workers_of
 
 
 def leave_stopping() -> None:
@@ -57,12 +57,12 @@ def leave_stopping() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> Crew:
+def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> WorkerPool:
     """Measure on the workers of a Dask cluster, whose code of `root` must be the same; timeout `patience` [s]."""
     distributed = library("distributed", "dask")
 
     @contextmanager
-    def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
+    def workers_of(recordings: Sequence[Path]) -> Iterator[Executor]:
         with _client(distributed, address, patience) as client:
             _check(client, address, recordings, root)
             executor = client.get_executor(pure=False)
@@ -73,7 +73,7 @@ def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> Crew:
             finally:
                 executor.shutdown(wait=False)
 
-    return crew
+    return workers_of
 
 
 @contextmanager

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from netboard.analysis.extraction.running import Extraction
     from netboard.analysis.extraction.settings import Readings
     from netboard.analysis.extraction.study import Study
-    from netboard.analysis.extraction.workers import Crew
+    from netboard.analysis.extraction.workers import WorkerPool
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
@@ -115,14 +115,14 @@ def _analysed(
     cache = None if store is None else Cache(store)
     require_recordings(readings.exclusions, {path.stem for path in recordings})
     with TemporaryDirectory(dir=part) as paths:
-        found = extract(recordings, readings, _crew(chosen), cache, PathTable(Path(paths)), tell, skip=chosen.skip)
+        found = extract(recordings, readings, _pool(chosen), cache, PathTable(Path(paths)), tell, skip=chosen.skip)
         study = study_of(found.measured, readings, found.paths)
         lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=chosen.beside_the_paper)
     words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
     return words, sum(source.kept for source in found.sources), found.peak
 
 
-def _crew(chosen: AnalysisOptions) -> "Crew":
+def _pool(chosen: AnalysisOptions) -> "WorkerPool":
     """Choose the workers that extract the measures."""
     from netboard.analysis.extraction.workers import cores, dask, processes
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.config import Config, parse
-from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
+from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.loop.workers import serve
 from netboard.network import keys
@@ -88,7 +88,7 @@ def main(role: str, name: str, file: Path) -> None:
     - `file`: configuration with the addresses of the sockets and the real-time settings.
     """
     config = parse(file.read_text(encoding="utf-8"), str(file))
-    speak(f"{role} {name}")
+    log_to_stderr(f"{role} {name}")
     agent = role == "peer"
     priority = Priority.AGENT if agent else Priority.SERVER
     came = prepare(

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import CATCH_UP_TICKS, now_ns
 from netboard.base.config import SIDES, Config, Side, parse
-from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
+from netboard.base.process import NAME, Priority, cpus_for, io_priority, log_to_stderr, prepare, steady_loop
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.loop.played import passed_over
 from netboard.benchmarks.loop.workers import serve
@@ -272,7 +272,7 @@ def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
 
 def main(role: str) -> None:
     """Be one of the two processes: each order is for other dyads."""
-    speak(role)
+    log_to_stderr(role)
     prepared: dict[str, str] | None = None
 
     def carry_out(order: dict[str, Any]) -> dict[str, Any]:

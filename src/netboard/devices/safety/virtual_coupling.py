@@ -18,14 +18,14 @@ REACH = 0.005
 """Longest extrapolation of the control point [s]."""
 
 
-def hand_force(point: Point, heard_ns: int, reading: Reading) -> float:
+def hand_force(point: Point, received_ns: int, reading: Reading) -> float:
     """Return the force of the virtual coupling on the hand [N].
 
     Parameters
     ----------
-    heard_ns : int
+    received_ns : int
         Reception time of the point, used if the server does not know the agent's clock [ns].
     """
-    age = (reading.stamp_ns - (point.stamp_ns or heard_ns)) * 1e-9
+    age = (reading.stamp_ns - (point.stamp_ns or received_ns)) * 1e-9
     ahead = min(max(age, -REACH), REACH)
     return point.k * (point.z + ahead * point.vz - reading.z) + point.c * (point.vz - reading.vz)

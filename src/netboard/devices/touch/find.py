@@ -182,15 +182,15 @@ def _details(library: Library) -> Mapping[str, str]:
     """Return further properties worth recording; for a missing one, the reason."""
     details: dict[str, str] = {}
     for key, text in TEXTS.items():
-        details[key] = _told(library, library.string(text))
+        details[key] = _value_or_fault(library, library.string(text))
     for key, (number, count, unit) in NUMBERS.items():
         said = " ".join(f"{value:g}" for value in library.doubles(number, count))
-        details[key] = _told(library, f"{said} {unit}")
-    details["update_rate"] = _told(library, f"{library.integer(Parameter.UPDATE_RATE)} Hz")
+        details[key] = _value_or_fault(library, f"{said} {unit}")
+    details["update_rate"] = _value_or_fault(library, f"{library.integer(Parameter.UPDATE_RATE)} Hz")
     return details
 
 
-def _told(library: Library, value: str) -> str:
+def _value_or_fault(library: Library, value: str) -> str:
     """Return a value, or the reason why it is missing."""
     faults = library.drain()
     return f"not told: {_listed(faults)}" if faults else value

@@ -162,7 +162,8 @@ class _ZapHandler:
 
     def answer(self) -> None:
         """Answer some of the waiting handshakes."""
-        self._context.give_way(self._low_priority_until_ns > 0 and time.monotonic_ns() < self._low_priority_until_ns)
+        until_ns = self._low_priority_until_ns
+        self._context.set_low_priority(until_ns > 0 and time.monotonic_ns() < until_ns)
         for _ in range(MOST_HANDSHAKES):
             if not readable(self._socket):
                 return
@@ -247,13 +248,13 @@ class Context(zmq.Context["zmq.Socket[bytes]"]):
     best_effort: "Context | None" = None
     threads: tuple[int, ...] = ()
     above = below = 0
-    _gives_way = False
+    _is_low_priority = False
 
-    def give_way(self, wanted: bool) -> None:
+    def set_low_priority(self, wanted: bool) -> None:
         """Let the threads run below the loop they serve, or above it again."""
-        if wanted == self._gives_way or not self.threads:
+        if wanted == self._is_low_priority or not self.threads:
             return
-        self._gives_way = wanted
+        self._is_low_priority = wanted
         priority = self.below if wanted else self.above
         try:
             for thread in self.threads:

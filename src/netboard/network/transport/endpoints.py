@@ -53,7 +53,7 @@ class Router:
         self._authenticator = endpoint.lock if isinstance(endpoint.lock, Authenticator) else None
         self._more = False
         self._names: dict[bytes, str] = {}
-        self._owed: dict[bytes, bytes] = {}
+        self._queued: dict[bytes, bytes] = {}
 
     def receive(self) -> tuple[bytes, bytes] | None:
         """Return the next (peer, frame), or None if there is none now.
@@ -98,29 +98,29 @@ class Router:
         except ZMQError as error:
             if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
                 if error.errno == zmq.EHOSTUNREACH:
-                    self._owed.pop(peer, None)
+                    self._queued.pop(peer, None)
                 return False
             raise
         return True
 
-    def owe(self, peer: bytes, frame: bytes) -> None:
-        """Send a frame that a connected peer must get: if its queue is full, `pay` sends it later."""
-        self._owed[peer] = frame
+    def send_or_queue(self, peer: bytes, frame: bytes) -> None:
+        """Send a frame that a connected peer must get: if its queue is full, `send_queued` sends it later."""
+        self._queued[peer] = frame
         if self.send(peer, frame):
-            del self._owed[peer]
+            del self._queued[peer]
 
-    def pay(self) -> None:
+    def send_queued(self) -> None:
         """Send the frames that could not be sent before."""
-        for peer, frame in list(self._owed.items()):
+        for peer, frame in list(self._queued.items()):
             if self.send(peer, frame):
-                del self._owed[peer]
+                del self._queued[peer]
 
     def cancel(self, peer: bytes) -> None:
         """Owe a peer nothing more: the queue of one that has left may stay full for as long as its frames are unread.
 
-        Without this, peers that come and go make `pay` as long as there have been peers.
+        Without this, peers that come and go make `send_queued` as long as there have been peers.
         """
-        self._owed.pop(peer, None)
+        self._queued.pop(peer, None)
 
     @property
     def keyed(self) -> bool:

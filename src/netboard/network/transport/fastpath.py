@@ -237,7 +237,7 @@ def send_to(fast: Any, place: int, frame: Any) -> int:
 
 
 @kernel
-def hear(fast: Any, frame: Any) -> int:
+def receive_one(fast: Any, frame: Any) -> int:
     """Receive one frame on a socket with one peer, without waiting.
 
     ``frame`` receives it, truncated to the size of this buffer.
@@ -247,7 +247,7 @@ def hear(fast: Any, frame: Any) -> int:
 
 
 @kernel
-def say(fast: Any, frame: Any) -> int:
+def send_one(fast: Any, frame: Any) -> int:
     """Send a frame on a socket with one peer, without waiting.
 
     Returns `SENT`, `NOT_SENT` if no peer is connected or the queue is full, or `FAILED`.

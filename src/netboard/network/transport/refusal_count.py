@@ -75,13 +75,13 @@ class RefusalCount:
         self._reports += len(due)
         for kind in due:
             kind.due_ns, kind.wait_ns = now_ns + kind.wait_ns, min(2 * kind.wait_ns, LONGEST_WAIT_NS)
-        return list(self._told(due))
+        return list(self._report(due))
 
     def rest(self) -> list[dict[str, str]]:
         """Return the final count of every kind that has grown since its last report."""
-        return list(self._told(list(self._untold.values())))
+        return list(self._report(list(self._untold.values())))
 
-    def _told(self, kinds: list[_Kind]) -> Iterator[dict[str, str]]:
+    def _report(self, kinds: list[_Kind]) -> Iterator[dict[str, str]]:
         for kind in kinds:
             del self._untold[id(kind)]
             kind.told = kind.times

@@ -22,7 +22,7 @@ from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import machine_code, waiting
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceError, DeviceNotFound
-from netboard.base.process import NAME, Seldom, steady_loop
+from netboard.base.process import NAME, RateLimitedLog, steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.chain import Guard, Safety, limit
@@ -35,7 +35,7 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.motion import Force, Point, Safeguard
 from netboard.network.transport import channels, fastpath, sockets
 from netboard.nodes.agent import motion_link
-from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, hear
+from netboard.nodes.agent.motion_link import BEAT, FORCE, NEWER, POINT, Link, wait_for_answer
 from netboard.nodes.agent.rendered_buffer import RenderedRing
 from netboard.nodes.ports.round_trips import DELAY_LIMIT, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism
@@ -55,7 +55,7 @@ SEEK_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
 
 LIMITED = -5
-"""Result of `answered` beside those of `netboard.nodes.agent.motion_link.hear`: a limited force is ready [1]."""
+"""Result of `answered` beside those of `wait_for_answer`: a limited force is ready [1]."""
 
 _NOT_READY = int(Safeguard.NOT_READY)
 
@@ -76,7 +76,7 @@ def answered(
     vy: float,
     vz: float,
 ) -> tuple[int, float, float, float, int]:
-    """Wait for an answer as `hear` does; of a commanded force, return what the safety chain lets through.
+    """Wait for an answer as `wait_for_answer` does; of a commanded force, return what the safety chain lets through.
 
     This is the way of a force through the agent, in one call.
 
@@ -90,9 +90,9 @@ def answered(
     Returns
     -------
     tuple of int and float
-        `LIMITED`, force x, y, z [N] and safeguards; or a result of `hear` and zeros.
+        `LIMITED`, force x, y, z [N] and safeguards; or a result of `wait_for_answer` and zeros.
     """
-    came = hear(fast, frame, link, until_ns)
+    came = wait_for_answer(fast, frame, link, until_ns)
     us = link[0]
     if came != NEWER or not limits or us["kind"] != FORCE:
         return came, 0.0, 0.0, 0.0, 0
@@ -195,7 +195,7 @@ class Agent:
     def _seek(self, stopping: Callable[[], bool]) -> None:
         """Look for the lost device until it is back."""
         log.info("looking for the device every %g s", SEEK_NS * 1e-9)
-        trouble = Seldom(log)
+        trouble = RateLimitedLog(log)
         while not stopping():
             try:
                 info = self._device.open()
@@ -203,7 +203,7 @@ class Agent:
                 Pacer(now_ns() + SEEK_NS).wait()
                 continue
             except DeviceError as error:
-                trouble.say(f"the device is back, but cannot be used yet: {error}")
+                trouble.log(f"the device is back, but cannot be used yet: {error}")
                 Pacer(now_ns() + SEEK_NS).wait()
                 continue
             log.info("the device is back: %s %s", info.model, info.serial)
@@ -287,7 +287,7 @@ class Agent:
         message = self._link.newest
         fz = message.force if isinstance(message, Force) else 0.0
         if isinstance(message, Point):
-            fz = hand_force(message, self._link.heard_ns, reading)
+            fz = hand_force(message, self._link.answer_ns, reading)
         elif self._passivity is not None:
             fz = self._limited(self._passivity, reading)
         fx, fy = lateral_force(reading, self._fixture)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import Pacer, now_ns
 from netboard.base.compiled import kernel, machine_code
 from netboard.base.errors import WireError
-from netboard.base.process import Seldom
+from netboard.base.process import RateLimitedLog
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol import fixed
@@ -42,7 +42,7 @@ NONE, FORCE, POINT, BEAT = range(4)
 """Kinds of the newest answer."""
 
 NEWER = -4
-"""Result of `hear` beside those of `fastpath.hear`: the newest answer is a newer one [1]."""
+"""Result of `wait_for_answer` beside those of `fastpath.receive_one`: the newest answer is a newer one [1]."""
 
 _ANSWERS: tuple[Any, ...] = (None, Force, Point, Heartbeat)
 _PACKERS: tuple[Any, ...] = (None, *map(fixed.packer_of, (Force, Point)), struct.Struct("<4q?7x"))
@@ -102,7 +102,7 @@ def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
 
 
 @kernel
-def hear(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
+def wait_for_answer(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
     """Wait for a newer answer until a time [ns]; a time that is over: only look.
 
     Returns `NEWER`, `netboard.network.transport.fastpath.NOTHING` or ``FAILED``, or the size of a frame that Python
@@ -110,7 +110,7 @@ def hear(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
     """
     came = link[0]["came"]
     while True:
-        size = fastpath.hear(fast, frame)
+        size = fastpath.receive_one(fast, frame)
         now = fastpath.now_ns(fast)
         if size >= 0:
             if fixed.read(frame[:size], _FORCE_FORM[0], _FORCE_FORM[1], came):
@@ -128,7 +128,7 @@ def hear(fast: Any, frame: Any, link: Any, until_ns: int) -> int:
 
 
 @kernel
-def say(
+def send_sample(
     fast: Any,
     frame: Any,
     link: Any,
@@ -144,7 +144,7 @@ def say(
     safeguards: int,
     rendered: float,
 ) -> int:
-    """Send a sample, as `netboard.network.transport.fastpath.say` does; without a session, only remember its stamp."""
+    """Send a sample by `netboard.network.transport.fastpath.send_one`; without a session, only remember its stamp."""
     us = link[0]
     us["stamps"][seq % REMEMBERED], us["sent"] = stamp_ns, seq
     if not us["in_session"]:
@@ -157,7 +157,7 @@ def say(
     words[11], words[12] = (us["words"][0], us["words"][1]) if us["kind"] != NONE else (-1, 0)
     words[13], words[14], words[15] = us["heard_ns"], fastpath.now_ns(fast), us["loop_ns"]
     fixed.write(frame, _SEND_FORM[0], _SEND_FORM[1], words)
-    return fastpath.say(fast, frame)
+    return fastpath.send_one(fast, frame)
 
 
 @kernel
@@ -196,11 +196,11 @@ class Link:
         self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.LARGEST_FRAME, np.uint8), empty()
         self.state[0]["timeout_ns"] = timeout_ns
         self._sample = np.zeros(fixed.STYLUS.size, np.uint8)
-        self._say, self._close_loop = say, close_loop
+        self._send_sample, self._close_loop = send_sample, close_loop
         self.introduce(hello)
-        self._said_hello_ns = -HELLO_NS
+        self._hello_ns = -HELLO_NS
         self._refused = ""
-        self._nonsense = Seldom(log)
+        self._nonsense = RateLimitedLog(log)
 
     @property
     def kind(self) -> int:
@@ -224,7 +224,7 @@ class Link:
         return int(self.state[0]["lead_ns"])
 
     @property
-    def heard_ns(self) -> int:
+    def answer_ns(self) -> int:
         """When the newest answer was received, 0 for never [ns]."""
         return int(self.state[0]["heard_ns"])
 
@@ -248,9 +248,9 @@ class Link:
         """Compile or load the kernels, so that the first tick is not late."""
         nowhere, state = fastpath.FastPath(None).record, empty()
         sample = (0, 0, *(0.0,) * 6, 0, 0, 0.0)
-        hear(nowhere, self.frame, state, 0)
+        wait_for_answer(nowhere, self.frame, state, 0)
         take(state, BEAT, 0, 0)
-        self._say = machine_code(say, nowhere, self._sample, state, *sample)
+        self._send_sample = machine_code(send_sample, nowhere, self._sample, state, *sample)
         self._close_loop = machine_code(close_loop, state, 0)
 
     def send(self, seq: int, reading: Reading, safeguards: int, rendered: float) -> None:
@@ -259,21 +259,21 @@ class Link:
         ``safeguards``, ``rendered``: as in `netboard.network.protocol.motion.Stylus`.
         """
         stamp_ns, x, y, z, vx, vy, vz, buttons, _ = reading
-        said = self._say(
+        said = self._send_sample(
             self.fast, self._sample, self.state, seq, stamp_ns, x, y, z, vx, vy, vz, buttons, safeguards, rendered
         )
         if said == fastpath.FAILED:
             self._path.fail("motion")
-        if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
-            self._said_hello_ns = stamp_ns
+        if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_NS:
+            self._hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""
-        return self.understand(hear(self.fast, self.frame, self.state, until_ns))
+        return self.understand(wait_for_answer(self.fast, self.frame, self.state, until_ns))
 
     def understand(self, came: int) -> bool:
-        """Handle what `hear` has found; return True if it is a newer answer."""
+        """Handle what `wait_for_answer` has found; return True if it is a newer answer."""
         if came == fastpath.FAILED:
             self._path.fail("motion")
         return came == NEWER or (came >= 0 and self._understand(self.frame[:came].tobytes()))
@@ -283,7 +283,7 @@ class Link:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.say(f"invalid message from the server: {error}")
+            self._nonsense.log(f"invalid message from the server: {error}")
             return False
         match message:
             case Force() | Point() | Heartbeat():

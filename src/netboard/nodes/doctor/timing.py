@@ -64,7 +64,7 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
 
 def verdict(wake_ups: WakeUps) -> Finding:
     """Judge a loop that asked for the server's settings."""
-    found, figures = told(wake_ups), figures_of(wake_ups)
+    found, figures = latency_text(wake_ups), figures_of(wake_ups)
     if wake_ups.p999_us <= GOOD_US:
         return Finding(TIMER, "green", found, figures=figures)
     colour: Colour = "yellow" if wake_ups.p999_us <= BEARABLE_US else "red"
@@ -73,10 +73,10 @@ def verdict(wake_ups: WakeUps) -> Finding:
 
 def comparison(wake_ups: WakeUps) -> Finding:
     """Report a loop that asked for no settings."""
-    return Finding(f"{TIMER}, nothing asked for", "green", told(wake_ups), figures=figures_of(wake_ups))
+    return Finding(f"{TIMER}, nothing asked for", "green", latency_text(wake_ups), figures=figures_of(wake_ups))
 
 
-def told(wake_ups: WakeUps) -> str:
+def latency_text(wake_ups: WakeUps) -> str:
     """Return the latencies in words."""
     p50, p99, p999, most = wake_ups.p50_us, wake_ups.p99_us, wake_ups.p999_us, wake_ups.max_us
     return f"p50 {p50:.0f}, p99 {p99:.0f}, p99.9 {p999:.0f}, max {most:.0f} us late"

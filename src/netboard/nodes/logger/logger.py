@@ -18,7 +18,7 @@ from pathlib import Path
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError, WireError
-from netboard.base.process import NAME, Seldom
+from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tables.rig import Recording
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
@@ -83,11 +83,11 @@ class Logger:
         self._ended = ""
         self._welcomed = False
         self._log_time_minus_clock = 0
-        self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
+        self._last_message_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
         self._looked_ns = 0
         self._end_doubted = False
         self._refused = ""
-        self._nonsense = Seldom(log)
+        self._nonsense = RateLimitedLog(log)
         self._space_is_low = False
         self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
 
@@ -102,7 +102,7 @@ class Logger:
                 self.step()
             if self._writer is not None:
                 self._close("the logger was stopped")
-                self._say(Goodbye("the logger was stopped"))
+                self._send(Goodbye("the logger was stopped"))
         except NetboardError as error:
             log.error("%s", error)
             self._give_up(str(error))
@@ -119,8 +119,8 @@ class Logger:
             frame = self._link.receive()
             if frame is None:
                 break
-            self._heard_ns = self._clock()
-            self._hear(frame)
+            self._last_message_ns = self._clock()
+            self._handle(frame)
         self._greet()
         if self._writer is not None:
             self._keep(self._writer)
@@ -133,7 +133,7 @@ class Logger:
         if due or self._clock() - self._looked_ns >= LOOK_NS:
             self._acknowledge(writer)
 
-    def _say(self, message: Message) -> None:
+    def _send(self, message: Message) -> None:
         self._link.send(encode(message))
 
     def _log_time(self) -> int:
@@ -147,22 +147,22 @@ class Logger:
         records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
         """
         now = self._clock()
-        silent = now - self._heard_ns >= SILENT_NS
+        silent = now - self._last_message_ns >= SILENT_NS
         if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             self._welcomed = False
-            self._say(self._hello)
+            self._send(self._hello)
 
-    def _hear(self, frame: bytes) -> None:
+    def _handle(self, frame: bytes) -> None:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.say(f"invalid message from the server: {error}")
+            self._nonsense.log(f"invalid message from the server: {error}")
             self._ask()
             return
         match message:
             case Ping(sent_ns=ping_ns):
-                self._say(Pong(ping_ns, self._heard_ns, self._clock()))
+                self._send(Pong(ping_ns, self._last_message_ns, self._clock()))
             case Welcome():
                 self._enter(message)
             case LogBatch():
@@ -226,7 +226,7 @@ class Logger:
         """Request the next record and all that follow."""
         self._asked_ns = self._clock()
         first = None if self._writer is None else self._writer.next_record
-        self._say(LogRequest(-1 if first is None else first))
+        self._send(LogRequest(-1 if first is None else first))
 
     def _ask_again(self) -> None:
         """Request missing records, but not once for every batch that arrives before the answer."""
@@ -283,7 +283,7 @@ class Logger:
         nothing_left = last < 0 or (following is None and self._end_doubted)
         if nothing_left or (following is not None and following > last):
             self._close("complete")
-            self._say(Goodbye("the recording is complete"))
+            self._send(Goodbye("the recording is complete"))
             return
         self._end_doubted = True
         self._ask()
@@ -313,13 +313,13 @@ class Logger:
                 log.error("%s", error)
         if self._writer is not None and self._writer.part.exists():
             log.error("the file is complete up to its last chunk: netboard recover %s", self._writer.part)
-        self._say(Goodbye(reason[:1000]))
+        self._send(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
         self._looked_ns = self._clock()
         space = writer.space(self._log_time())
         if writer.durable is not None and self._welcomed:
-            self._say(LogAck(writer.durable, space.free, writer.path.name, writer.size))
+            self._send(LogAck(writer.durable, space.free, writer.path.name, writer.size))
         self._look_at_space(space)
 
     def _look_at_space(self, space: Space) -> None:

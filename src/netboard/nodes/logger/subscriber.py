@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import WireError
-from netboard.base.process import NAME, Seldom
+from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
@@ -68,17 +68,17 @@ class Listener:
         self._next: int | None = None
         self._welcomed = False
         self._began_ns = clock()
-        self._heard_ns = self._greeted_ns = self._began_ns - SILENT_NS
+        self._last_message_ns = self._greeted_ns = self._began_ns - SILENT_NS
         self._answers: deque[int] = deque(maxlen=ANSWERS)
         self._refused = ""
-        self._nonsense = Seldom(log)
+        self._nonsense = RateLimitedLog(log)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Receive until stopped."""
         log.info("waiting for the server")
         while not stopping():
             self.step()
-        self._say(Goodbye("the listener was stopped"))
+        self._send(Goodbye("the listener was stopped"))
 
     def step(self) -> None:
         """Wait briefly for the server, and take what has arrived."""
@@ -87,28 +87,28 @@ class Listener:
             frame = self._link.receive()
             if frame is None:
                 break
-            self._heard_ns = self._clock()
+            self._last_message_ns = self._clock()
             try:
-                self._hear(decode(frame))
+                self._handle(decode(frame))
             except WireError as error:
-                self._nonsense.say(f"invalid message from the server: {error}")
+                self._nonsense.log(f"invalid message from the server: {error}")
         self._greet()
 
     def _greet(self) -> None:
         """Send `Hello` to a server that has not answered yet or has fallen silent."""
         now = self._clock()
-        silent = now - self._heard_ns >= SILENT_NS
+        silent = now - self._last_message_ns >= SILENT_NS
         if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             self._welcomed = False
-            self._say(self._hello)
+            self._send(self._hello)
 
-    def _hear(self, message: Message) -> None:
+    def _handle(self, message: Message) -> None:
         match message:
             case Ping(sent_ns=ping_ns):
-                answer = Pong(ping_ns, self._heard_ns, self._clock())
+                answer = Pong(ping_ns, self._last_message_ns, self._clock())
                 self._answers.append(answer.sent_ns)
-                self._say(answer)
+                self._send(answer)
             case Welcome():
                 self._enter(message)
             case LogBatch():
@@ -130,7 +130,7 @@ class Listener:
             self._session, self._next = welcome.session, 0 if waited else None
             self._answers.clear()
             self._receiver.begin(welcome)
-        self._say(LogRequest(-1 if self._next is None else self._next))
+        self._send(LogRequest(-1 if self._next is None else self._next))
 
     def _take(self, batch: LogBatch) -> None:
         if not self._session:
@@ -152,14 +152,14 @@ class Listener:
         try:
             record = record_of(frame)
         except WireError as error:
-            self._nonsense.say(f"record {number} cannot be read: {error}")
+            self._nonsense.log(f"record {number} cannot be read: {error}")
             self._miss(number, 1)
             return
         match record:
             case TickRecord(row=row) if len(row) == TICK.itemsize:
                 rows.append(row)
             case TickRecord():
-                self._nonsense.say("ticks of another version of netboard: install the same on both machines")
+                self._nonsense.log("ticks of another version of netboard: install the same on both machines")
                 self._miss(number, 1)
             case EventRecord():
                 events.append(record)
@@ -170,5 +170,5 @@ class Listener:
         self.lost += count
         self._receiver.tell_lost(first, count)
 
-    def _say(self, message: Message) -> None:
+    def _send(self, message: Message) -> None:
         self._link.send(encode(message))

@@ -58,7 +58,7 @@ class Operator:
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._said_hello_ns = -HELLO_NS
         self._welcomed = False
-        self._heard_ns = 0
+        self._last_message_ns = 0
 
     def ask(self, seconds: float) -> Status | None:
         """Ask for the status and wait until the timeout [s]; return None without an answer."""
@@ -71,16 +71,16 @@ class Operator:
     def poll(self, *, trace: bool = True) -> Status | None:
         """Take what has arrived, and ask for the status, new outcomes and, if wanted, the trace; never waits."""
         newest = self._take()
-        if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
+        if self._welcomed and now_ns() - self._last_message_ns > SILENT_NS:
             log.info("the server has been silent for %g s: reconnecting", SILENT_NS * 1e-9)
             self._welcomed = False
             sockets.renew(self._socket)
         if self._welcomed:
-            self._say(StatusRequest())
+            self._send(StatusRequest())
             if self.status is not None and len(self.attempts) < self.status.outcomes:
-                self._say(OutcomesRequest(len(self.attempts)))
+                self._send(OutcomesRequest(len(self.attempts)))
             if trace:
-                self._say(TraceRequest(self.points[-1][0] if self.points else -1))
+                self._send(TraceRequest(self.points[-1][0] if self.points else -1))
         elif now_ns() - self._said_hello_ns > HELLO_NS:
             self._said_hello_ns = now_ns()
             sockets.send_or_renew(self._socket, self._hello)
@@ -89,7 +89,7 @@ class Operator:
     def command(self, name: str, argument: str = "") -> int:
         """Send a command; return the number with which to ask for its `reply`."""
         self._number += 1
-        self._say(Command(name, argument, self._number))
+        self._send(Command(name, argument, self._number))
         return self._number
 
     def reply(self, number: int) -> Reply | None:
@@ -119,13 +119,13 @@ class Operator:
         sockets.send(self._socket, encode(Goodbye("done")))
         sockets.close_after_goodbye(self._socket)
 
-    def _say(self, message: Message) -> None:
+    def _send(self, message: Message) -> None:
         sockets.send(self._socket, encode(message))
 
     def _take(self) -> Status | None:
         newest = None
         while (frame := sockets.receive(self._socket)) is not None:
-            self._heard_ns = now_ns()
+            self._last_message_ns = now_ns()
             try:
                 message = decode(frame)
             except WireError as error:
@@ -135,9 +135,9 @@ class Operator:
                     self._welcomed = True
                 case Ping(sent_ns=ping_ns):
                     received_ns = now_ns()
-                    self._say(Pong(ping_ns, received_ns, now_ns()))
+                    self._send(Pong(ping_ns, received_ns, now_ns()))
                 case Status():
-                    newest = self._hear(message)
+                    newest = self._store(message)
                 case Reply(number=number):
                     self._replies[number] = message
                 case Outcomes(first=first, attempts=attempts) if first == len(self.attempts):
@@ -151,7 +151,7 @@ class Operator:
                     raise NetboardError(f"the server refused the connection: {reason}")
         return newest
 
-    def _hear(self, status: Status) -> Status:
+    def _store(self, status: Status) -> Status:
         """Store a status.
 
         Drop outcomes and points of another session, and those that lie ahead of a replay's position.

@@ -151,14 +151,14 @@ class ControlPort:
 
     def pump(self, now_ns: int) -> None:
         """Ping the peers, note which have fallen silent, and send messages that could not be sent before."""
-        self._router.pay()
+        self._router.send_queued()
         self.refusals.look(now_ns)
         for name, peer in self._peers.items():
             if ping := peer.ping(now_ns):
                 self._router.send(name, encode(ping))
             if name not in self._silent and peer.age_ns(now_ns) > SILENT_NS:
                 self._silent.add(name)
-                self._tell("silent", peer.hello, now_ns)
+                self._report("silent", peer.hello, now_ns)
 
     def links(self, now_ns: int) -> list[Link]:
         """Return the connections of the peers."""
@@ -172,7 +172,7 @@ class ControlPort:
         """Send the welcome of a new block to all peers."""
         self._welcome = encode(welcome)
         for name in self._peers:
-            self._router.owe(name, self._welcome)
+            self._router.send_or_queue(name, self._welcome)
 
     def reply(self, request: CommandRequest, accepted: bool, reason: str) -> None:
         """Reply to the peer that sent a command."""
@@ -198,17 +198,17 @@ class ControlPort:
             return False
         peer = self._peers.get(name)
         if peer is not None:
-            peer.hear(now_ns)
+            peer.note_message(now_ns)
             if name in self._silent:
                 self._silent.discard(name)
-                self._tell("back", peer.hello, now_ns)
+                self._report("back", peer.hello, now_ns)
         try:
-            self._hear(name, peer, frame, now_ns)
+            self._handle(name, peer, frame, now_ns)
         except WireError as error:
             self.refusals.refuse(name, str(error), now_ns)
         return True
 
-    def _hear(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
+    def _handle(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
         """Handle a peer's message."""
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in MAY_SAY[role]:
@@ -251,10 +251,10 @@ class ControlPort:
             raise WireError(reason)
         if name not in self._peers:
             self._make_room(hello.role, now_ns)
-            self._tell("joined", hello, now_ns)
+            self._report("joined", hello, now_ns)
             self._peers[name] = Peer(hello, now_ns)
         self._reporting[hello.side] = name
-        self._router.owe(name, self._welcome)
+        self._router.send_or_queue(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
         """If a role has too many peers, forget a silent one, or else all that have disconnected."""
@@ -277,9 +277,9 @@ class ControlPort:
             self._silent.discard(name)
             for kind in QUESTIONS:
                 self._asked.pop((name, kind), None)
-            self._tell("left", peer.hello, now_ns)
+            self._report("left", peer.hello, now_ns)
 
-    def _tell(self, happened: str, hello: Hello, now_ns: int) -> None:
+    def _report(self, happened: str, hello: Hello, now_ns: int) -> None:
         details = {"side": hello.side, "name": hello.name, **hello.details}
         self._peer_events.tell(f"{hello.role}_{happened}", details, now_ns)
 

@@ -58,7 +58,7 @@ class EmergencyStop:
         events: list[Event] = []
         for place, side in enumerate(SIDES):
             if found & (samples.TRIPPED << place):
-                events += self._tell(side, safeguards[side], now_ns)
+                events += self._events_of(side, safeguards[side], now_ns)
             if found & (samples.STOPPED << place):
                 events += self.halt(f"emergency stop at the {side} device")
         return events
@@ -68,7 +68,7 @@ class EmergencyStop:
         causes = [WORDS[cause] for (whose, cause), at in self._told.items() if whose == side and now_ns - at < AGAIN_NS]
         return f" ({', '.join(causes)})" if causes else ""
 
-    def _tell(self, side: Side, bits: int, now_ns: int) -> list[Event]:
+    def _events_of(self, side: Side, bits: int, now_ns: int) -> list[Event]:
         """Return events for the causes that were not reported within `AGAIN_NS`."""
         new = [
             cause

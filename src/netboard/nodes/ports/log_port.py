@@ -83,7 +83,7 @@ class LogPort:
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
         self._listen_until_ns = 0
-        self._unheard = False
+        self._unhandled = False
         self._first_fed = 0
         self._farewell = ""
         self._space_is_low = False
@@ -136,23 +136,23 @@ class LogPort:
 
     def listen(self, now_ns: int) -> None:
         """Read the channel if a ping's answer may come or frames are left; at other ticks this costs nothing."""
-        if now_ns < self._listen_until_ns or self._unheard:
+        if now_ns < self._listen_until_ns or self._unhandled:
             self._drain()
 
     def pump(self, now_ns: int) -> None:
         """Answer the loggers, send them what their queues take, and spill records that no logger takes."""
         self._drain()
-        self._router.pay()
+        self._router.send_queued()
         self.refusals.look(now_ns)
         for name, logger in list(self._loggers.items()):
-            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unheard  # a message from it may be waiting
+            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unhandled  # a message from it may be waiting
             if silent and not logger.told_end:
                 self._forget(name, "fell silent", now_ns)
             else:
                 self._ping(name, logger)
         self._feed_all()
         self.store.spill()
-        if self.subscribers.pump(self._clock(), ended=self._ended, unheard=self._unheard):
+        if self.subscribers.pump(self._clock(), ended=self._ended, unhandled=self._unhandled):
             self._listen_until_ns = self._clock() + LISTEN_NS
         self.trouble = self._find_trouble()
 
@@ -182,26 +182,26 @@ class LogPort:
         for _ in range(MOST_FRAMES):
             received = self._router.receive()
             if received is None:
-                self._unheard = False
+                self._unhandled = False
                 return
             if received != endpoints.NOBODY:
                 self._take(*received, self._clock())
-        self._unheard = True
+        self._unhandled = True
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
         if not self._rate_limit.takes(name, len(frame), now_ns):
             self.refusals.refuse(name, CROWDED, now_ns)
             return
         try:
-            self._hear(name, frame, now_ns)
+            self._handle(name, frame, now_ns)
         except WireError as error:
             self.refusals.refuse(name, str(error), now_ns)
 
-    def _hear(self, name: bytes, frame: bytes, now_ns: int) -> None:
+    def _handle(self, name: bytes, frame: bytes, now_ns: int) -> None:
         """Handle a peer's message."""
         logger = self._loggers.get(name)
         if logger is not None:
-            logger.peer.hear(now_ns)
+            logger.peer.note_message(now_ns)
         role, kind = "listener" if name in self.subscribers else "logger" if logger else "", kind_of(frame)
         if kind not in MAY_SAY[role]:
             raise WireError(f"a {role} does not send {kind.__name__}" if role else HELLO_FIRST)
@@ -209,7 +209,7 @@ class LogPort:
             case Hello() as hello:
                 self._greet(name, hello, now_ns)
             case said if logger is None:
-                self.subscribers.hear(name, said, now_ns)
+                self.subscribers.handle(name, said, now_ns)
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
                 logger.takes, logger.told_end = True, False
@@ -237,7 +237,7 @@ class LogPort:
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
             self._make_room(now_ns)
-        self._router.owe(name, encode(self.store.welcome()))
+        self._router.send_or_queue(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self._peer_events.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)

@@ -92,7 +92,7 @@ class MotionPort:
         return not self._by_peer
 
     @property
-    def unheard(self) -> bool:
+    def unhandled(self) -> bool:
         """Whether frames of unregistered peers wait to be handled."""
         return bool(self._unregistered[0]["kept"])
 
@@ -125,7 +125,7 @@ class MotionPort:
         for row in range(self._looked_at, last):
             stranger = unregistered["strangers"][row]
             frame = stranger["frame"][: stranger["size"]].tobytes()
-            self._hear(*self._router.checked(*fastpath.sender_of(stranger), frame), now_ns, due_ns)
+            self._handle(*self._router.checked(*fastpath.sender_of(stranger), frame), now_ns, due_ns)
         self._looked_at = last
         if last == unregistered["kept"]:
             unregistered["kept"] = self._looked_at = 0
@@ -209,7 +209,7 @@ class MotionPort:
 
         Messages that an agent could not be sent before are sent now.
         """
-        self._router.pay()
+        self._router.send_queued()
         self.refusals.look(now_ns)
         for agent in self.agents.values():
             if agent.hello is not None and agent.silent_ns(now_ns) > GONE_NS:
@@ -228,7 +228,7 @@ class MotionPort:
         self._welcome, self._ends = encode(welcome), ends
         for agent in self.agents.values():
             if agent.hello is not None:
-                self._router.owe(agent.peer, self._welcome)
+                self._router.send_or_queue(agent.peer, self._welcome)
 
     def goodbye(self, reason: str) -> None:
         """Tell both agents that the session is over, and close."""
@@ -248,9 +248,9 @@ class MotionPort:
                 self.refusals.refuse(peer, CROWDED, now_ns)
                 return
             self._odd_ns[agent.side] = spent_ns
-        self._hear(peer, frame, now_ns, due_ns)
+        self._handle(peer, frame, now_ns, due_ns)
 
-    def _hear(self, peer: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
+    def _handle(self, peer: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
         """Handle a frame of any peer."""
         if (peer, frame) == endpoints.NOBODY:
             return

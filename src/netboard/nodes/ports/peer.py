@@ -120,19 +120,19 @@ class Peer:
         self.connection = ""
         self.clock = ClockEstimator(CLOCK_WINDOW_NS)
         self.probe: tuple[int, int, int, int] | None = None
-        self._heard_ns = now_ns
+        self._last_message_ns = now_ns
         self._messages = 0
         self._rate = Rate()
         self._asked_ns = now_ns - PING_NS
 
-    def hear(self, now_ns: int) -> None:
+    def note_message(self, now_ns: int) -> None:
         """Count a message from the peer."""
-        self._heard_ns = now_ns
+        self._last_message_ns = now_ns
         self._messages += 1
 
     def age_ns(self, now_ns: int) -> int:
         """Time since its last message [ns]."""
-        return now_ns - self._heard_ns
+        return now_ns - self._last_message_ns
 
     def ping(self, now_ns: int) -> Ping | None:
         """Return a ping if one is due."""

@@ -124,7 +124,7 @@ class Delays:
         if self._action == "soften":
             self._allowances = np.array(_limits(loops, self.limit_ns)) / MARGIN
         self._coupling_at = config.physics.coupling_at
-        self._tell()
+        self._record_limit()
 
     def know(self, side: Side, details: Mapping[str, str]) -> None:
         """Take the limit that an agent gives for its own device when it joins."""
@@ -133,9 +133,9 @@ class Delays:
         limit_ns = min(self._limits_ns.values())
         if limit_ns != self.limit_ns:
             self.limit_ns, self._allowed = limit_ns, limit_ns / MARGIN
-            self._tell()
+            self._record_limit()
 
-    def _tell(self) -> None:
+    def _record_limit(self) -> None:
         """Record the largest stable latency."""
         told = {"limit": _ms(self.limit_ns), "allowed": _ms(self._allowed), "coupling": self._coupling_at}
         self.news.append(("delay_limit", told))

@@ -64,15 +64,15 @@ class Subscribers:
         known = self._listeners.get(name)
         if known is None and len(self._listeners) >= MOST_LISTENERS:
             raise WireError("too many listeners")
-        self._router.owe(name, encode(welcome))
+        self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
             self._listeners[name] = _Listener(Peer(hello, now_ns))
             self._peer_events.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
 
-    def hear(self, name: bytes, message: Message, now_ns: int) -> None:
+    def handle(self, name: bytes, message: Message, now_ns: int) -> None:
         """Handle a subscriber's message."""
         listener = self._listeners[name]
-        listener.peer.hear(now_ns)
+        listener.peer.note_message(now_ns)
         match message:
             case LogRequest(first=first):
                 listener.cursor = self._ring.next if first < 0 else self._ring.start(first)
@@ -81,14 +81,14 @@ class Subscribers:
             case Goodbye(reason=reason):
                 self._forget(name, reason, now_ns)
 
-    def pump(self, now_ns: int, *, ended: bool, unheard: bool = False) -> bool:
+    def pump(self, now_ns: int, *, ended: bool, unhandled: bool = False) -> bool:
         """Send each subscriber what its queue takes; return whether one was pinged.
 
-        While frames are still `unheard`, no subscriber counts as silent.
+        While frames are still `unhandled`, no subscriber counts as silent.
         """
         pinged = False
         for name, listener in list(self._listeners.items()):
-            if listener.peer.age_ns(now_ns) > GONE_NS and not unheard:
+            if listener.peer.age_ns(now_ns) > GONE_NS and not unhandled:
                 self._forget(name, "fell silent", now_ns)
                 continue
             ping = listener.peer.ping(now_ns)

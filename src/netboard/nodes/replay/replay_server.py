@@ -115,7 +115,7 @@ class ReplayServer:
             for words in self.go_on((now_ns() - begun_ns) // ROUND_NS):
                 say(words)
             if rounds % HOUSE_ROUNDS == 0:
-                self.keep_house()
+                self.housekeeping()
                 if (order := keys()) is not None:
                     say(self._carry_out(order, "a key")[1])
             rounds += 1
@@ -162,7 +162,7 @@ class ReplayServer:
         log.info("%s", printable_line(f"{order.name} {order.argument} by {by}"))
         return True, "the replay ends" if self._over else in_words(state.playback, state.reel, now)
 
-    def keep_house(self) -> None:
+    def housekeeping(self) -> None:
         """Check the peers and the authentication."""
         now = now_ns()
         self.control.pump(now)

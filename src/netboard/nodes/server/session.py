@@ -71,7 +71,7 @@ class Session:
         self.files = state.ports.files
         self._stopping = False
         self._undisturbed = False  # whether the next tick can be run in one call
-        self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
+        self._unhandled, self._hear_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
     @property
@@ -117,7 +117,7 @@ class Session:
         elif clock.is_time(now, complete):
             self._tick(clock.due_ns, now - clock.due_ns)
         complete = self._motion.drain(now_ns, clock.due_ns)
-        self._unheard |= control
+        self._unhandled |= control
         self._do_a_little(now_ns())
         if state.end_requested:
             self._end()
@@ -125,7 +125,7 @@ class Session:
         self._undisturbed = self._may_answer
         idle = state.idle
         clock.sleep(idle, complete, alone=idle and state.alone)
-        if self._unheard or self._motion.unheard:
+        if self._unhandled or self._motion.unhandled:
             clock.wake_ns = min(clock.wake_ns, self._hear_ns)
 
     def _do_a_little(self, now: int) -> None:
@@ -143,7 +143,7 @@ class Session:
         self._hear_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
-        self._unheard = self._unheard and self._control.drain(now_ns)
+        self._unhandled = self._unhandled and self._control.drain(now_ns)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
@@ -169,7 +169,7 @@ class Session:
         self._clock.began(late_ns)
         self._count(1)
         if number % HOUSE_TICKS == 0:
-            self._keep_house()
+            self._housekeeping()
         else:
             self._log.listen(now_ns())
 
@@ -232,7 +232,7 @@ class Session:
         state.words[last % RING_ROWS, _COMMAND] = self._command(0)
         state.block.stage.advance(state.stage, state.rows, last, 1)
         self._count(1)
-        self._keep_house()
+        self._housekeeping()
 
     def _fill_idle(self, first: int, count: int, due_ns: int) -> None:
         """Begin the rows of some ticks; without agents they differ in number and time only."""
@@ -318,7 +318,7 @@ class Session:
             state.questionnaires = asked
             state.note("questionnaire", {"text": asked})
 
-    def _keep_house(self) -> None:
+    def _housekeeping(self) -> None:
         """Do the periodic work that is not urgent: missing peers, latencies, quality rules, records."""
         now, state = now_ns(), self._state
         self._motion.expire(now)
@@ -327,5 +327,5 @@ class Session:
         state.attempts.look(state.rows, state.number)
         state.missing = state.lacks()
         self._control.pump(now)
-        self._unheard = True  # look at the control channel even without a signal, which may have been missed
+        self._unhandled = True  # look at the control channel even without a signal, which may have been missed
         self.records.keep(now)

@@ -49,7 +49,7 @@ class Supervisor:
             return self._by_itself(phase)
         if self._refused_when != self._seen:
             self._refused_when = None
-            self._say(tick, phase, missing, trouble)
+            self._set_notice(tick, phase, missing, trouble)
         return Cause.NONE
 
     def obeyed(self) -> None:
@@ -73,7 +73,7 @@ class Supervisor:
         self._refused_when, self._cause = None, reason
         self.notice = f"paused: {reason}"
 
-    def _say(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> None:
+    def _set_notice(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> None:
         """Set the notice to what holds now."""
         waiting = "waiting for " + ", ".join(missing) if missing else ""
         if phase == Phase.IDLE:

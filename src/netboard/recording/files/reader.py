@@ -33,7 +33,7 @@ from netboard.recording.files.provenance import (
 )
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
-from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard
+from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, attempt_of
 from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
 from netboard.recording.format.chunks import payloads
 from netboard.recording.format.partfile import PROFILE
@@ -241,7 +241,7 @@ class Recording:
         if listed is None:
             return find_attempts(self.ticks())
         with self._file.sound():
-            return tuple(heard(values) for values in json.loads(listed))
+            return tuple(attempt_of(values) for values in json.loads(listed))
 
     @cached_property
     def _places(self) -> NDArray[Any]:

@@ -84,14 +84,14 @@ class Layout:
 
     def __init__(self, schema: bytes) -> None:
         try:
-            told = json.loads(schema)
-            columns = told["columns"]
+            described = json.loads(schema)
+            columns = described["columns"]
             self._names = [str(column["name"]) for column in columns]
             self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
             self._kinds = {str(column["name"]): np.dtype(str(column["type"])) for column in columns}
-            self._predictions = known(told.get("predictions", {}), (*self._names, *told.get("constants", ())))
-            self._folded = bool(told.get("folded", False))
-            self._constants = tuple(told.get("constants", ()))
+            self._predictions = known(described.get("predictions", {}), (*self._names, *described.get("constants", ())))
+            self._folded = bool(described.get("folded", False))
+            self._constants = tuple(described.get("constants", ()))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(f"the schema of its ticks does not describe their columns ({error})") from None
         for name, kind in self._kinds.items():
@@ -112,7 +112,7 @@ class Layout:
         columns = {name: column.view(self._kinds[name]) for name, column in zip(stored, words, strict=True)}
         predictions = {name: text for name, text in self._predictions.items() if name in needed}
         if predictions and batches:
-            rows = np.repeat([told for _, told in batches], counts, axis=0)
+            rows = np.repeat([constants for _, constants in batches], counts, axis=0)
             constants = dict(zip(self._constants, rows.T, strict=True))
             for name, guess in predict(predictions, columns, constants, np.cumsum(counts) - counts):
                 columns[name].view(np.int64)[:] += guess
@@ -147,13 +147,13 @@ class Layout:
         return words.reshape(len(there), -1)
 
 
-def told(attempt: Attempt) -> dict[str, Any]:
+def attempt_values(attempt: Attempt) -> dict[str, Any]:
     """Convert an attempt to JSON values; NaN becomes None."""
     values = asdict(attempt)
     return values | {"completion": None if isnan(attempt.completion) else attempt.completion}
 
 
-def heard(values: dict[str, Any]) -> Attempt:
+def attempt_of(values: dict[str, Any]) -> Attempt:
     """Convert the JSON values of an attempt back."""
     return Attempt(**values | {"completion": nan if values["completion"] is None else values["completion"]})
 
@@ -247,7 +247,7 @@ class TickStream:
         """Attach the list of attempts and the locations of the ticks."""
         self.close_batch()
         self._file.close_chunk()
-        listed = json.dumps([told(attempt) for attempt in self.attempts()]).encode()
+        listed = json.dumps([attempt_values(attempt) for attempt in self.attempts()]).encode()
         self._file.add_attachment(ATTEMPTS_NAME, "application/json", listed, log_time_ns)
         places = np.array(self._places, PLACES).tobytes()
         self._file.add_attachment(PLACES_NAME, "application/octet-stream", places, log_time_ns)

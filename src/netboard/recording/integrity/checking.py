@@ -73,7 +73,7 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
             stage.warm()
     except (ConfigError, RecordingError) as error:
         problems.append(Finding(Severity.DAMAGE, str(error), "configuration"))
-    seen = walk(_told(recording.batches(as_sent=True), tell), None if config is None else config.block, stage)
+    seen = walk(_with_progress(recording.batches(as_sent=True), tell), None if config is None else config.block, stage)
     evidence = Evidence(recording, seen, config, recording.events(), recording.clocks(), recording.remarks())
     found = [
         replace(finding, part=one.part)
@@ -84,7 +84,7 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     return Report(recording.path, (first, *problems, *found), seen.count, seen.verification, seen.computing)
 
 
-def _told(portions: Iterable[NDArray[Any]], tell: Tell) -> Iterator[NDArray[Any]]:
+def _with_progress(portions: Iterable[NDArray[Any]], tell: Tell) -> Iterator[NDArray[Any]]:
     for rows in portions:
         yield rows
         tell(len(rows))

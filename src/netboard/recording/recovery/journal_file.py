@@ -129,7 +129,7 @@ class Journal:
                     self._restore()
                 _write(self._handle, self._end, line)
             except OSError as error:
-                self._complain(f"{self.path}: cannot be written: {error.strerror or error}")
+                self._log_once(f"{self.path}: cannot be written: {error.strerror or error}")
                 if self._closing.wait(RETRY_SECONDS):
                     time.sleep(RETRY_SECONDS)
             else:
@@ -145,7 +145,7 @@ class Journal:
         os.close(self._handle)
         self._handle = handle
 
-    def _complain(self, trouble: str) -> None:
+    def _log_once(self, trouble: str) -> None:
         if trouble != self.trouble:
             log.error("%s", trouble)
         self.trouble = trouble

@@ -216,7 +216,7 @@ class Spill:
             try:
                 self._write_block(block)
             except OSError as error:
-                self._complain(error.strerror or str(error))
+                self._log_once(error.strerror or str(error))
                 return
             self.trouble = ""
             block.frame = None
@@ -240,11 +240,11 @@ class Spill:
             self._file.seek(block.offset - _HEAD.size)
             data = self._file.read(_HEAD.size + block.size)
         except OSError as error:
-            self._complain(error.strerror or str(error))
+            self._log_once(error.strerror or str(error))
             data = b""
         frame = data[_HEAD.size :]
         if data != _block_of(frame):
-            self._complain(f"records {block.first} to {block.stop - 1} cannot be read again")
+            self._log_once(f"records {block.first} to {block.stop - 1} cannot be read again")
             block.unreadable = True
             return
         block.frame = frame
@@ -265,9 +265,9 @@ class Spill:
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
-            self._complain(error.strerror or str(error))
+            self._log_once(error.strerror or str(error))
         if os.fstat(self._file.fileno()).st_nlink == 0:
-            self._complain("was deleted")
+            self._log_once("was deleted")
             self._blocks.clear()
         self._file.close()
 
@@ -279,9 +279,9 @@ class Spill:
         try:
             self.path.unlink(missing_ok=True)
         except OSError as error:
-            self._complain(error.strerror or str(error))
+            self._log_once(error.strerror or str(error))
 
-    def _complain(self, trouble: str) -> None:
+    def _log_once(self, trouble: str) -> None:
         if self.trouble != trouble:
             log.error("%s: %s", self.path, trouble)
         self.trouble = trouble

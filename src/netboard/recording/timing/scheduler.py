@@ -84,11 +84,11 @@ def table(found: Trace, switches: list[ContextSwitch], most: int) -> FittedTable
         row = next(row for row in rows if stamps.late_ns[row] > found.limit_ns)
         began_ns = int(stamps.began_ns[row])
         took = ran_instead(switches, began_ns - int(stamps.late_ns[row]), began_ns)
-        told = "not in the trace" if took is None else ", ".join(_told(*pair) for pair in took.most_common(5))
+        told = "not in the trace" if took is None else ", ".join(_duration_text(*pair) for pair in took.most_common(5))
         shown.add_row(str(stamps.tick[row]), f"{stamps.late_ns[row] * MS:.3f}", told or "none: the core was asleep")
     return shown
 
 
-def _told(thread: str, took_ns: int) -> str:
+def _duration_text(thread: str, took_ns: int) -> str:
     name = "idle" if thread.startswith("swapper/") else thread
     return f"{name} {took_ns * MS:.3f}"

@@ -139,11 +139,11 @@ def _side(
         excess_ns,
         rendered_ns,
         np.where(closed, loop_ns, 0),
-        _told(reports),
+        _late_reports(reports),
     )
 
 
-def _told(reports: list[BackfillRecord]) -> Times:
+def _late_reports(reports: list[BackfillRecord]) -> Times:
     """Return numbers and stamps of the samples that an agent reported later, sorted by time."""
     parts = [np.empty((2, 0), np.int64)]
     for report in reports:

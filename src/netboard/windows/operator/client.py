@@ -51,7 +51,7 @@ class ConsoleClient(QObject):
         self._operator: Operator | None = Operator(config.network, context)
         self._history, self._recent = StatusHistory(), RecentCounts()
         self.status: Status | None = None
-        self._heard_ns = self._renew_ns = 0
+        self._last_message_ns = self._renew_ns = 0
         self._stop_ns: int | None = None
         self._asked: dict[int, tuple[str, int]] = {}
         window.commanded.connect(self.do)
@@ -78,7 +78,7 @@ class ConsoleClient(QObject):
             self._operator = Operator(self._config.network, self._context)
         if self._operator is not None:
             try:
-                self._hear(self._operator)
+                self._update(self._operator)
             except NetboardError as error:
                 self._lose(str(error))
         self._window.show_state(self._state())
@@ -93,7 +93,7 @@ class ConsoleClient(QObject):
     @property
     def silence(self) -> float:
         """Time since the last status; infinite before the first [s]."""
-        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else inf
+        return (now_ns() - self._last_message_ns) * 1e-9 if self._last_message_ns else inf
 
     def _state(self) -> State:
         late = self._stop_ns is not None and now_ns() - self._stop_ns > CONFIRM_S * 1e9
@@ -101,10 +101,10 @@ class ConsoleClient(QObject):
         points = [] if self._operator is None else self._operator.points
         return State(self.status, self.silence, self._recent, late, attempts, points)
 
-    def _hear(self, operator: Operator) -> None:
+    def _update(self, operator: Operator) -> None:
         status = operator.poll()
         if status is not None:
-            self.status, self._heard_ns = status, now_ns()
+            self.status, self._last_message_ns = status, now_ns()
             self._recent = self._history.add(now_ns() * 1e-9, status)
             if LACKING in status.waiting_for:
                 self._stop_ns = None

@@ -22,7 +22,7 @@ from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse
 from netboard.base.errors import ConfigError, WireError
-from netboard.base.process import NAME, Seldom
+from netboard.base.process import NAME, RateLimitedLog
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
@@ -79,7 +79,7 @@ class DisplayClient(QObject):
         self._seen = False
         self._over = False
         self._trouble = ""
-        self._said = Seldom(log)
+        self._said = RateLimitedLog(log)
         self._view_ns = self._hello_ns = self._report_ns = -(2**62)
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
         self._address = keys.reach(config.network, f"display.{station}")
@@ -133,7 +133,7 @@ class DisplayClient(QObject):
         try:
             self.showing.take(newest, now)
         except WireError as error:
-            self._complain(str(error))
+            self._log_once(str(error))
             return
         self._view_ns = now
         if not self.linked:
@@ -153,7 +153,7 @@ class DisplayClient(QObject):
                     sockets.send(self._control, encode(Pong(ping_ns, received_ns, now_ns())))
                 case Refusal(reason=reason):
                     self.session = ""
-                    self._complain(f"the server has refused this display: {reason}")
+                    self._log_once(f"the server has refused this display: {reason}")
                 case Goodbye(reason=reason):
                     self.session = ""
                     self._over = True
@@ -164,7 +164,7 @@ class DisplayClient(QObject):
         try:
             config = replace(parse(text, "the server's configuration"), display=self.own)
         except ConfigError as error:
-            self._complain(str(error))
+            self._log_once(str(error))
             return
         if session != self.session:
             log.info("connected to session %s", session)
@@ -190,13 +190,13 @@ class DisplayClient(QObject):
         try:
             return decode(frame)
         except WireError as error:
-            self._complain(str(error))
+            self._log_once(str(error))
             return None
 
-    def _complain(self, trouble: str) -> None:
+    def _log_once(self, trouble: str) -> None:
         """Log a problem once, and keep it to be shown while there is no view."""
         if trouble != self._trouble:
-            self._said.say(trouble)
+            self._said.log(trouble)
             self._trouble = trouble
 
     def _hello(self) -> None:

@@ -141,9 +141,9 @@ class Playing(QObject):
         self._pointer = sockets.pointer_sender(context, where.pointer(station))
         self._felt = sockets.felt_subscriber(context, where.felt(station))
         self._pointing = Pointing(window, options.reach, keys=self._keys)
-        self._pointing.moved.connect(self._tell)
+        self._pointing.moved.connect(self._send_pointer)
         self._alive = QTimer(self, interval=ALIVE_MS)
-        self._alive.timeout.connect(self._tell)
+        self._alive.timeout.connect(self._send_pointer)
         self._alive.start()
         if played_sides(config) == SIDES:
             window.take_half(station)
@@ -164,7 +164,7 @@ class Playing(QObject):
         self._pointer.close()
         self._felt.close()
 
-    def _tell(self) -> None:
+    def _send_pointer(self) -> None:
         """Send the pointer's height."""
         sockets.send(self._pointer, encode(Pointer(self._station, self._pointing.height)))
 

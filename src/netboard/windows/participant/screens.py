@@ -47,7 +47,7 @@ def compose(view: View, config: Config, words: DisplayTexts, result: str = "") -
         case "finished":
             return _after(picture, view, words)
     picture = replace(picture, counter=words.trial.format(trial=min(view.trial, view.trials), trials=view.trials))
-    return with_board(_told(picture, view, config, words, result), view, config)
+    return with_board(_with_texts(picture, view, config, words, result), view, config)
 
 
 def check(view: View) -> None:
@@ -107,7 +107,7 @@ def _after(picture: Picture, view: View, words: DisplayTexts) -> Picture:
     return replace(picture, headline=done, detail=best[:1].upper() + best[1:], notice="" if last else words.wait)
 
 
-def _told(picture: Picture, view: View, config: Config, words: DisplayTexts, result: str) -> Picture:
+def _with_texts(picture: Picture, view: View, config: Config, words: DisplayTexts, result: str) -> Picture:
     """Add the texts of a phase within a trial."""
     fell = words.failed if config.task.time_limit > 0 else words.fell
     match view.phase:

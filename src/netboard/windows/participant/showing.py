@@ -18,7 +18,7 @@ from PySide6.QtCore import QObject, Qt, QTimer
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side
 from netboard.base.errors import NetboardError
-from netboard.base.process import Seldom
+from netboard.base.process import RateLimitedLog
 from netboard.stage.view import View
 from netboard.windows.participant.frames import FrameTally
 from netboard.windows.participant.markers import Markers
@@ -67,7 +67,7 @@ class Showing(QObject):
         super().__init__(window)
         self.config = config
         self._words, self._markers, self._window, self._player = words, markers, window, player
-        self._said = Seldom(log)
+        self._said = RateLimitedLog(log)
         self._events: TrialEvents | None = None
         self._motion: Motion | None = None
         self._received_ns = 0
@@ -170,5 +170,5 @@ class Showing(QObject):
             try:
                 self._markers.mark(event)
             except NetboardError as error:
-                self._said.say(str(error))
+                self._said.log(str(error))
         self._to_mark.clear()

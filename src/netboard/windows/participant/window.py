@@ -26,7 +26,7 @@ USELESS = "This plugin does not support propagateSizeHints()"
 """Qt logs this for every window of the offscreen platform."""
 
 
-def _hear(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
+def _log_qt_message(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
     """Forward Qt's messages to the log."""
     if words != USELESS:
         log.log(logging.DEBUG if kind == QtMsgType.QtDebugMsg else logging.WARNING, "Qt: %s", words)
@@ -37,7 +37,7 @@ def application() -> QApplication:
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)
-    qInstallMessageHandler(_hear)
+    qInstallMessageHandler(_log_qt_message)
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     app = QApplication(sys.argv[:1])
