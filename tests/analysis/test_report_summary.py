@@ -60,10 +60,10 @@ def test_every_saying_and_every_column_is_used_by_a_study(made: Mapping[str, pd.
         shown = {one.picture: one for one in summary(found, {})}
         assert list(shown) == [theme.picture for theme in THEMES]
         for theme in THEMES:
-            sayings = {
-                s.lead.partition("{")[0] for s in theme.sayings if s.none and (s.quantity in set(found.quantity))
+            patterns = {
+                s.lead.partition("{")[0] for s in theme.patterns if s.none and (s.quantity in set(found.quantity))
             }
-            assert all(any(text.startswith(lead) for text in shown[theme.picture].sentences) for lead in sayings)
+            assert all(any(text.startswith(lead) for text in shown[theme.picture].sentences) for lead in patterns)
             headings = [one.title for one in theme.headings if set(one.quantities) & set(found["quantity"])]
             columns = [column.title.partition(" [")[0] for column in shown[theme.picture].table.columns]
             assert columns == ["Group", *headings, "n"]
