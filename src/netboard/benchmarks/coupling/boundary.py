@@ -1,7 +1,8 @@
-"""Stability limit of the loop: exact eigenvalues beside the simulated service, and rules of thumb beside both.
+"""Stability limit of the loop: exact eigenvalues, the simulated service, and rules of thumb.
 
-Linear: no friction, no encoder steps, and motions so small that no limit is met. The simulation steps its stylus as the
-virtual device does; so does the prediction that it is held against, and another one has the exact motion of a device.
+The loop is linear: no friction, no encoder steps, and motions too small to reach a limit. The simulation integrates its
+stylus as the virtual device does, and is compared with a prediction that does the same. A second prediction has the
+exact motion of a real device.
 """
 
 import math
@@ -27,7 +28,7 @@ HANDS = {
     "hand": Mechanism(0.2, 2.0),
     "arm": Mechanism(0.5, 5.0),
 }
-"""Mechanisms that move with the stylus: hands by name."""
+"""Mechanical models of the hand on the stylus, by name."""
 
 SUBSTEPS = 4
 """Steps of the virtual device per tick [1]."""
@@ -45,7 +46,7 @@ NUDGE = 1e-5
 """Initial displacement of a simulation from rest [m]."""
 
 LOST, FOUND = 1e-2, 1e-10
-"""Displacement above which a motion is unstable, and below which it has died away [m]."""
+"""Displacement above which a motion is unstable, and below which it has decayed [m]."""
 
 PERIODS = 24.0
 """Periods of a motion for which it is observed [1]."""
@@ -61,7 +62,7 @@ SLOWEST = 2.0
 class Case:
     """The conditions of one stability limit.
 
-    - `end`: ``fixed``, or ``board`` for the paper's with both hands on it.
+    - `end`: ``fixed``, or ``board`` for the paper's board with both hands on it.
     - `way`: delay one way [ms].
     """
 
@@ -72,13 +73,13 @@ class Case:
 
 
 def scene(at: At, end: str, k: float = Physics().k_h) -> Physics:
-    """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness."""
+    """Return the scene of a case: no ball, no gravity, solved exactly at any stiffness."""
     plain = Physics(k_h=k, balls=0, g=0.0, hold="zoh", method="etdrk4", substeps=1, coupling_at=at)
     return plain if end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
-    """Return the loops of a case, one for each way in which both hands can move."""
+    """Return the loops of a case, one for each mode of both hands."""
     ends = ends_of(Physics()) if case.end == "board" else {"fixed": FIXED}
     mechanism = replace(HANDS[case.hand], substeps=substeps)
     return {
@@ -97,9 +98,9 @@ def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple
 
 
 def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
-    """Return whether a small motion dies away in the simulated service.
+    """Return whether a small motion decays in the simulated service.
 
-    - `mode`: ``tilt`` for hands that begin against each other, else they begin alike.
+    - `mode`: ``tilt`` for hands that start in opposite directions; otherwise they start alike.
     """
     hand = HANDS[case.hand]
     device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
@@ -144,7 +145,7 @@ def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> fl
 WAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
 QUICK_WAYS = (1, 5)
 MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("both", "board"))
-"""Where the coupling is computed, and what the hand is coupled to. With both and a fixed end, delays have no effect."""
+"""Where the coupling is computed, and to what the hand is coupled. With "both" and a fixed end, delays have no effect."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ class Found:
 
     - `exact`: largest stable stiffness of a real device [N/m].
     - `virtual`: of the virtual one [N/m].
-    - `simulated`: in the simulated service; NaN where there is nothing to look for [N/m].
+    - `simulated`: in the simulated service; NaN without a limit to compare [N/m].
     """
 
     case: Case

@@ -1,8 +1,8 @@
-"""A dyad far from its server, in simulated time: netboard's own parts with network delays between them.
+"""A dyad far from its server, in simulated time: the parts of a session with network delays between them.
 
 The stage, the server's peers, the fixed-form messages, the virtual devices, the agent's copy of the virtual coupling,
 its passivity control and its safety chain are those of a session and run in the same order. Only sockets and clocks are
-left out. Every millisecond each agent reads its stylus, and at the same moment the server computes its tick from the
+omitted. Every millisecond each agent reads its stylus, and at the same moment the server computes its tick from the
 samples that have arrived. Network delays are whole milliseconds; clock offsets are zero and known.
 """
 
@@ -29,7 +29,7 @@ from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
 TIMEOUT_NS = 1_000_000_000
-"""Sample timeout, long enough that no sample is stale: trials without samples are not studied here [ns]."""
+"""Sample timeout, so long that no sample is stale [ns]."""
 
 READY = 10
 """Ticks until both devices are armed and the trial runs, with a margin [1]."""
@@ -45,7 +45,7 @@ _STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Forc
 class Distance:
     """Delays between a dyad and its server.
 
-    - `up`, `down`: delay of a sample, and of its answer [ms].
+    - `up`, `down`: delay of a sample, and of the answer to it [ms].
     """
 
     up: int
@@ -54,12 +54,12 @@ class Distance:
 
 @cache
 def _stage(physics: Physics) -> Stage:
-    """Build the stage of a scene once and keep it."""
+    """Return the stage of a scene, built once."""
     return make_stage(Config(physics=physics))
 
 
 def prepared(config: Config) -> Config:
-    """Return a configuration for a simulation: nobody holds a stylus, and nothing waits."""
+    """Return a configuration for a simulation: released styluses, no pauses."""
     free = Agent(options={"held": False})
     return replace(
         config,
@@ -70,7 +70,7 @@ def prepared(config: Config) -> Config:
 
 
 class Station:
-    """One side: device and agent, and what is on its way to the server and back."""
+    """One side: device, agent, and the messages under way to the server and back."""
 
     def __init__(self, side: Side, config: Config, distance: Distance) -> None:
         self.device = VirtualTouch(side, config)
@@ -105,15 +105,15 @@ class Station:
             self._safety.arm()
 
     def arriving(self) -> NDArray[np.uint8] | None:
-        """Take the sample that arrives at the server now, if one does."""
+        """Return the sample that arrives at the server now, if any."""
         return self.sent.popleft() if len(self.sent) > self._distance.up else None
 
     def tell(self, frame: NDArray[np.uint8]) -> None:
-        """Send an answer on its way."""
+        """Send an answer."""
         self.told.append(frame)
 
     def render(self, now_ns: int) -> None:
-        """Take the answer that arrives now, if one does, and let the device render a force."""
+        """Receive the answer that arrives now, if any, and render a force."""
         if len(self.told) > self._distance.down:
             self._hear(self.told.popleft())
         limited = self._safety.step(now_ns, (0.0, 0.0, self._wanted(now_ns)), now_ns, self.reading[4:7])
@@ -128,7 +128,7 @@ class Station:
             self._newest = Point(*_POINT.unpack(self._point.data))
 
     def _wanted(self, now_ns: int) -> float:
-        """Force on the hand as the agent wants it."""
+        """Return the force on the hand that the agent commands."""
         message, reading = self._newest, self.reading
         if isinstance(message, Point):
             return hand_force(message, now_ns, reading)
@@ -143,7 +143,7 @@ class Far:
     """Both sides, and the server.
 
     - `heights`, `forces`: of both styluses, for each millisecond since both were ready [m, N].
-    - `cut`: since then a safety chain has taken a force away: the stylus was too fast.
+    - `cut`: whether a safety chain has cut a force since then, because the stylus was too fast.
     """
 
     def __init__(self, config: Config, distance: Distance) -> None:
@@ -169,13 +169,13 @@ class Far:
         self._number = 0
 
     def live(self, ticks: int) -> None:
-        """Let time pass."""
+        """Simulate a duration."""
         for _ in range(ticks):
             self._tick(START_NS + self._number * TICK_NS)
             self._number += 1
 
     def get_ready(self) -> None:
-        """Begin: both devices are armed, a trial is on, and whatever is on its way has come."""
+        """Simulate until both devices are armed, a trial runs, and all messages under way have arrived."""
         distance = self.stations[0]._distance
         self.live(READY + 2 * (distance.up + distance.down))
         self.heights.clear()
@@ -183,7 +183,7 @@ class Far:
         self.cut = False
 
     def put(self, left: float, right: float) -> None:
-        """Take both styluses to heights and let them go there, at rest."""
+        """Place both styluses at heights, at rest."""
         for station, height in zip(self.stations, (left, right), strict=True):
             station.device.put(height)
 
@@ -199,7 +199,7 @@ class Far:
         self.cut |= not left.safeguards & right.safeguards & Safeguard.ARMED
 
     def _serve(self, now_ns: int) -> None:
-        """Do the server's tick."""
+        """Compute the server's tick."""
         for seat, station in zip(self._seats, self.stations, strict=True):
             frame = station.arriving()
             if frame is not None:

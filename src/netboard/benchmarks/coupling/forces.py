@@ -1,9 +1,9 @@
 """``netboard bench forces``: commanded forces of both hands in one movement under each of the six force conditions.
 
-Two styluses carry the ball from one target to the other along a smooth path, the right hand doing more than the left
-and both swaying up and down together. The same samples go through six stages that differ in the force condition alone,
-without sockets and clocks, so the figure is the same on every machine. The unrelated force is that of another movement
-by other hands.
+Two hands move the ball from one target to the other along a smooth path; the right hand contributes more than the left,
+and both sway up and down together. The same samples are the input of six stages that differ only in the force
+condition, without sockets and clocks, so the figure is the same on every machine. The unrelated force is that of
+another movement.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ Rows = NDArray[Any]
 CONDITIONS: tuple[Force, ...] = (*(force for force in FORCES if force != "none"), "none")
 
 TICKS, QUICK_TICKS = 4300, 2000
-"""Length of the movement [1]."""
+"""Ticks of the movement [1]."""
 
 SETTLED = 100
 """Ticks after which the transient of the start has decayed; only later ticks are compared [1]."""
@@ -34,7 +34,7 @@ SETTLED = 100
 
 @dataclass(frozen=True)
 class Movement:
-    """A movement of two hands that carries the ball from one target to the other.
+    """A movement of two hands that moves the ball from one target to the other.
 
     - `sway`: amplitude of the common up-and-down movement [m].
     - `rate`: its frequency [Hz].
@@ -73,10 +73,10 @@ def _config(force: Force) -> Config:
 
 
 def record(config: Config, movement: Movement, count: int) -> Rows:
-    """Let two hands make a movement, and return its ticks.
+    """Simulate a movement of two hands, and return its ticks.
 
-    The hands know the ball's path and tilt the board by what that takes and by how far the ball is off it: left to
-    itself, a ball that is a hair off is far off a second later.
+    The hands tilt the board as the path of the ball requires, plus feedback of its deviation, because the equilibrium
+    of the ball is unstable.
     """
     physics, distance = config.physics, config.geometry.target_distance
     stage, rows = make_stage(config), _rows(count)
@@ -103,7 +103,7 @@ def record(config: Config, movement: Movement, count: int) -> Rows:
 
 
 def _path(share: float, duration: float, distance: float) -> tuple[float, float, float]:
-    """Return place, rate and acceleration of a ball that goes over with the least snap: its hands have no kinks."""
+    """Return position, velocity and acceleration of a minimum-snap path, which needs smooth hands."""
     x = min(max(share, 0.0), 1.0)
     place = x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
     rate = 140 * (x * (1 - x)) ** 3 / duration
@@ -112,7 +112,7 @@ def _path(share: float, duration: float, distance: float) -> tuple[float, float,
 
 
 def _rows(count: int) -> Rows:
-    """Return ticks with fresh samples of nothing yet, the first of which starts the block."""
+    """Return input rows with new samples at rest, of which the first starts the block."""
     rows = np.zeros(count, TICK)
     rows["tick"] = np.arange(count)
     rows["time_ns"] = (1 + rows["tick"]) * TICK_NS
@@ -123,7 +123,7 @@ def _rows(count: int) -> Rows:
 
 
 def played(config: Config, samples: Rows) -> Rows:
-    """Return what a stage makes of samples."""
+    """Return the rows that a stage computes from samples."""
     stage, rows = make_stage(config), samples.copy()
     stage.advance(stage.initial(), rows, 0, len(rows))
     return rows
@@ -135,7 +135,7 @@ def forces_of(rows: Rows) -> NDArray[np.float64]:
 
 
 def conditions_part(found: dict[Force, Rows]) -> Part:
-    """Return how large the forces are, and what holds between them."""
+    """Return mean and largest forces, and the claims about them."""
     rows: list[tuple[Value, ...]] = []
     for force, ticks in found.items():
         felt = forces_of(ticks)[SETTLED:]
@@ -147,7 +147,7 @@ def conditions_part(found: dict[Force, Rows]) -> Part:
 
 
 def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
-    """Return what holds between the conditions."""
+    """Return the claims about the conditions."""
     states = {b"".join(ticks[name].tobytes() for name in STATE.names or ()) for ticks in found.values()}
     left = residual(found)
     rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())

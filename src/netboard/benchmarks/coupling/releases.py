@@ -24,7 +24,7 @@ RELEASED = 0.010
 """Distance from rest at the release [m]."""
 
 LED, WAITED = 300, 200
-"""Durations of the movement to that place, and of the hold there [ms]."""
+"""Durations of the movement to that position, and of the hold there [ms]."""
 
 SECONDS = 4
 """Observation time after the release [s]."""
@@ -43,7 +43,7 @@ class Release:
     """Outcome of a release.
 
     - `swing`: peak-to-peak movement in the last second [m].
-    - `rest`: time until it stayed within `QUIET` of where it came to rest; infinite if it did not [s].
+    - `rest`: settling time, to within `QUIET` of the final position; infinite if it did not settle [s].
     - `cut`: the safety chain cut the force because the stylus was too fast.
     """
 
@@ -53,7 +53,7 @@ class Release:
 
     @property
     def quiet(self) -> bool:
-        """Whether it came to rest, with its forces on."""
+        """Whether the stylus settled without a cut of the force."""
         return self.swing < QUIET and not self.cut
 
     def __str__(self) -> str:
@@ -70,24 +70,24 @@ class Loop(Protocol):
     cut: bool
 
     def get_ready(self) -> None:
-        """Begin."""
+        """Simulate until the loop is ready."""
 
     def put(self, left: float, right: float) -> None:
-        """Take styluses to heights [m]."""
+        """Place the styluses at heights [m]."""
 
     def live(self, ticks: int) -> None:
-        """Let time pass [ms]."""
+        """Simulate a duration [ms]."""
 
 
 def lead(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
-    """Lead the left stylus."""
+    """Move the left stylus along a path."""
     for t in range(ticks):
         loop.put(height(t), 0.0)
         loop.live(1)
 
 
 def let_go(loop: Loop) -> Release:
-    """Lead the left stylus away, hold it there until the server knows, and let it go."""
+    """Move the left stylus away, hold it until the server has received this, and release it."""
     loop.get_ready()
     lead(loop, lambda t: RELEASED * smooth(t / LED), LED + WAITED)
     start = len(loop.heights)
@@ -100,19 +100,19 @@ def let_go(loop: Loop) -> Release:
 
 
 def smooth(share: float) -> float:
-    """Return how much of a smooth movement is done after a share of its time, from 0 to 1 [1]."""
+    """Return the completed share of a smooth movement after a share of its duration, from 0 to 1 [1]."""
     s = min(max(share, 0.0), 1.0)
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
 def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:
-    """Let the left stylus go."""
+    """Release the left stylus, and return the outcome."""
     far = Far(Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Distance(way, way))
     return let_go(far)
 
 
 def releases_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Let a bare stylus go over many delays."""
+    """Release a bare stylus with several delays."""
     rows: list[tuple[Value, ...]] = []
     bare = HANDS["bare stylus"]
     slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))

@@ -27,7 +27,7 @@ from netboard.devices.simulated.virtual import VirtualTouch
 from netboard.physics.stability.delayed_coupling import At
 
 IMPEDANCE = 1.0
-"""Wave impedance: of the size of what a device of 45 g can stand at the frequencies of a hand [N s/m]."""
+"""Wave impedance, suited to a device of 45 g at the frequencies of a hand [N s/m]."""
 
 FREQUENCIES = (1.0, 5.0)
 """Frequencies at which the rendered stiffness and damping are measured [Hz]."""
@@ -36,16 +36,16 @@ AMPLITUDE = 0.005
 """Amplitude of the hand's movement in that measurement [m]."""
 
 IMMOVABLE = 1e4
-"""A stylus of this mass goes where it is put, whatever it is made to feel [kg]."""
+"""Mass of the stylus in that measurement, so large that forces do not move it [kg]."""
 
 CYCLES = 3
-"""Cycles that are measured, after one that is not [1]."""
+"""Measured cycles, after one for the transient [1]."""
 
 NAMES = ("server alone", "with passivity control", "wave variables", "both")
 
 
 class Waves:
-    """The left hand at a fixed end, by wave variables.
+    """The left hand coupled to a fixed end by wave variables.
 
     - `way`: delay one way [ms].
     """
@@ -62,15 +62,15 @@ class Waves:
         self._number = 0
 
     def get_ready(self) -> None:
-        """Begin."""
+        """Simulate until the loop is ready."""
         self.live(10)
 
     def put(self, left: float, right: float) -> None:
-        """Take the stylus to a height."""
+        """Place the stylus at a height."""
         self._device.put(left)
 
     def live(self, ticks: int) -> None:
-        """Let time pass."""
+        """Simulate a duration."""
         root = math.sqrt(2.0 * IMPEDANCE)
         for _ in range(ticks):
             reading = self._device.read(START_NS + self._number * TICK_NS)
@@ -85,14 +85,14 @@ class Waves:
             self.forces.append((-resisting, 0.0))
 
     def _reflected(self, wave: float, root: float) -> float:
-        """Move the server's end of the coupling by a wave, and return the one that goes back."""
+        """Move the server's end of the coupling by a wave, and return the reflected wave."""
         rate = (root * wave - self._k * self._there) / (IMPEDANCE + self._k * TICK_SECONDS + self._c)
         self._there += TICK_SECONDS * rate
         return (IMPEDANCE * rate - (root * wave - IMPEDANCE * rate)) / root
 
 
 def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
-    """Make one of the loops of `NAMES`, with a fixed end."""
+    """Return one of the loops of `NAMES`, with a fixed end."""
     at: At = "both" if name == "both" else "server"
     safety = Safety(passivity=name == "with passivity control")
     config = Config(physics=scene(at, "fixed"), virtual=device, safety=safety)
@@ -103,7 +103,7 @@ def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
 
 
 def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Let a bare stylus go with every remedy."""
+    """Release a bare stylus with each method."""
     rows: list[tuple[Value, ...]] = []
     quiet: dict[tuple[str, float], list[int]] = {}
     for i, way in enumerate(ways):
@@ -137,7 +137,7 @@ def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
 
 
 def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
-    """Return the stiffness and the damping that a hand feels which moves to and fro."""
+    """Return the stiffness and damping that are rendered to a hand in sinusoidal movement."""
     loop = make_loop(name, VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0), way)
     loop.get_ready()
     cycle = round(1000 / frequency)
@@ -185,7 +185,7 @@ PAUSE = 200
 
 
 def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Measure what passivity control does to the forces of ordinary movements, on the paper's board."""
+    """Measure the effect of passivity control on forces in ordinary movements, on the paper's board."""
     rows: list[tuple[Value, ...]] = []
     for i, way in enumerate(ways):
         tell(f"everyday movements: {way} ms", i / len(ways))
@@ -210,7 +210,7 @@ def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
 
 
 def _played(way: int, *, passivity: bool) -> NDArray[np.float64]:
-    """Let both hands make movements, and return the forces on them."""
+    """Simulate movements of both hands, and return the forces on them."""
     device = VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0)
     config = Config(physics=scene("server", "board"), virtual=device, safety=Safety(passivity=passivity))
     far = Far(config, Distance(way, way))

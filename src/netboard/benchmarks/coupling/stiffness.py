@@ -1,4 +1,4 @@
-"""Largest stable stiffness of a virtual coupling: found with the exact loop, and by rules of thumb [N/m]."""
+"""Largest stable stiffness of a virtual coupling: from the exact loop, and by rules of thumb [N/m]."""
 
 import math
 from dataclasses import replace
@@ -13,8 +13,8 @@ STIFFEST = 1e6
 def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most: float = STIFFEST) -> float:
     """Return the stiffness up to which a loop is stable, to a hundredth of a per cent.
 
-    Stiffnesses are tried in steps of a factor, from a first one up; then the limit is halved in on. The result is 0 if
-    not even the first is stable, and infinite if all are.
+    Stiffnesses are raised by a factor from the first one; then the limit is found by bisection. The result is 0 if
+    the first is unstable, and infinite if all are stable.
     """
     stable, k = 0.0, start
     while is_stable(replace(loop, k=k)):

@@ -1,4 +1,4 @@
-"""The machine that a study ran on, for the head of its results: timings mean little without it."""
+"""Description of the machine that a study ran on, for the head of its results."""
 
 import os
 import platform
@@ -9,14 +9,14 @@ from pathlib import Path
 from llvmlite.binding import get_host_cpu_features
 
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
-"""Libraries whose version can change a figure."""
+"""Libraries whose version can change a result."""
 
 
 @dataclass(frozen=True)
 class Machine:
     """A machine and the software that a study ran with.
 
-    - `load`: processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
+    - `load`: load average of the last minute; NaN if the system does not report it [1].
     """
 
     system: str
@@ -69,7 +69,7 @@ def _cores() -> int:
 
 
 def _cpu() -> str:
-    """Return the model of the processor, with the family and model that a virtual machine may hide in its name."""
+    """Return the model of the processor, with family and model numbers, since a virtual machine may hide the name."""
     listing = Path("/proc/cpuinfo")
     if not listing.exists():
         return platform.processor() or platform.machine()

@@ -33,9 +33,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a study: a table, and what follows from it.
+    """One part of a study: a table, and claims about it.
 
-    - `on_screen`: it is for the screen too, and not too long for it.
+    - `on_screen`: whether it is short enough to be printed.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Part:
 class Folder:
     """A folder of results.
 
-    - `force`: it may exist, and its files may be overwritten.
+    - `force`: whether it may exist and its files may be overwritten.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:

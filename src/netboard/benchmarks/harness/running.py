@@ -47,7 +47,7 @@ def run(
 ) -> list[Verdict]:
     """Run a study: describe the machine, show and write each part, copy the JSON file, and return the claims.
 
-    - `settings`: head of the results: ``study``, its name, and how it was run; it is read anew for each part.
+    - `settings`: head of the results: ``study``, its name, and how it was run; it is read again for each part.
     - `lines`: further lines below the description of the machine.
     - `bar`: show progress as a bar; else as lines, for studies that measure in this process, which redrawing would
       disturb.
@@ -75,5 +75,5 @@ def run(
     if json is not None:
         shutil.copyfile(folder.path / "results.json", json)
     verdicts = [verdict for part in parts for verdict in part.verdicts]
-    console.print(f"{sum(one.holds for one in verdicts)} of {len(verdicts)} verdicts hold; all is in {folder.path}")
+    console.print(f"{sum(one.holds for one in verdicts)} of {len(verdicts)} verdicts hold; results in {folder.path}")
     return verdicts

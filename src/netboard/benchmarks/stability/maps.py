@@ -1,9 +1,9 @@
-"""Maps of the largest stable step, over stiffness and damping, and over masses: theory beside nonlinear runs.
+"""Maps of the largest stable step over stiffness and damping, and over masses, in theory and in nonlinear runs.
 
-Theory is the spectral radius of the exact matrix of a step (`netboard.physics.stability.step_matrix`), of the level
-board; for the exponential methods, which solve that one exactly, of the board tilted by 10 degrees, at some lengths of
-step. Runs are those of `netboard.benchmarks.stability.runs`, which nothing but the step is changed in until they are no
-longer bounded.
+Theory is the spectral radius of the exact matrix of a step (`netboard.physics.stability.step_matrix`) for the level
+board. Exponential methods solve the level board exactly, so for them the board is tilted by 10 degrees, and some step
+lengths are tried. Runs are those of `netboard.benchmarks.stability.runs`: only the step length is changed, until the
+run is no longer bounded.
 """
 
 import math
@@ -64,7 +64,7 @@ PLANES = (Plane("coupling", "k_h", "c_h"), Plane("inertia", "M", "I"))
 class Cell:
     """One scene with one method.
 
-    - `theory`, `nonlinear`: largest stable step; infinite if there is none, up to the longest that is tried [s].
+    - `theory`, `nonlinear`: largest stable step; infinite if every tried step is stable [s].
     """
 
     method: str
@@ -95,7 +95,7 @@ def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
 
 
 def theoretical_step(physics: Physics, method: str) -> float:
-    """Return the largest stable step in theory; infinite if none is, or, if exponential, none of those tried [s]."""
+    """Return the largest stable step in theory; infinite if every step is stable, or every tried one [s]."""
     level = board_matrix(physics)
     if method not in EXPONENTIAL:
         return largest_step(method, level)
@@ -231,7 +231,7 @@ def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, shar
 
 
 def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callable[[float], bool]:
-    """Return a function that tells whether a scale is stable in steps of one tick."""
+    """Return a function that returns whether a scale is stable in steps of one tick."""
     return lambda scale: is_stable(method, board_matrix(scaled(Physics(), **factors(scale))), TICK_SECONDS)
 
 

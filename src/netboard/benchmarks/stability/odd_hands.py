@@ -1,9 +1,9 @@
-"""Hands that no physics is made for, through the live tick: jumps, losses, nonsense, tremor, coarse steps.
+"""Implausible samples in live ticks: jumps, losses, invalid values, tremor, coarse quantisation.
 
-The hands rest, the trial begins, and then they move as in the test problem. For half a second samples are spoilt;
-before and after they are as they were. Nothing that comes out of a tick may be other than finite, forces may not be
-larger than what the coupling makes of the samples that were used, and half a second later nothing may be left of it.
-That last is asked with the ball fixed: one that rolls goes its own way after the least disturbance.
+The hands rest, the trial begins, and then they move as in the test problem. The samples of half a second are corrupted.
+All outputs of a tick must be finite, forces must not exceed those that the coupling computes from the samples used, and
+half a second later no effect may remain. The last requirement is checked with a fixed ball, because the motion of a
+free ball is unstable.
 """
 
 from collections.abc import Callable, Sequence
@@ -147,7 +147,7 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
 
 
 def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
-    """Run all kinds of odd hands and tabulate the results."""
+    """Run all kinds of corrupted samples and tabulate the results."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
     rows: list[tuple[Value, ...]] = []
@@ -185,7 +185,7 @@ def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
 
 
 def _named(kinds: Sequence[str]) -> str:
-    """Name the kinds that fail."""
+    """Return the names of the kinds that fail."""
     return f"not with {', '.join(kinds)}" if kinds else "with all"
 
 
@@ -198,8 +198,8 @@ def _not_finite(rows: Rows) -> int:
 def _forces(fixed: Rows, rolling: Rows, config: Config) -> tuple[float, float]:
     """Return the largest coupling force, and its bound from the samples used [N].
 
-    Coupling and board are passive: the board's ends go no farther and no faster than twice what moves them. No two
-    samples a tick apart tell of more than the whole range in that tick.
+    Coupling and board are passive: the board's ends move no farther and no faster than twice the hands. Two samples a
+    tick apart differ by the whole range at most.
     """
     physics = config.physics
     force, most = 0.0, 0.0

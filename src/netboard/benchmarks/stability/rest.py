@@ -1,4 +1,4 @@
-"""Boards between hands at rest: what methods do to the energy of one without damping, and how one comes to rest."""
+"""A board between resting hands: energy drift of each method without damping, and the cost of steps at rest."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ def energies(method: str, start: State, steps: int) -> Array:
 def energy_drift(
     steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
 ) -> Part:
-    """Determine which methods remove energy from an undamped board, and which add energy."""
+    """Measure by method whether the energy of an undamped board falls or grows."""
     heave = board_matrix(UNDAMPED)[:2, :2]
     rows: list[tuple[Value, ...]] = []
     verdicts = []
@@ -93,7 +93,7 @@ def _word(change: float, nothing: float) -> str:
 
 
 def _rate(energy: Array) -> float:
-    """Return the relative change in a step, of the logarithm of the energy as long as it is neither huge nor tiny."""
+    """Return the growth rate of the energy per step, from its logarithm while it is neither huge nor tiny."""
     fine = np.isfinite(energy) & (energy > 1e-12 * energy[0]) & (energy < 1e12 * energy[0])
     known = energy[: len(energy) if fine.all() else int(np.argmin(fine))]
     if len(known) < 3:
@@ -115,7 +115,7 @@ def _drift(energy: Array) -> float:
 
 
 def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
-    """Check that a step takes no longer when the state of a board at rest decays to zero."""
+    """Check that steps are not slower when the state decays to zero (denormal numbers)."""
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS

@@ -1,13 +1,12 @@
-"""Runs of the test motion in any scene, by any method, with any step: what the studies of stability are made of.
+"""Runs of the test motion in any scene, by any method, with any step, for the stability studies.
 
 The hands are those of `netboard.benchmarks.physics.problem`, which tilt the paper's board by 10 degrees to either side;
-their movement against each other can be made larger. Between times at most a tick apart each is one cubic, for every
-method the same, so that methods differ by nothing but themselves.
+their movement against each other can be scaled. Between times at most a tick apart, each hand moves on one cubic, the
+same for every method.
 
-To find where a method is bounded, the ball is fixed off the board's centre: it loads the board, and does not run away.
-A run is bounded if it stays finite and, once what the start has stirred has had time to go, near what a reference does.
-Rates count as well as places: a board that is stepped too coarsely need not fly off. Far tilted it is softer, so it may
-rattle, or stay there.
+To find where a method is bounded, the ball is fixed off the board's centre, so it loads the board and does not roll
+away. A run is bounded if it stays finite and, after the initial transient, near a reference run. Velocities count as
+well as positions: with too large a step the board may vibrate or stay tilted without diverging.
 """
 
 import math
@@ -30,13 +29,13 @@ from netboard.physics.stability.step_matrix import spectral_radius
 Array = NDArray[np.float64]
 
 STUDIED = tuple(method.name for method in METHODS if method.name != "exact")
-"""All methods but the one that is for boards that cannot tilt."""
+"""All methods but the exact one, which requires a board that cannot tilt."""
 
 DURATION = 3.0
-"""Length of a run, at the least [s]."""
+"""Minimum duration of a run [s]."""
 
 SHOWS = 1e6
-"""Growth over a run, in theory, with a step that is `OFF` too long; it determines the duration of a run [1]."""
+"""Theoretical growth over a run with a step that is too long by `OFF`; it determines the duration of a run [1]."""
 
 OFF = 1.03
 """Relative error of a largest step that most runs should detect [1]."""
@@ -51,16 +50,16 @@ FARTHER, FASTER = 1.5, 10.0
 """A run that exceeds the reference by these, in height or tilt, or in the rate of one, is not bounded [1]."""
 
 WIDE = 4.0
-"""A largest step that exceeds the guess by this factor is not looked for any further [1]."""
+"""The search ends at this factor times the guess [1]."""
 
 LONGEST = 0.250
 """Longest step that is tried [s]."""
 
 NARROW = 1.002
-"""A largest step is known when it and a step that fails are this close [1]."""
+"""Relative distance of the largest stable and the smallest unstable step at which the search ends [1]."""
 
 COLD: State = (0.0, 0.0, 0.0, 0.0, *BALL["paper", "cold"])
-"""A board at rest between hands that move already: every mode of it is stirred [SI]."""
+"""Initial state: a board at rest between moving hands, which excites every mode [SI]."""
 
 _FIXED: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
 
@@ -85,9 +84,9 @@ def scaled(physics: Physics, **factors: float) -> Physics:
 
 
 def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
-    """Return the drives of hands that move on cubics between times (`netboard.physics.hands.extrapolation.between`).
+    """Return the drives of hands that follow cubics between times (`netboard.physics.hands.extrapolation.between`).
 
-    - `z`, `vz` (shape (n + 1, 2)): heights of the left and the right stylus there, and their rates [m, m/s].
+    - `z`, `vz` (shape (n + 1, 2)): heights and velocities of the left and the right stylus [m, m/s].
     """
     k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
     mean = np.diff(z, axis=0) / gap
@@ -111,9 +110,9 @@ def make_run(
     spread: float = 1.0,
     free: bool = True,
 ) -> Run:
-    """Run the test motion; states are at the ends of intervals: single steps, or as many as fit into a tick.
+    """Run the test motion; states are at the ends of intervals: single steps, or all steps of a tick.
 
-    - `duration`: length of the run; it is as many whole intervals as fit [s].
+    - `duration`: duration of the run, rounded down to whole intervals [s].
     """
     steps = max(1, math.floor(TICK_SECONDS / h + 1e-9))
     count = max(1, math.floor(duration / (steps * h) + 1e-9))
@@ -128,25 +127,25 @@ def make_run(
 
 @cache
 def _reference_reach(physics: Physics, duration: float) -> Array:
-    """Return the reach of the board by an exponential method, which is bounded in every scene."""
+    """Return the reach of the board by an exponential method, which is stable in every scene."""
     return _reach(make_run(physics, "etdrk4", TICK_SECONDS, duration, _FIXED, free=False))
 
 
 def _reach(run_: Run) -> Array:
-    """Return the largest magnitudes of height, its rate, tilt and its rate in the second half of a run."""
+    """Return the largest magnitudes of height, tilt and their velocities in the second half of a run."""
     late: Array = np.abs(run_.states[len(run_.states) // 2 :, :4]).max(axis=0)
     return late
 
 
 def is_bounded(physics: Physics, method: str, h: float, duration: float = DURATION) -> bool:
-    """Tell whether a run stays within bounds."""
+    """Return whether a run is bounded."""
     limits = np.tile([FARTHER, FASTER], 2) * _reference_reach(physics, duration)
     with np.errstate(invalid="ignore"):
         return bool(np.all(_reach(make_run(physics, method, h, duration, _FIXED, free=False)) <= limits))
 
 
 def telling_duration(method: str, a: Array, h: float) -> float:
-    """Return how long a run must be to tell whether a step is too long.
+    """Return the duration of a run that shows whether a step is too long.
 
     - `h`: the largest step, in theory; infinite if there is none [s].
     """
@@ -188,7 +187,7 @@ def ladder() -> list[float]:
 
 
 def _edge(holds: Callable[[float], bool], good: float, bad: float) -> float:
-    """Return the longest step that holds, between one that does and one that does not."""
+    """Return the largest stable step between a stable and an unstable one, by bisection."""
     while bad > NARROW * good:
         middle = math.sqrt(good * bad)
         good, bad = (middle, bad) if holds(middle) else (good, middle)

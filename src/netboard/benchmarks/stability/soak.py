@@ -1,8 +1,8 @@
-"""A thousand million steps through random scenes, with random hands: nothing turns infinite, no energy is made.
+"""A thousand million steps through random scenes with random hands: states stay finite, and no energy is created.
 
-Every hundred ticks states and energies are checked. Balls that run away are put back. What goes on while a board tilts
-or turns so far, or a ball is so far out, that the choice of a method did not look at it, is told apart: no step of a
-tick follows a board that turns over under a heavy ball.
+States and energies are checked every hundred ticks. Balls that leave the board are put back. Ticks in which the board
+or a ball is outside the range for which the method was chosen are counted separately: no method with steps of one tick
+can follow a board that turns over under a heavy ball.
 """
 
 import math
@@ -47,24 +47,24 @@ from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
 Array = NDArray[np.float64]
 
 BETWEEN = 100
-"""Ticks from check to check [1]."""
+"""Ticks between checks [1]."""
 
 RUN_AWAY = 0.5
 """A ball farther than this from the centre is put back there [m]."""
 
 BALANCE = 0.25
-"""Of the flows between two checks, energy may be off by this share where one step follows a jump of the hands [1]."""
+"""Largest allowed imbalance of energy relative to the flows between two checks [1]."""
 
 LEAST_FLOW = 1e-9
-"""Flows that sum up to less between two checks are not looked at closely [J]."""
+"""Sum of the flows between two checks below which the balance is not checked [J]."""
 
 
 @dataclass
 class Tally:
     """Results of the checks.
 
-    - `excess`: most growth of energy beyond what hands can put in, as a share of the flows [1].
-    - `wrong`: most energy that came or went other than by the flows, as a share of them [1].
+    - `excess`: largest growth of energy beyond the work that hands can do, relative to the flows [1].
+    - `wrong`: largest imbalance of energy and flows, relative to the flows [1].
     """
 
     checks: int = 0
@@ -86,9 +86,8 @@ class Tally:
 class Soaked:
     """Results of one kind of scene.
 
-    - `within`, `beyond`: while the board stayed within the tilts and balls within the places that the choice of a
-      method looks at, and while they did not.
-    - `seconds`: how long it took [s].
+    - `within`, `beyond`: inside and outside the range of tilts and ball positions for which the method was chosen.
+    - `seconds`: run time [s].
     """
 
     steps: int = 0
@@ -139,7 +138,7 @@ def soak_kind(
 
 @fast
 def _restart(x: Any) -> int:
-    """Put balls that ran away back to the centre, and return of how many dyads."""
+    """Put balls that left the board back to the centre, and return the number of dyads concerned."""
     count = 0
     for b in range(len(x)):
         for j in range(LANES):

@@ -1,8 +1,8 @@
-"""The audit of energy after every step of the soak.
+"""Energy balance after every step of the soak.
 
-The energy of what the hands do not hold, with the couplings' springs as if from the board to the ground, must have
-changed by the work of the drives u through the board's ends, less what the dampers take: ``E' = u vz - c vz^2 + ...``.
-That can be at most ``u^2 / 4c`` for each hand, whatever the board does: the bound on what hands put in.
+The energy of board and balls, with the springs of the couplings taken from the board to the ground, must change by the
+work of the drives u at the board's ends minus the dissipation of the dampers: ``E' = u vz - c vz^2 + ...``.
+This is at most ``u^2 / 4c`` for each hand, whatever the board does: the bound on the work of the hands.
 """
 
 from collections.abc import Callable
@@ -25,14 +25,14 @@ from netboard.physics.stability.method_choice import TILTS
 Array = NDArray[np.float64]
 
 LARGEST_TILT = max(TILTS)
-"""The choice of a method looks no farther [rad]."""
+"""Largest tilt for which the method is chosen [rad]."""
 
 MOST_TURN = 0.1
-"""No method follows a board that turns farther in a step [rad]."""
+"""Largest rotation in a step that a method can follow [rad]."""
 
 THROUGH, SUPPLY, GROWTH, WRONG, BEYOND = range(5)
 SUMS = 5
-"""Magnitudes of the flows, the bound on what hands put in, growth, growth that is not work [J]; states beyond [1]."""
+"""Magnitudes of the flows, bound on the work of the hands, growth, growth minus work [J]; states out of range [1]."""
 
 _rates, _flows, _stored = (relaxed(text, {sincos: anywhere}) for text in (rates, flows, stored))
 _turned, _plus = relaxed(turned, {sincos: anywhere}), relaxed(plus, {})
@@ -46,14 +46,14 @@ def _middle(u: Any, t: float) -> tuple[float, float]:
 
 @inlined
 def _held(x: Any, parts: Parts, scene: Any) -> float:
-    """Return the energy, with the couplings' springs to the ground."""
+    """Return the energy, with the springs of the couplings to the ground."""
     kept = _stored(x, 0.0, 0.0, parts, scene)
     return kept[0] + kept[1] + kept[2] + kept[3] + kept[4]
 
 
 @inlined
 def _power(x: Any, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the power of all flows, the sum of their magnitudes, and the most that they can be."""
+    """Return the power of all flows, the sum of their magnitudes, and the upper bound."""
     _, c = _turned(x[2], parts)
     arm_rate = scene["l"] * x[3] * c
     pushed, turned_ = left * (x[1] - arm_rate), right * (x[1] + arm_rate)
@@ -69,7 +69,7 @@ def _power(x: Any, left: float, right: float, parts: Parts, scene: Any) -> tuple
 
 @inlined
 def _farthest(x: Any, length: int) -> float:
-    """Return how far the farthest ball is from the centre [m]."""
+    """Return the largest distance of a ball from the centre [m]."""
     far = 0.0
     for i in range(4, length, 2):
         far = abs(x[i]) if abs(x[i]) > far else far
@@ -78,7 +78,7 @@ def _farthest(x: Any, length: int) -> float:
 
 @inlined
 def _is_beyond(x: Any, length: int, scene: Any) -> bool:
-    """Tell whether the board tilts or turns farther, or a ball is farther out, than the choice of a method looks at."""
+    """Return whether board or balls are outside the range for which the method was chosen."""
     slow = abs(x[3]) * TICK_SECONDS <= MOST_TURN
     return not (slow and abs(x[2]) <= LARGEST_TILT and _farthest(x, length) <= 2.0 * scene["l"])
 
@@ -90,8 +90,9 @@ def make_audit(PARTS: Parts, LENGTH: int) -> Callable[[Array, Array, Array, Arra
     Returns
     -------
     callable
-        ``audit(before, after, hands, scenes, sums)`` adds to `sums`, of shape (blocks, SUMS, LANES), what the step from
-        one state to the other did. Flows are integrated by Simpson's rule, with the cubic between both states.
+        ``audit(before, after, hands, scenes, sums)`` adds to `sums`, of shape (blocks, SUMS, LANES), the energies of
+        the step from one state to the other. Flows are integrated by Simpson's rule, with the cubic between both
+        states.
     """
 
     @fast

@@ -1,7 +1,7 @@
-"""Random scenes and hands for the soak: a thousand dyads at once, as in `netboard.benchmarks.physics.batch`.
+"""Random scenes and hands for the soak: a thousand dyads in a batch (`netboard.benchmarks.physics.batch`).
 
-Scenes are drawn from all that a configuration may say, and kept if the automatic choice steps them by RK4, once a tick.
-Hands rest, wave, jump, tremble, are quantised and freeze, and are held between samples in any of the ways there are.
+Scenes are drawn from all valid configurations, and kept if the automatic choice is RK4 with one step per tick. Hands
+rest, oscillate, jump, tremble, are quantised or freeze, with every kind of extrapolation between samples.
 """
 
 import math
@@ -32,7 +32,7 @@ KINDS = {
 }
 
 DYADS = 16 * LANES
-"""Simulations at once [1]."""
+"""Simulations in a batch [1]."""
 
 RANGE = 0.075
 """Styluses stay within +- this [m]."""
@@ -50,12 +50,12 @@ _SHAKE_COS, _SHAKE_SIN = math.cos(SHAKE * TICK_SECONDS), math.sin(SHAKE * TICK_S
 
 
 def _spread(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number of any magnitude in a range."""
+    """Draw a number in a range, log-uniformly."""
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
 
 def draw_scene(rng: np.random.Generator, kind: Physics) -> Physics:
-    """Draw a scene that the automatic choice steps by RK4, once a tick."""
+    """Draw a scene for which the automatic choice is RK4 with one step per tick."""
     while True:
         physics = replace(
             kind,
@@ -77,7 +77,7 @@ def draw_scene(rng: np.random.Generator, kind: Physics) -> Physics:
 
 
 def _is_chosen(physics: Physics) -> bool:
-    """Tell whether a scene is stepped by RK4, once a tick."""
+    """Return whether the automatic choice for a scene is RK4 with one step per tick."""
     try:
         choice = choose(physics, TICK_SECONDS)
     except ConfigError:
@@ -86,7 +86,7 @@ def _is_chosen(physics: Physics) -> bool:
 
 
 def draw_hands(rng: np.random.Generator, hand: Array, share: float) -> None:
-    """Give some hands something else to do; those of them that change place jump."""
+    """Change the behaviour of some hands; those that change position jump."""
     shape = (len(hand), LANES)
     rate, phase = 2.0 * np.pi * rng.uniform(0.2, 5.0, shape), rng.uniform(0.0, 2.0 * np.pi, (2, *shape))
     hold = rng.integers(0, 3, shape)
@@ -107,7 +107,7 @@ def draw_hands(rng: np.random.Generator, hand: Array, share: float) -> None:
 
 @fast
 def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
-    """Move one hand of every dyad on by a tick, and write the polynomials of its drive.
+    """Advance one hand of every dyad by a tick, and write the polynomials of its drive.
 
     - `side`: 0 for the left one, 1 for the right one [1].
     """

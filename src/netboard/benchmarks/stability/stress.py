@@ -1,6 +1,6 @@
 """Scenes that are hard on a method: stiff couplings, large tilts, no damping, ends of the board, and perfect rest.
 
-Every part compares with steps so short that nothing is left of their error, or with what must be so in theory.
+Every part compares with a reference with short steps, or with theory.
 """
 
 import math
@@ -37,10 +37,10 @@ STEPPED = (
     ("etd2rk", TICK_SECONDS),
     ("etdrk4", TICK_SECONDS),
 )
-"""Methods and steps that are tried on them [s]."""
+"""Methods and steps under comparison [s]."""
 
 FELT = 0.02
-"""A force error that no hand feels and no device renders [N]."""
+"""Force error below the resolution of hands and devices [N]."""
 
 TILTS_DEG = (8.0, 17.0, 35.0, 49.0)
 
@@ -56,14 +56,14 @@ def settled(physics: Physics) -> State:
 
 
 def _fine(physics: Physics) -> float:
-    """Return a step of the reference method, a whole share of a tick."""
+    """Return the step of the reference method, which divides a tick."""
     return TICK_SECONDS / max(math.ceil(stiffness(board_matrix(physics), TICK_SECONDS)), 8)
 
 
 def force_error(physics: Physics, method: str, h: float, x: State, forces: Array) -> float:
     """Return the largest error of the hands' forces over the test motion.
 
-    - `h`: length of its step, a whole share of a tick [s].
+    - `h`: step length, which divides a tick [s].
     """
     with np.errstate(invalid="ignore", over="ignore"):
         worst = float(np.abs(make_run(physics, method, h, DURATION, x).forces - forces).max())
@@ -111,7 +111,7 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
 
 
 def _list(wrong: Sequence[str]) -> str:
-    """Write what is wrong."""
+    """List the failures."""
     return "; ".join(wrong) if wrong else "in every case"
 
 
@@ -119,7 +119,7 @@ def _list(wrong: Sequence[str]) -> str:
 
 
 def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text, share: None) -> Part:
-    """Compare rk4 and etdrk4, which solves the level board, where the board tilts far."""
+    """Compare rk4 and etdrk4, which is exact for the level board, at large tilts."""
     physics = Physics()
     z, _ = styluses_at(np.arange(0.0, DURATION, TICK_SECONDS))
     reach = float(np.abs(z[:, 1] - z[:, 0]).max()) / 2
@@ -155,7 +155,7 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
 
 
 def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) -> Part:
-    """Let a ball run into stops, and see that it stays between them and no blow adds energy."""
+    """Let a ball hit stops, and check that it stays between them and no impact adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
     rows: list[tuple[Value, ...]] = []
     outside, gained, least = 0.0, 0.0, math.inf

@@ -27,7 +27,7 @@ OFFSETS, QUICK_OFFSETS = 20, 5
 """Number of start positions within an encoder step, for each movement [1]."""
 
 UPDATES, QUICK_UPDATES = 100_000, 10_000
-"""Number of updates in one timing, of which the fastest of `GOES` counts [1]."""
+"""Number of updates in one timing; the fastest of `GOES` timings counts [1]."""
 
 GOES = 5
 
@@ -35,7 +35,7 @@ SECONDS, QUICK_SECONDS = 8.0, 3.0
 """Length of a run with delayed forces [s]."""
 
 RUN_UP = 100
-"""Samples that an estimator gets before it is judged [1]."""
+"""Samples before the measurement starts [1]."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ SINE = _wave("10 Hz", 0.002, 10.0)
 
 
 def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array]:
-    """Follow a movement."""
+    """Return the errors of an estimator on a movement."""
     t = np.arange(movement.samples, dtype=np.float64) * TICK_SECONDS
     rate = movement.rate(t)
     found = []
@@ -100,13 +100,13 @@ def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array
 
 
 def follow(meter: Estimator, heights: Array) -> Array:
-    """Let an estimator follow heights that are read each tick."""
+    """Return the estimates for heights that are read each tick."""
     said = [meter.update(k * TICK_NS, 0.0, 0.0, z)[2] for k, z in enumerate(heights.tolist())]
     return np.array(said)
 
 
 def time_of(kind: str, updates: int) -> float:
-    """Time an update, on a stylus that moves on all axes."""
+    """Return the duration of an update, for a stylus that moves on all axes."""
     t = TICK_SECONDS * np.arange(updates)
     path = np.round(0.02 * np.sin(np.outer(t, (3.0, 5.0, 7.0))) / TOUCH.resolution) * TOUCH.resolution
     samples = [(k * TICK_NS, *place) for k, place in enumerate(path.tolist())]
@@ -197,7 +197,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def draw(found: Part, late: Part) -> Any:
-    """Draw errors on a reach and on a sine, and for each estimator its noise beside the delay it leaves."""
+    """Draw errors on a reach and on a sine, and for each estimator its noise and the largest stable delay."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

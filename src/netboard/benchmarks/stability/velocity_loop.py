@@ -28,17 +28,17 @@ START = 0.01
 """Distance of the mass from its equilibrium at the release [m]."""
 
 LARGEST = 60
-"""Longest delay that is tried [ms]."""
+"""Largest delay tried [ms]."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A mass and what holds it.
+    """A mass on a virtual coupling.
 
     - `mass`: the mass [kg].
-    - `b`: its own damping [N s/m].
-    - `stiffness`: of the coupling [N/m].
-    - `damping`: of the coupling [N s/m].
+    - `b`: damping of the device [N s/m].
+    - `stiffness`: stiffness of the coupling [N/m].
+    - `damping`: damping of the coupling [N s/m].
     """
 
     mass: float
@@ -47,7 +47,7 @@ class Loop:
     damping: float
 
     def step(self) -> tuple[Array, Array]:
-        """Return what a tick makes of place and velocity, and what a force held through it adds."""
+        """Return the matrices of a tick for position and velocity, and for a constant force."""
         t, m, b = TICK_SECONDS, self.mass, self.b
         if b == 0.0:
             return np.array([[1.0, t], [0.0, 1.0]]), np.array([t * t / (2.0 * m), t / m])
@@ -57,7 +57,7 @@ class Loop:
 
 
 def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
-    """Write an estimator as a linear system: state after = A state + B place, velocity = C state + D place."""
+    """Return an estimator as a linear system: next state = A state + B position, velocity = C state + D position."""
     if kind in ("difference", "chai3d"):
         n = 1 if kind == "difference" else WINDOW_NS // TICK_NS
         span = n * TICK_SECONDS
@@ -72,7 +72,7 @@ def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
 
 
 def radius_of(loop: Loop, kind: str, delay: int) -> float:
-    """Find the spectral radius of the whole loop; what is at rest stays so if it is below 1."""
+    """Return the spectral radius of the whole loop, which is stable below 1."""
     by_itself, by_force = loop.step()
     a, b, c, d = linear_estimator(kind) if kind != IDEAL else (np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
     inner = len(b)
@@ -95,7 +95,7 @@ def radius_of(loop: Loop, kind: str, delay: int) -> float:
 
 
 def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
-    """Return whether the mass, let go, swings less in the last quarter, with the estimator itself and encoder steps."""
+    """Return whether the released mass swings less in the last quarter, in a run with encoder steps."""
     meter = KINDS[kind](TOUCH.resolution) if kind != IDEAL else None
     ((_, xv), (_, vv)), (xf, vf) = (part.tolist() for part in loop.step())
     x, v, largest = START, 0.0, 0.0
@@ -115,17 +115,17 @@ def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
 
 
 def largest_delay(loop: Loop, kind: str) -> int:
-    """Find the largest delay at which the whole loop is stable, by its eigenvalues."""
+    """Return the largest delay at which the loop is stable, by its eigenvalues."""
     return _largest(lambda delay: radius_of(loop, kind, delay) < 1.0)
 
 
 def largest_played(loop: Loop, kind: str, seconds: float) -> int:
-    """Find the largest delay at which it settles in a run."""
+    """Return the largest delay at which a run settles."""
     return _largest(lambda delay: settles(loop, kind, delay, seconds))
 
 
 def _largest(holds: Callable[[int], bool]) -> int:
-    """Find the last delay before the first one that does not hold [ms]."""
+    """Return the last stable delay before the first unstable one [ms]."""
     delay = -1
     while delay < LARGEST and holds(delay + 1):
         delay += 1
