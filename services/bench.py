@@ -317,9 +317,9 @@ def analysis(
         _run("calibration", simulations, output, json, quick=quick, force=force)
         return
     if truth:
-        from netboard.benchmarks.analysis.truth_table import study as known_trials
+        from netboard.benchmarks.analysis.ground_truth_bench import study as ground_truth
 
-        _run("truth", known_trials, output, json, quick=quick, force=force)
+        _run("truth", ground_truth, output, json, quick=quick, force=force)
         return
     if sensitivity:
         from netboard.services import sensitivity as service

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.analysis.bench import study
+from netboard.benchmarks.analysis.sensitivity_bench import study
 from netboard.benchmarks.harness.results import Folder, new_folder
 from netboard.benchmarks.harness.running import run
 from netboard.nodes.rehearsal import session as rehearsal

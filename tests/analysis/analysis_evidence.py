@@ -1,11 +1,11 @@
-"""What shows that each measure can be trusted, as the tests say by their marks; read from the source, nothing is run.
+"""The evidence for each measure, from the marks of its tests; the sources are parsed, no test runs.
 
     @pytest.mark.evidence("truth", delays)
     @pytest.mark.evidence("independent", lag_of, by="scipy")
     @pytest.mark.evidence("properties", delays, contributions, of=("time", "mirror"))
     @pytest.mark.evidence("disturbance", delays)
 
-The page docs/explanation/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is
+The page docs/explanation/analysis-evidence.md is generated from it, and test_analysis_evidence.py fails if evidence is
 missing.
 """
 
@@ -36,15 +36,15 @@ KINDS = {
     "properties": ("time", "mirror", "unit", "constant", "rate", "order", "balance"),
     "disturbance": ("noise", "holes"),
 }
-"""Kinds of evidence, and the words that say more of each."""
+"""Kinds of evidence, and the details that a mark may name."""
 
-SAYING = {"independent": "by", "properties": "of", "disturbance": "of"}
-"""Name of the argument that says more."""
+DETAILS = {"independent": "by", "properties": "of", "disturbance": "of"}
+"""Name of the argument that holds the details."""
 
-CHECKS = "checks what it is given, and computes nothing"
+CHECKS = "only checks its arguments"
 NO_SAMPLES = "takes no samples"
-PART = "is a part of the models, and shown with them"
-COMMON = "is a part of all statistics, and shown with them"
+PART = "part of the models: tested with them"
+COMMON = "part of all statistics: tested with them"
 WITHOUT = {
     **{("signals.paired", kind): CHECKS for kind in ("truth", "properties", "disturbance")},
     **{
@@ -71,37 +71,37 @@ WITHOUT = {
         for kind in ("truth", "properties", "disturbance")
     },
     **{
-        (f"firth.{name}", "disturbance"): "takes what has a value; the models leave out trials without one"
+        (f"firth.{name}", "disturbance"): "the models leave out trials without a value"
         for name in ("firth_fit", "profile_interval")
     },
-    ("restricted.restricted_fit", "disturbance"): "takes the trials that have a value: the models leave out the others",
+    ("restricted.restricted_fit", "disturbance"): "the models leave out trials without a value",
     **{
         (
             f"small_samples.{name}",
             "disturbance",
-        ): "takes what the fit leaves; the models leave out trials without a value"
+        ): "the models leave out trials without a value"
         for name in ("satterthwaite_freedom", "kenward_roger_freedom", "kenward_roger_covariance")
     },
-    ("contrasts.holm", "properties"): "takes a few probabilities, in the order in which they come back",
+    ("contrasts.holm", "properties"): "returns p-values in the order of its input",
     ("contrasts.holm", "disturbance"): NO_SAMPLES,
-    ("signals.runs", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",
-    ("signals.lasting", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",
+    ("signals.runs", "disturbance"): "takes Boolean values; the caller decides about gaps",
+    ("signals.lasting", "disturbance"): "takes Boolean values; the caller decides about gaps",
     ("signals.lasts", "disturbance"): NO_SAMPLES,
     ("signals.ticks_of", "disturbance"): NO_SAMPLES,
-    ("performance.running_number", "disturbance"): "takes labels",
+    ("performance.running_number", "disturbance"): "takes labels, no samples",
     ("performance.window_sizes", "disturbance"): NO_SAMPLES,
-    ("ellipses.groups_of", "disturbance"): "takes numbers of trials",
-    ("task.falls", "disturbance"): "takes words",
+    ("ellipses.groups_of", "disturbance"): "takes trial numbers, no samples",
+    ("task.falls", "disturbance"): "takes outcomes, no samples",
     ("passive.passive_ratio", "disturbance"): NO_SAMPLES,
     ("effect_sizes.hedges_factor", "disturbance"): NO_SAMPLES,
-    ("effect_sizes.hedges_factor", "properties"): "takes one whole number",
+    ("effect_sizes.hedges_factor", "properties"): "takes one integer",
 }
-"""What a function has no evidence of, and why it needs none."""
+"""Kinds of evidence that a function does not need, and the reason."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """That a test shows something of a function."""
+    """Evidence for a function that a test gives."""
 
     function: str
     kind: str
@@ -111,7 +111,7 @@ class Evidence:
 
 
 def public_functions() -> dict[str, list[str]]:
-    """What there is to be shown, by module: public functions, and classes whose instances are called."""
+    """List public functions, and classes with callable instances, by module."""
     found = {}
     for path in sorted((path for room in ROOMS for path in (PACKAGE / room).glob("*.py")), key=lambda path: path.stem):
         nodes = ast.parse(path.read_text(encoding="utf-8")).body
@@ -128,12 +128,12 @@ def _is_measure(node: ast.stmt) -> bool:
 
 
 def all_evidence() -> list[Evidence]:
-    """All marks of all tests of this folder."""
+    """Return the evidence marks of all tests of this folder."""
     return [one for path in sorted(TESTS.glob("test_*.py")) for one in _evidence_in(path)]
 
 
 def _evidence_in(path: Path) -> list[Evidence]:
-    """Marks of the tests in one file."""
+    """Return the evidence marks in one file."""
     nodes = ast.parse(path.read_text(encoding="utf-8")).body
     modules = {
         alias.asname or alias.name: f"{node.module.rpartition('.')[2]}.{alias.name}"
@@ -147,14 +147,14 @@ def _evidence_in(path: Path) -> list[Evidence]:
             if isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.evidence":
                 kind, *functions = mark.args
                 of = ast.literal_eval(kind)
-                said = [ast.literal_eval(keyword.value) for keyword in mark.keywords if keyword.arg == SAYING.get(of)]
+                said = [ast.literal_eval(keyword.value) for keyword in mark.keywords if keyword.arg == DETAILS.get(of)]
                 words = tuple(word for one in said for word in ([one] if isinstance(one, str) else one))
                 found += [Evidence(modules[ast.unparse(one)], of, words, path.name, node.name) for one in functions]
     return found
 
 
 def table() -> str:
-    """Write the matrix: how many functions have what, then a section for each module and a row for each function."""
+    """Write the number of functions with each kind of evidence, then a section for each module."""
     evidence = all_evidence()
     sections = [_counts(evidence)]
     for module, names in public_functions().items():
@@ -167,11 +167,11 @@ def table() -> str:
 
 
 def _counts(evidence: list[Evidence]) -> str:
-    """Say how many functions have each kind of evidence, and from how many tests."""
+    """Count the functions with each kind of evidence, and the tests."""
     functions = sum(map(len, public_functions().values()))
-    having = [f"{len({one.function for one in evidence if one.kind == kind})} have {kind}" for kind in KINDS]
+    counts = [f"{kind} for {len({one.function for one in evidence if one.kind == kind})}" for kind in KINDS]
     tests = len({(one.file, one.test) for one in evidence})
-    return f"{functions} functions: {', '.join(having)}; by {tests} tests."
+    return f"{functions} functions; evidence from {tests} tests: {', '.join(counts)}."
 
 
 def _cell(function: str, kind: str, evidence: list[Evidence]) -> str:

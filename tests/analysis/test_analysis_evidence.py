@@ -3,7 +3,7 @@
 from collections import Counter
 
 import pytest
-from analysis_evidence import KINDS, SAYING, WITHOUT, all_evidence, public_functions, table
+from analysis_evidence import DETAILS, KINDS, WITHOUT, all_evidence, public_functions, table
 from hypothesis import settings
 
 PROFILE = settings.default
@@ -26,7 +26,7 @@ def test_marks_are_of_functions_and_in_the_words_that_there_are() -> None:
     for one in EVIDENCE:
         assert one.function in FUNCTIONS, one
         assert set(one.words) <= set(KINDS[one.kind]), one
-        assert bool(one.words) == (one.kind in SAYING), one
+        assert bool(one.words) == (one.kind in DETAILS), one
     assert [one for one, count in Counter(EVIDENCE).items() if count > 1] == []
 
 

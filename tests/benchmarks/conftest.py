@@ -1,4 +1,4 @@
-"""The scenes and the independent equations of tests/physics serve here too."""
+"""Makes the scenes and the independent equations of tests/physics importable."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A dyad that has rehearsed the paper's plan, shortened."""
+"""Recordings of a dyad that rehearsed a shortened plan of the paper."""
 
 from pathlib import Path
 
@@ -9,6 +9,6 @@ from netboard.task.studies.study import paper_study
 
 
 def rehearsed_plan(folder: Path, trials: int, blocks: int | None = None) -> list[Path]:
-    """Recordings of the first blocks of the first dyad, in order."""
+    """Rehearse the first blocks of the first dyad; return the recordings in order."""
     wanted = list(shortened(blocks_of(Config(), paper_study(), 1, 1), blocks, trials))
     return [Path(rehearse(job).recording) for job in jobs_of(wanted, 1, 1, folder)]

@@ -1,4 +1,4 @@
-"""The simulated calibration of tests: each p is that of the analysis itself, and the tables say what was counted."""
+"""False positive rate and power of the tests in simulated studies: p-values, random errors and tables."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ from netboard.benchmarks.analysis.calibration import (
     TERMS,
     TRIALS,
     Setting,
-    differences_alone,
     differences_part,
+    p_of_differences,
     settings,
     share,
     simulated,
@@ -30,16 +30,16 @@ from netboard.services.cli import app
 
 
 @pytest.mark.parametrize("errors", ["normal", "skewed"])
-def test_p_values_are_those_of_the_models_of_a_study(errors: str) -> None:
+def test_p_values_equal_those_of_the_analysis(errors: str) -> None:
     setting, seed = Setting(4, errors, 0.3), (3, 1)
     found = simulated(setting, 2, seed)
     rng = np.random.default_rng(seed)
-    dyad, performer, felt, trial = (index.ravel() for index in np.indices((4, 3, 2, TRIALS)))
+    dyad, performer, haptics_on, trial = (index.ravel() for index in np.indices((4, 3, 2, TRIALS)))
     for number in range(2):
         times = calibration._drawn(rng, setting)
         for place, effect in enumerate((0.0, EFFECT)):
-            log = times.ravel() + effect * (felt - 0.5)
-            factors = paper_factors(felt == 1, performer == 2)
+            log = times.ravel() + effect * (haptics_on - 0.5)
+            factors = paper_factors(haptics_on == 1, performer == 2)
             model = log_time_model(np.exp(log), dyad, performer, factors, trial + 1)
             haptics = model.effect("haptics")
             expected = [haptics.p, *(haptics.by(method).p for method in METHODS[1:3])]
@@ -52,7 +52,7 @@ def test_p_values_are_those_of_the_models_of_a_study(errors: str) -> None:
         assert found[0, 1, 2, number] == pytest.approx(interaction.by("Kenward-Roger").p, rel=1e-4)
 
 
-def test_a_seed_gives_the_same_studies_again_and_another_one_others() -> None:
+def test_studies_depend_on_the_seed_only() -> None:
     setting = Setting(4, "t4", 0.08)
     one, again, other = (simulated(setting, 2, seed) for seed in ((1, 0), (1, 0), (1, 100)))
     assert np.array_equal(one, again)
@@ -74,14 +74,14 @@ def test_successive_trials_are_correlated_where_they_should_be() -> None:
 
 
 @pytest.mark.slow
-def test_skewed_differences_break_the_permutation_test_and_symmetric_ones_do_not() -> None:
-    skewed, normal = (differences_alone(8, errors, 3000, (1,))[1] for errors in ("skewed", "normal"))
+def test_permutation_test_is_liberal_for_skewed_differences_only() -> None:
+    skewed, normal = (p_of_differences(8, errors, 3000, (1,))[1] for errors in ("skewed", "normal"))
     assert (skewed <= 0.05).mean() > 0.12
     assert (normal <= 0.05).mean() == pytest.approx(0.047, abs=0.016)
     assert "skewed" in {row[1] for row in differences_part(400).rows}
 
 
-def test_tables_have_a_row_for_each_kind_of_study_and_a_share_with_its_interval() -> None:
+def test_table_has_a_row_for_each_setting_and_confidence_intervals() -> None:
     counts = {setting: np.full((2, len(TERMS), len(METHODS)), 100.0) for setting in settings()}
     part = table_part(counts, 2000, 0, 0)
     assert len(part.rows) == len(DYADS) * len(ERRORS) * 2

@@ -1,4 +1,4 @@
-"""Noise, steps, lost and late samples do what they say."""
+"""Disturbances of recordings: noise, quantisation, lost samples, lower rates, jitter and offsets."""
 
 import pickle
 
@@ -13,12 +13,12 @@ from netboard.benchmarks.analysis.disturbances import (
     HANDS,
     RATES,
     TILT,
+    downsampled,
     jitter,
     lost,
     noise,
     offset,
-    slower,
-    steps,
+    quantised,
 )
 
 COUNT = 200_000
@@ -35,7 +35,7 @@ def generator() -> np.random.Generator:
     return np.random.default_rng(1)
 
 
-def test_noise_has_its_deviation_no_mean_and_no_memory(columns, generator) -> None:
+def test_noise_is_white_with_zero_mean_and_the_given_deviation(columns, generator) -> None:
     found = noise(columns, generator, names=HANDS, deviation=2e-4)
     assert set(found) == set(HANDS)
     for name in HANDS:
@@ -47,18 +47,16 @@ def test_noise_has_its_deviation_no_mean_and_no_memory(columns, generator) -> No
 
 
 @pytest.mark.slow
-def test_steps_are_multiples_and_at_most_half_a_step_away(columns, generator) -> None:
-    found = steps(columns, generator, names=HANDS[:1], step=5.5e-5)
+def test_quantised_values_are_the_nearest_multiples(columns, generator) -> None:
+    found = quantised(columns, generator, names=HANDS[:1], step=5.5e-5)
     assert set(found) == {HANDS[0]}
     counts = found[HANDS[0]] / 5.5e-5
     assert counts == pytest.approx(np.round(counts), abs=1e-6)
     assert np.abs(found[HANDS[0]] - columns[HANDS[0]]).max() <= 5.5e-5 / 2 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(("share", "length", "together"), [(0.01, 0.0, 1), (0.01, 0.01, 10), (0.05, 0.05, 50)])
-def test_samples_are_lost_in_all_columns_at_once(
-    columns, generator, share: float, length: float, together: int
-) -> None:
+@pytest.mark.parametrize(("share", "length", "width"), [(0.01, 0.0, 1), (0.01, 0.01, 10), (0.05, 0.05, 50)])
+def test_samples_are_lost_in_all_columns_at_once(columns, generator, share: float, length: float, width: int) -> None:
     found = lost(columns, generator, share=share, length=length)
     gone = np.isnan(found["p"])
     assert set(found) == set(columns)
@@ -68,11 +66,11 @@ def test_samples_are_lost_in_all_columns_at_once(
         assert np.array_equal(values[~gone], columns[name][~gone])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], gone, [False]]).astype(int)))
     inner = np.diff(edges.reshape(-1, 2), axis=1).ravel()[:-1]
-    assert inner.min() == together
-    assert np.median(inner) == together
+    assert inner.min() == width
+    assert np.median(inner) == width
 
 
-def test_bridged_holes_are_straight_lines(columns, generator) -> None:
+def test_bridged_gaps_are_linearly_interpolated(columns, generator) -> None:
     found = lost(columns, generator, share=0.01, bridged=True)["p"]
     gone = np.isnan(lost(columns, np.random.default_rng(1), share=0.01)["p"])
     alone = np.flatnonzero(gone[1:-1] & ~gone[:-2] & ~gone[2:]) + 1
@@ -80,16 +78,16 @@ def test_bridged_holes_are_straight_lines(columns, generator) -> None:
     assert found[alone] == pytest.approx((columns["p"][alone - 1] + columns["p"][alone + 1]) / 2, abs=1e-15)
 
 
-def test_holes_that_are_too_long_are_not_bridged(columns, generator) -> None:
+def test_long_gaps_are_not_bridged(columns, generator) -> None:
     found = lost(columns, generator, share=0.05, length=0.05, bridged=True)
     assert np.isnan(found["p"]).mean() == pytest.approx(0.05, rel=0.15)
 
 
 @pytest.mark.parametrize(("rate", "every"), [(500, 2), (250, 4), (100, 10)])
-def test_a_lower_rate_keeps_every_nth_sample_and_draws_lines_between(
+def test_downsampling_keeps_every_nth_sample_and_interpolates_linearly(
     columns, generator, rate: float, every: int
 ) -> None:
-    found = slower(columns, generator, rate=rate)
+    found = downsampled(columns, generator, rate=rate)
     for name, values in found.items():
         assert values.size == COUNT
         assert np.array_equal(values[::every], columns[name][::every])
@@ -97,13 +95,13 @@ def test_a_lower_rate_keeps_every_nth_sample_and_draws_lines_between(
         assert np.abs(np.diff(whole, 2)[np.arange(whole.size - 2) % every != every - 1]).max() < 1e-15
 
 
-def test_a_rate_that_is_no_whole_part_is_refused(columns, generator) -> None:
+def test_a_rate_that_does_not_divide_1_khz_is_refused(columns, generator) -> None:
     with pytest.raises(ValueError, match="300 Hz"):
-        slower(columns, generator, rate=300)
+        downsampled(columns, generator, rate=300)
 
 
 @pytest.mark.slow
-def test_jitter_moves_a_ramp_by_its_slope_in_all_columns_alike(generator) -> None:
+def test_jitter_shifts_all_columns_by_the_same_times(generator) -> None:
     ramp = {name: slope * np.arange(COUNT) / RATE for name, slope in (("p", 0.1), ("theta", -0.3))}
     found = jitter(ramp, generator, deviation=1e-3)
     inner = slice(100, -100)
@@ -112,12 +110,12 @@ def test_jitter_moves_a_ramp_by_its_slope_in_all_columns_alike(generator) -> Non
     assert (found["theta"] - ramp["theta"])[inner] / -0.3 == pytest.approx(late, abs=1e-9)
 
 
-def test_an_offset_is_one(columns, generator) -> None:
+def test_an_offset_is_constant(columns, generator) -> None:
     found = offset(columns, generator, names=HANDS[:1], by=5e-3)
     assert found[HANDS[0]] - columns[HANDS[0]] == pytest.approx(5e-3)
 
 
-def test_disturbances_leave_what_was_recorded_and_can_be_sent_to_another_process(columns) -> None:
+def test_disturbances_change_copies_only_and_can_be_pickled(columns) -> None:
     before = {name: values.copy() for name, values in columns.items()}
     for one in DISTURBANCES:
         found = pickle.loads(pickle.dumps(one)).change(columns, np.random.default_rng(3))
@@ -126,11 +124,11 @@ def test_disturbances_leave_what_was_recorded_and_can_be_sent_to_another_process
     assert all(np.array_equal(before[name], columns[name]) for name in columns)
 
 
-def test_nothing_disturbs_nothing(columns, generator) -> None:
+def test_disturbances_of_zero_size_change_nothing(columns, generator) -> None:
     for found in (
         noise(columns, generator, names=BALL, deviation=0.0),
         lost(columns, generator, share=0.0),
-        slower(columns, generator, rate=RATE),
+        downsampled(columns, generator, rate=RATE),
         jitter(columns, generator, deviation=0.0),
         offset(columns, generator, names=HANDS, by=0.0),
     ):

@@ -1,21 +1,21 @@
-"""The list of the paper's open questions."""
+"""The list of the paper's open questions and the random paths through them."""
 
 import pytest
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.base.errors import ConfigError
-from netboard.benchmarks.analysis.multiverse import BEYOND, draw
-from netboard.benchmarks.analysis.readings import AMBIGUITIES, PAIRS, Alternative, ambiguity, readings_of
+from netboard.benchmarks.analysis.multiverse import EXCLUDED, random_paths
+from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, PAIRS, Alternative, ambiguity, readings_of
 
 ALTERNATIVES = [(one.name, other) for one in AMBIGUITIES for other in one.alternatives]
 
 
-def test_every_question_of_the_analysis_is_there_once() -> None:
+def test_every_question_is_listed_once() -> None:
     names = [one.name for one in AMBIGUITIES]
     assert names == [f"A{number}" for number in range(1, 33)] + ["B5", "E4", "E5"]
 
 
-def test_a_question_has_other_answers_or_a_reason_for_none() -> None:
+def test_a_question_has_alternatives_or_a_reason_for_none() -> None:
     for one in AMBIGUITIES:
         assert bool(one.alternatives) != bool(one.reason), one.name
         assert one.question
@@ -24,7 +24,7 @@ def test_a_question_has_other_answers_or_a_reason_for_none() -> None:
 
 
 @pytest.mark.parametrize(("name", "other"), ALTERNATIVES, ids=[f"{name} {other.name}" for name, other in ALTERNATIVES])
-def test_an_alternative_is_a_setting_that_is_not_the_default(name: str, other: Alternative) -> None:
+def test_an_alternative_differs_from_the_default(name: str, other: Alternative) -> None:
     assert readings_of(other.settings) != Readings(), name
     for setting in other.settings:
         assert readings_of((setting,)) != Readings(), setting
@@ -35,7 +35,7 @@ def test_no_two_alternatives_are_the_same() -> None:
     assert len({repr(readings) for readings in found}) == len(found)
 
 
-def test_settings_go_before_those_of_the_base() -> None:
+def test_settings_override_those_of_the_base() -> None:
     found = readings_of(("peaks.window=whole",), ("peaks.window=to_completion", "summaries.ends=5"))
     assert found.peaks.window == "whole"
     assert found.summaries.ends == 5
@@ -46,7 +46,7 @@ def test_an_unknown_setting_is_refused() -> None:
         readings_of(("peaks.windows=whole",))
 
 
-def test_pairs_touch_the_same_numbers() -> None:
+def test_pairs_affect_the_same_numbers() -> None:
     for one, other in PAIRS:
         assert set(ambiguity(one).touches) & set(ambiguity(other).touches)
         assert ambiguity(one).alternatives
@@ -59,23 +59,23 @@ def test_an_unknown_question_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_paths_are_drawn_from_all_likely_answers_and_from_their_seed() -> None:
-    paths = draw((), 10, 10, 4)
-    assert paths == draw((), 10, 10, 4)
-    assert paths != draw((), 10, 10, 4, seed=2)
-    assert len(paths.measured) == len(paths.summed_up) == 100
+def test_paths_cover_all_likely_answers_and_depend_on_the_seed_only() -> None:
+    paths = random_paths((), 10, 10, 4)
+    assert paths == random_paths((), 10, 10, 4)
+    assert paths != random_paths((), 10, 10, 4, seed=2)
+    assert len(paths.measured) == len(paths.summaries) == 100
     assert len({repr(one.filters) for one in paths.measured}) <= 10
-    for one, ways in zip(paths.measured, paths.summed_up, strict=True):
-        assert all((way.filters, way.delays, way.peaks) == (one.filters, one.delays, one.peaks) for way in ways)
-    seen = {setting for one in (*paths.measured, *sum(paths.summed_up, ())) for setting in _settings(one)}
+    for one, variants in zip(paths.measured, paths.summaries, strict=True):
+        assert all((way.filters, way.delays, way.peaks) == (one.filters, one.delays, one.peaks) for way in variants)
+    seen = {setting for one in (*paths.measured, *sum(paths.summaries, ())) for setting in _settings(one)}
     for one in AMBIGUITIES:
         for other in one.alternatives:
-            expected = other.likely and one.name not in BEYOND
+            expected = other.likely and one.name not in EXCLUDED
             assert all(setting in seen for setting in other.settings) == expected, (one.name, other.name)
 
 
 def _settings(readings: Readings) -> set[str]:
-    """Every setting, as it stands behind --set."""
+    """List all settings as given to --set."""
     tables = ("filters", "completion", "movements", "segments", "delays", "peaks", "strategy", "summaries")
     return {
         f"{table}.{name}={getattr(getattr(readings, table), name)}"
@@ -84,9 +84,9 @@ def _settings(readings: Readings) -> set[str]:
     }
 
 
-def test_there_are_as_many_paths_as_answers_multiply_to() -> None:
-    answers = [1 + sum(other.likely for other in one.alternatives) for one in AMBIGUITIES if one.name not in BEYOND]
+def test_number_of_paths_is_the_product_of_the_numbers_of_answers() -> None:
+    answers = [1 + sum(other.likely for other in one.alternatives) for one in AMBIGUITIES if one.name not in EXCLUDED]
     product = 1
     for count in answers:
         product *= count
-    assert draw((), 1, 1, 1).count == product
+    assert random_paths((), 1, 1, 1).count == product

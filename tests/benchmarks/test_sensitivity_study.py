@@ -1,4 +1,4 @@
-"""All parts of the study of readings and disturbances, on a dyad that rehearsed the plan in short."""
+"""The sensitivity benchmark, on a rehearsed dyad with two trials in each block."""
 
 import json
 from collections import Counter
@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
-from netboard.benchmarks.analysis.bench import asked, chosen, sizes, study
 from netboard.benchmarks.analysis.disturbance_tables import MEASURES
 from netboard.benchmarks.analysis.disturbances import DISTURBANCES
-from netboard.benchmarks.analysis.multiverse import HEADLINES, held
-from netboard.benchmarks.analysis.numbers import STATEMENTS
-from netboard.benchmarks.analysis.reading_tables import change, signed
-from netboard.benchmarks.analysis.readings import AMBIGUITIES
+from netboard.benchmarks.analysis.multiverse import HEADLINES, count_holding
+from netboard.benchmarks.analysis.open_questions import AMBIGUITIES
+from netboard.benchmarks.analysis.question_tables import change, signed
+from netboard.benchmarks.analysis.reported_numbers import STATEMENTS
+from netboard.benchmarks.analysis.sensitivity_bench import recordings_to_disturb, study, variants_of, window_settings
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.services.cli import app
 from netboard.services.sensitivity import QUICK
@@ -27,7 +27,7 @@ from netboard.task.studies.study import paper_study
 whole = pytest.mark.daily(1, of="whole analyses", part="sensitivity")
 
 
-def test_what_is_rehearsed_for_the_short_form_has_each_condition_twice() -> None:
+def test_short_study_has_each_condition_twice() -> None:
     dyads, most, trials = QUICK
     for dyad in range(1, dyads + 1):
         blocks = [config.block for config in shortened(blocks_of(Config(), paper_study(), 1, dyad), most, trials)]
@@ -44,10 +44,12 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture(scope="module")
 def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
     folder = Folder(tmp_path_factory.mktemp("results") / "new")
-    heard: list[float] = []
-    found = {part.name: part for part in study(recordings, folder, lambda text, share: heard.append(share), quick=True)}
-    assert heard == sorted(heard)
-    assert 0 < heard[0] <= heard[-1] <= 1
+    shares: list[float] = []
+    found = {
+        part.name: part for part in study(recordings, folder, lambda text, share: shares.append(share), quick=True)
+    }
+    assert shares == sorted(shares)
+    assert 0 < shares[0] <= shares[-1] <= 1
     for kind in ("png", "svg"):
         assert (folder.path / f"analysis-paths.{kind}").stat().st_size > 1000
     folder.write(list(found.values()), {"study": "sensitivity"})
@@ -57,7 +59,7 @@ def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> d
 
 @pytest.mark.slow
 @whole
-def test_every_question_has_a_row_for_each_answer(parts: dict[str, Part]) -> None:
+def test_every_alternative_has_a_row(parts: dict[str, Part]) -> None:
     rows = [(row[0], row[3]) for row in parts["readings"].rows]
     expected = [(one.name, other.name) for one in AMBIGUITIES for other in one.alternatives]
     assert [row for row in rows if row[1] != "none"] == expected
@@ -66,7 +68,7 @@ def test_every_question_has_a_row_for_each_answer(parts: dict[str, Part]) -> Non
 
 @pytest.mark.slow
 @whole
-def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
+def test_alternatives_change_the_expected_numbers(parts: dict[str, Part]) -> None:
     assert parts["readings"].holds
     moved = {(row[0], row[2]): (row[4], row[5]) for row in parts["moved"].rows}
     before, after = moved["A7", "peaks, dyadic, last"]
@@ -77,7 +79,7 @@ def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
     assert after < before
     assert not [name for (question, name) in moved if question in ("A10", "E5")]
     most = {(row[0], row[3]): row[4] for row in parts["readings"].rows}
-    assert most["B5", "all of the ball"] == "none left"
+    assert most["B5", "the whole ball"] == "no value"
 
 
 @pytest.mark.slow
@@ -88,12 +90,14 @@ def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
     assert len(set(names)) == len(names)
     for name, _, value, low, high in parts["numbers"].rows:
         assert low <= high or np.isnan(low), name
-        assert np.isnan(value) or name.startswith(("half", "SD")) or low <= value + abs(value) or high >= value, name
+        assert np.isnan(value) or name.startswith(("half-width", "SD")) or low <= value + abs(value) or high >= value, (
+            name
+        )
 
 
 @pytest.mark.slow
 @whole
-def test_two_answers_add_up_with_their_interaction(parts: dict[str, Part]) -> None:
+def test_joint_effect_is_the_sum_of_single_effects_and_interaction(parts: dict[str, Part]) -> None:
     assert parts["pairs"].rows
     for _, _, base, one, other, both, joint in parts["pairs"].rows:
         assert both == pytest.approx(one + other - base + joint)
@@ -101,7 +105,7 @@ def test_two_answers_add_up_with_their_interaction(parts: dict[str, Part]) -> No
 
 @pytest.mark.slow
 @whole
-def test_paths_and_statements_are_of_all_paths(parts: dict[str, Part]) -> None:
+def test_paths_and_statements_cover_all_paths(parts: dict[str, Part]) -> None:
     assert [row[-1] for row in parts["paths"].rows[:2]] == [16, 16]
     for _, _, least, low, middle, high, most, _, _ in parts["paths"].rows:
         assert np.isnan(least) or least <= low <= middle <= high <= most
@@ -119,21 +123,21 @@ def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str,
     assert parts["forms"].holds
 
 
-def test_sizes_are_the_papers_or_fit() -> None:
-    assert sizes(180) == ("summaries.ends=30", "summaries.group=30")
-    assert sizes(60) == ("summaries.ends=30", "summaries.group=30")
-    assert sizes(9) == ("summaries.ends=4", "summaries.group=3")
-    assert sizes(1) == ("summaries.ends=1", "summaries.group=3")
+def test_windows_are_the_papers_or_as_large_as_fits() -> None:
+    assert window_settings(180) == ("summaries.ends=30", "summaries.group=30")
+    assert window_settings(60) == ("summaries.ends=30", "summaries.group=30")
+    assert window_settings(9) == ("summaries.ends=4", "summaries.group=3")
+    assert window_settings(1) == ("summaries.ends=1", "summaries.group=3")
 
 
-def test_recordings_of_all_conditions_are_needed(recordings: list[Path]) -> None:
-    with pytest.raises(RecordingError, match="none of dyadic with force full, dyadic with force none"):
-        asked(recordings[:2], quick=True)
+def test_a_missing_condition_is_refused(recordings: list[Path]) -> None:
+    with pytest.raises(RecordingError, match="found none of dyadic with force full, dyadic with force none"):
+        variants_of(recordings[:2], quick=True)
 
 
 def test_a_recording_of_each_condition_is_disturbed(recordings: list[Path]) -> None:
-    runs = asked(recordings, quick=True).runs
-    disturbed = [run.config.block for run in runs if run.path in chosen(runs)]
+    runs = variants_of(recordings, quick=True).runs
+    disturbed = [run.config.block for run in runs if run.path in recordings_to_disturb(runs)]
     assert sorted((block.configuration, block.force) for block in disturbed) == [
         ("bimanual", "full"),
         ("bimanual", "none"),
@@ -142,7 +146,7 @@ def test_a_recording_of_each_condition_is_disturbed(recordings: list[Path]) -> N
     ]
 
 
-def test_changes_are_shares_of_what_was() -> None:
+def test_changes_are_relative() -> None:
     assert change(2.0, 3.0) == 0.5
     assert change(-2.0, -3.0) == -0.5
     assert change(float("nan"), float("nan")) == 0.0
@@ -151,12 +155,12 @@ def test_changes_are_shares_of_what_was() -> None:
         "+50 %",
         "+1.2 %",
         "0",
-        "none left",
+        "no value",
         "from 0",
     ]
 
 
-def test_statements_are_counted_where_they_can_be_told() -> None:
+def test_statements_are_counted_where_they_are_defined() -> None:
     names = "completion time, bimanual, first", "completion time, bimanual, last"
 
     class Found(dict[str, float]):
@@ -164,11 +168,11 @@ def test_statements_are_counted_where_they_can_be_told() -> None:
             return float("nan")
 
     paths = [Found(zip(names, pair, strict=True)) for pair in ((5.0, 4.0), (5.0, 6.0), (5.0, float("nan")))]
-    assert held(paths)[0] == (1, 2)
-    assert held(paths)[1] == (0, 0)
+    assert count_holding(paths)[0] == (1, 2)
+    assert count_holding(paths)[1] == (0, 0)
 
 
-def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
+def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
     for words, message in (
         (("--sensitivity", str(tmp_path)), "folder with recordings"),
         (("--sensitivity", "--workers", "2"), "--workers"),

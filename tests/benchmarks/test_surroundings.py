@@ -1,4 +1,4 @@
-"""What surrounds a rig: real links, and a wall clock that can be set; where the machine permits."""
+"""Network links and wall clocks for fault tests; skipped where the machine does not permit them."""
 
 import os
 import socket
@@ -13,30 +13,34 @@ from netboard.benchmarks.faults import links, wall_clock
 
 pytestmark = pytest.mark.integration
 
-TELL = "import time; print(time.time_ns() // 10**9, time.monotonic_ns() // 10**9)"
+PRINT_CLOCKS = "import time; print(time.time_ns() // 10**9, time.monotonic_ns() // 10**9)"
 HOUR = 3600
 
 
 @pytest.mark.skipif(bool(wall_clock.refusal()), reason=wall_clock.refusal())
-def test_the_wall_clock_of_a_process_can_be_set_and_its_monotonic_clock_stays(tmp_path: Path) -> None:
+def test_setting_the_wall_clock_of_a_process_keeps_its_monotonic_clock(tmp_path: Path) -> None:
     clock = wall_clock.WallClock(tmp_path)
     clock.set(HOUR)
-    told = subprocess.run(
-        [sys.executable, "-c", TELL], env=os.environ | clock.environment, capture_output=True, text=True, check=True
+    printed = subprocess.run(
+        [sys.executable, "-c", PRINT_CLOCKS],
+        env=os.environ | clock.environment,
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    wall, monotonic = map(int, told.stdout.split())
+    wall, monotonic = map(int, printed.stdout.split())
     assert abs(wall - HOUR - time.time()) < HOUR / 2
     assert abs(monotonic - time.monotonic()) < HOUR / 2
 
 
 @pytest.mark.skipif(bool(links.refusal()), reason=links.refusal())
-def test_a_station_reaches_the_server_until_its_cable_is_pulled() -> None:
+def test_a_pulled_cable_delays_messages_until_it_is_plugged_in() -> None:
     before = Path("/proc/thread-self/ns/net").readlink()
     with links.Spaces() as spaces, socket.create_server((links.SERVER, 0)) as server:
         assert Path("/proc/thread-self/ns/net").readlink() != before
         server.settimeout(60)
         way = spaces.way("left", server.getsockname()[1])
-        command = [*way.before, sys.executable, "-c", _SAY.format(way.host, way.port)]
+        command = [*way.before, sys.executable, "-c", _STATION.format(way.host, way.port)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0) as station:
             assert station.stdin is not None
             connection, (peer, _) = server.accept()
@@ -55,7 +59,7 @@ def test_a_station_reaches_the_server_until_its_cable_is_pulled() -> None:
     assert Path("/proc/thread-self/ns/net").readlink() == before
 
 
-_SAY = """
+_STATION = """
 import socket, sys
 with socket.create_connection(("{}", {}), 60) as server:
     server.sendall(b"first")

@@ -1,20 +1,20 @@
-"""Trials whose numbers are known beforehand: the analysis finds them."""
+"""The analysis measures synthetic trials with known values correctly."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from netboard.benchmarks.analysis import truth
-from netboard.benchmarks.analysis.truth_table import measured_block, table
+from netboard.benchmarks.analysis import ground_truth
+from netboard.benchmarks.analysis.ground_truth_bench import measured_block, table
 
 
 @pytest.mark.slow
-def test_known_trials_are_measured_as_they_are(tmp_path: Path) -> None:
+def test_measures_of_synthetic_trials_equal_their_known_values(tmp_path: Path) -> None:
     known, found = measured_block(tmp_path, 6, 1)
     part = table(known, [found])
     rows = {str(row[0]): row for row in part.rows}
-    assert "6 count, 1 of them" in part.title
+    assert "6 included, 1 of them" in part.title
     for name in ("completion", "entries", "in_target", "overshoots", "overshoot", "movements of the board"):
         assert rows[name][3] == 100.0, name
     assert rows["completion"][5] == 0.0
@@ -24,10 +24,10 @@ def test_known_trials_are_measured_as_they_are(tmp_path: Path) -> None:
     assert list(found.trials["completion_source"]).count("recording") == 1
 
 
-def test_a_known_trial_does_what_it_says() -> None:
+def test_a_synthetic_trial_ends_with_the_hold_after_its_completion() -> None:
     for short in (False, True):
-        one = truth.trial(np.random.default_rng(3), side=-1, short=short)
+        one = ground_truth.trial(np.random.default_rng(3), side=-1, short=short)
         p = one.columns["p"]
-        assert p[0] == pytest.approx(truth.REACH)
-        assert np.abs(p[-truth.HOLD :] + truth.REACH).max() <= truth.HALF_WIDTH
-        assert p.size == round(one.values["completion"] * truth.RATE) + truth.HOLD + 1 - short
+        assert p[0] == pytest.approx(ground_truth.REACH)
+        assert np.abs(p[-ground_truth.HOLD :] + ground_truth.REACH).max() <= ground_truth.HALF_WIDTH
+        assert p.size == round(one.values["completion"] * ground_truth.RATE) + ground_truth.HOLD + 1 - short

@@ -1,8 +1,8 @@
-"""``netboard bench analysis --calibration``: how often each test of simulated studies rejects, and its power.
+"""``netboard bench analysis --calibration``: false positive rate and power of each test in simulated studies.
 
-A study has two people and their dyad, haptics off and on, `TRIALS` trials each, as in the paper. Without an effect, a
-test at .05 should reject .05 of the studies. The fixed effects do not change the variances that the mixed model finds,
-so an effect that is there is added to the estimates: the same studies give the power.
+Each dyad has two performers alone and both together, haptics off and on, with `TRIALS` trials each, as in the paper. A
+test at .05 should reject in 5 % of the studies without an effect. Fixed effects do not change the variance estimates of
+the mixed model, so an effect is added to the estimates of the same studies to obtain the power.
 """
 
 import os
@@ -36,28 +36,28 @@ DYADS = (4, 8, 16)
 """Numbers of dyads in the simulated studies [1]."""
 
 TRIALS = 30
-"""Trials of a performer per force condition [1]."""
+"""Number of trials of a performer in each haptic condition [1]."""
 
-OF_DYADS, OF_PERFORMERS, OF_TRIALS = 0.2, 0.1, 0.5
-"""Standard deviations of the random effects of dyads and performers, and of trials [log of the time]."""
+SD_DYADS, SD_PERFORMERS, SD_TRIALS = 0.2, 0.1, 0.5
+"""Standard deviations of the random effects of dyads and performers, and of the trials [log of the time]."""
 
 SLOPES = (0.08, 0.3)
-"""Standard deviations of the haptic effect, of dyads and of performers: below and above the trials' noise [log]."""
+"""Small and large standard deviation of the haptic effect between dyads and between performers [log of the time]."""
 
 EFFECT = -0.2
-"""The effect whose power is reported: haptic feedback shortens times by 18 % [log of the time]."""
+"""Effect for which power is reported: haptic feedback shortens times by 18 % [log of the time]."""
 
 LEVEL = 0.05
 """Significance level: a test rejects if p is at most this [1]."""
 
 METHODS = ("careful", "Satterthwaite", "Kenward-Roger", "paired t", "permutation")
-"""The first three are of the mixed model, the others of the dyads' differences."""
+"""The first three test the mixed model, the others the differences of dyads."""
 
 TERMS = ("haptics", "haptics x configuration")
 """Effects under test."""
 
 CORRELATION = 0.5
-"""Correlation of successive trials in the correlated setting [1]."""
+"""Correlation of successive trials with the errors "AR(.5)" [1]."""
 
 Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 
@@ -76,18 +76,18 @@ def _heavy(rng: np.random.Generator, size: tuple[int, ...]) -> Array:
 
 
 ERRORS: dict[str, Draw] = {"normal": _normal, "skewed": _skewed, "t4": _heavy, "AR(.5)": _normal}
-"""Distributions of the deviations, of variance 1; in the last one successive trials are correlated."""
+"""Distributions of the errors, with variance 1; in the last one successive trials are correlated."""
 
-
-ALONE = 5
-"""Number of draws of dyad differences for each simulated study; these draws are cheap [1]."""
+DRAWS = 5
+"""Samples of dyads' differences for each simulated study [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A kind of study.
+    """Parameters of a simulated study.
 
-    - `slopes`: standard deviation of the haptic effect, of dyads and of performers [log of the time].
+    - `errors`: name of the distribution of the errors.
+    - `slopes`: standard deviation of the haptic effect between dyads and between performers [log of the time].
     """
 
     dyads: int
@@ -96,21 +96,21 @@ class Setting:
 
 
 def settings() -> tuple[Setting, ...]:
-    """Return all kinds of studies, smallest first."""
+    """Return all combinations of parameters, the smallest studies first."""
     return tuple(Setting(n, errors, slopes) for n in DYADS for errors in ERRORS for slopes in SLOPES)
 
 
 def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
-    """Simulate studies, and test both terms by every method without and with an effect.
+    """Simulate studies, and test both terms with every method, without and with an effect.
 
-    - returns (shape (2, terms, methods, studies)): p without an effect, then with `EFFECT`; NaN if it has none [1].
+    - returns (shape (2, terms, methods, studies)): p without an effect and with `EFFECT`; NaN if the fit fails [1].
     """
     rng = np.random.default_rng(seed)
     p = np.full((2, len(TERMS), len(METHODS), studies), np.nan)
     gaps = np.empty((len(TERMS), studies, setting.dyads))
     for number in range(studies):
         times = _drawn(rng, setting)
-        p[:, :, :3, number] = _of_model(_design(setting.dyads), times.ravel())
+        p[:, :, :3, number] = _test_model(_model(setting.dyads), times.ravel())
         gaps[:, number] = _differences(times)
     for place, effect in enumerate((0.0, EFFECT)):
         for term in range(len(TERMS)):
@@ -119,34 +119,34 @@ def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
     return p
 
 
-def differences_alone(dyads: int, errors: str, studies: int, seed: tuple[int, ...]) -> Array:
-    """Return p of the t and the permutation test of drawn differences of dyads, shape (2, studies) [1]."""
+def p_of_differences(dyads: int, errors: str, studies: int, seed: tuple[int, ...]) -> Array:
+    """Return p of the t test and the permutation test for random differences of dyads, shape (2, studies) [1]."""
     gaps = ERRORS[errors](np.random.default_rng(seed), (studies, dyads))
     return np.array([_paired(gaps), permutation_p(gaps)])
 
 
 def _paired(gaps: Array) -> Array:
-    """Return p of Student's test of the differences of many studies."""
+    """Return p of the t test for the differences of each study."""
     t = gaps.mean(axis=1) / stats.sem(gaps, axis=1)
     return np.asarray(2.0 * stats.t.sf(np.abs(t), gaps.shape[1] - 1))
 
 
 def _drawn(rng: np.random.Generator, setting: Setting) -> Array:
-    """Draw the logarithms of the times of a study without effects: (dyad, performer, off and on, trial)."""
+    """Draw the log times of a study without fixed effects, shape (dyads, performers, haptics off and on, trials)."""
     draw, n = ERRORS[setting.errors], setting.dyads
-    felt = np.array([-0.5, 0.5])[:, None]
-    line = OF_DYADS * draw(rng, (n, 1, 1, 1)) + OF_PERFORMERS * draw(rng, (n, 3, 1, 1))
-    line = line + setting.slopes * (draw(rng, (n, 1, 1, 1)) + draw(rng, (n, 3, 1, 1))) * felt
+    haptics = np.array([-0.5, 0.5])[:, None]
+    level = SD_DYADS * draw(rng, (n, 1, 1, 1)) + SD_PERFORMERS * draw(rng, (n, 3, 1, 1))
+    level = level + setting.slopes * (draw(rng, (n, 1, 1, 1)) + draw(rng, (n, 3, 1, 1))) * haptics
     noise = draw(rng, (n, 3, 2, TRIALS))
     if setting.errors.startswith("AR"):
         for k in range(1, TRIALS):
             noise[..., k] = CORRELATION * noise[..., k - 1] + sqrt(1.0 - CORRELATION**2) * noise[..., k]
-    return np.asarray(line + OF_TRIALS * noise)
+    return np.asarray(level + SD_TRIALS * noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ready:
-    """A design with what all studies of its size have in common."""
+class _Model:
+    """The parts of the mixed model that all studies of a size share."""
 
     design: Design
     sources: list[Array]
@@ -154,25 +154,25 @@ class _Ready:
 
 
 @lru_cache(maxsize=len(DYADS))
-def _design(dyads: int) -> _Ready:
-    dyad, performer, felt, trial = (index.ravel() for index in np.indices((dyads, 3, 2, TRIALS)))
-    factors = paper_factors(felt == 1, performer == 2)
+def _model(dyads: int) -> _Model:
+    dyad, performer, haptics, trial = (index.ravel() for index in np.indices((dyads, 3, 2, TRIALS)))
+    factors = paper_factors(haptics == 1, performer == 2)
     nothing = np.zeros(len(dyad))
     design = design_of(nothing, dyad, performer, factors, trial + 1)
     rows = contrasts_of(design)
     sources = list(random_effects(design, "performer")[0].values())
-    return _Ready(design, sources, tuple(row for name in TERMS if (row := rows[name]) is not None))
+    return _Model(design, sources, tuple(row for name in TERMS if (row := rows[name]) is not None))
 
 
-def _of_model(ready: _Ready, times: Array) -> Array:
-    """Return p of both terms by the methods of the mixed model, without and with an effect."""
-    design = ready.design
-    found = restricted_fit(times, design.columns, ready.sources, design.dyads)
+def _test_model(model: _Model, times: Array) -> Array:
+    """Test both terms with the methods of the mixed model; return p without and with an effect."""
+    design = model.design
+    found = restricted_fit(times, design.columns, model.sources, design.dyads)
     p = np.full((2, len(TERMS), 3), np.nan)
     if found is None:
         return p
     enlarged = kenward_roger_covariance(found.moments)
-    for term, row in enumerate(ready.rows):
+    for term, row in enumerate(model.rows):
         value = float(row @ found.coefficients)
         errors = [sqrt(float(row @ size @ row)) for size in (found.covariance, found.covariance, enlarged)]
         free = (
@@ -186,7 +186,7 @@ def _of_model(ready: _Ready, times: Array) -> Array:
 
 
 def _differences(times: Array) -> Array:
-    """Return of each dyad haptics on less off, over both configurations and between them."""
+    """Return each dyad's haptic effect (on - off): mean over configurations, and difference between them."""
     levels = times.mean(axis=3)
     alone, both = levels[:, :2].mean(axis=1), levels[:, 2]
     effects = alone[:, 1] - alone[:, 0], both[:, 1] - both[:, 0]
@@ -194,76 +194,79 @@ def _differences(times: Array) -> Array:
 
 
 STUDIES, QUICK, PORTION = 2000, 60, 100
-"""Simulated studies of each kind, in the short form, and of one task of a process [1]."""
+"""Number of simulated studies with each setting, the same with --quick, and the number in one task of a process [1]."""
 
 LIBERAL = 0.075
-"""A test at .05 that rejects more than this is called liberal (Bradley, Brit. J. Math. Stat. Psychol. 31:144, 1978)."""
+"""A test at .05 that rejects more than this share is liberal (Bradley, Brit. J. Math. Stat. Psychol. 31:144, 1978)."""
 
 Counts = dict[Setting, Array]
-"""Of each kind of study: how many are rejected, (no effect and effect, term, method) and how many were simulated."""
+"""Number of rejections in each setting, shape (no effect and effect, terms, methods)."""
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Simulate, and write the tables."""
+    """Simulate studies and tabulate the rejections."""
     del folder
     studies = QUICK if quick else STUDIES
-    counts = rejected(studies, tell)
+    counts = rejections(studies, tell)
     yield about_part(studies)
     yield table_part(counts, studies, 0, 0)
     yield table_part(counts, studies, 1, 0)
     yield table_part(counts, studies, 0, 1)
-    yield differences_part(ALONE * studies)
+    yield differences_part(DRAWS * studies)
 
 
-def rejected(studies: int, tell: Tell) -> Counts:
-    """Simulate all kinds of studies, on all cores, and count what each test rejects."""
-    every = settings()
+def rejections(studies: int, tell: Tell) -> Counts:
+    """Simulate studies with all settings on all cores, and count the rejections of each test."""
     tasks = [
         (setting, min(PORTION, studies - first), (kind, first))
-        for kind, setting in enumerate(every)
+        for kind, setting in enumerate(settings())
         for first in range(0, studies, PORTION)
     ]
-    # The large ones first, so that no process is alone with one in the end.
+    # The largest studies first, so that all processes end at about the same time.
     tasks.sort(key=lambda task: -task[0].dyads)
-    counts = {setting: np.zeros((2, len(TERMS), len(METHODS))) for setting in every}
+    counts = {setting: np.zeros((2, len(TERMS), len(METHODS))) for setting in settings()}
     with ProcessPoolExecutor(min(os.cpu_count() or 1, len(tasks)), get_context("spawn")) as pool:
-        asked = {pool.submit(_rejections, *task): task[0] for task in tasks}
-        for done, answer in enumerate(as_completed(asked), start=1):
-            counts[asked[answer]] += answer.result()
+        futures = {pool.submit(_count_rejections, *task): task[0] for task in tasks}
+        for done, answer in enumerate(as_completed(futures), start=1):
+            counts[futures[answer]] += answer.result()
             tell(f"{done} of {len(tasks)} portions", done / len(tasks))
     return counts
 
 
-def _rejections(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
-    """A p that is not a number rejects nothing."""
+def _count_rejections(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
+    """Count the rejections in some studies; a p of NaN does not reject."""
     return np.asarray((simulated(setting, studies, seed) <= LEVEL).sum(axis=-1), dtype=float)
 
 
 def about_part(studies: int) -> Part:
-    """Say what is simulated."""
+    """Tabulate the parameters of the simulation."""
     rows: list[tuple[Value, ...]] = [
-        ("simulated studies of each kind", studies),
+        ("simulated studies with each setting", studies),
         ("dyads", ", ".join(map(str, DYADS))),
-        ("performers of a dyad, trials of each with and without forces", f"3, {TRIALS}"),
-        ("SD of dyads, performers and trials [log]", f"{OF_DYADS:g}, {OF_PERFORMERS:g}, {OF_TRIALS:g}"),
-        ("SD of the haptic effect, of dyads and of performers [log]", " or ".join(f"{one:g}" for one in SLOPES)),
-        ("effect whose power is told [log]", f"{EFFECT:g}"),
-        ("tests reject at p", LEVEL),
+        ("performers of a dyad, trials of each per haptic condition", f"3, {TRIALS}"),
+        ("SD of dyads, performers and trials [log]", f"{SD_DYADS:g}, {SD_PERFORMERS:g}, {SD_TRIALS:g}"),
+        (
+            "SD of the haptic effect between dyads and between performers [log]",
+            " or ".join(f"{one:g}" for one in SLOPES),
+        ),
+        ("effect for the power [log]", f"{EFFECT:g}"),
+        ("significance level", LEVEL),
     ]
-    return Part("about", "What was simulated", ("", "of what"), rows)
+    return Part("about", "Simulated studies", ("quantity", "value"), rows)
 
 
 TITLES = {
-    (0, 0): ("false-positives", "False positives of the test of haptics at .05, with 95 % Monte-Carlo intervals"),
+    (0, 0): ("false-positives", "False positives of the test of haptics at .05, with 95 % confidence intervals"),
     (1, 0): ("power", f"Power of the test of haptics at .05, effect {EFFECT:g} on the log scale"),
     (0, 1): ("interaction", "False positives of the test of haptics x configuration at .05"),
 }
 
 
 def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
-    """Write what share of the studies each test rejects.
+    """Tabulate the share of studies in which each test rejects.
 
-    - `place`, `term`: without or with an effect, and number of the term [1].
+    - `place`: 0 without an effect, 1 with `EFFECT` [1].
+    - `term`: index of the term in `TERMS` [1].
     """
     name, title = TITLES[place, term]
     rows: list[tuple[Value, ...]] = []
@@ -276,39 +279,39 @@ def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
 
 
 def differences_part(samples: int) -> Part:
-    """Write what share of samples of dyads' differences the paired tests reject, where their mean is zero."""
+    """Tabulate the false positive rate of the paired tests for differences of dyads with mean 0."""
     rows: list[tuple[Value, ...]] = []
     worst: dict[str, list[float]] = {"normal": [], "skewed": []}
     for kind, errors in enumerate(name for name in ERRORS if not name.startswith("AR")):
         for dyads in DYADS:
-            p = differences_alone(dyads, errors, samples, (kind, dyads))
+            p = p_of_differences(dyads, errors, samples, (kind, dyads))
             counts = (p <= LEVEL).sum(axis=1)
             rows.append((dyads, errors, *(share(int(count), samples) for count in counts)))
             if errors in worst:
                 worst[errors].append(float(counts[1]) / samples)
     verdict = Verdict(
-        "the permutation test keeps .05 where differences are symmetric, and does not where they are skewed",
+        "the permutation test keeps .05 for normal differences, and exceeds it for skewed ones",
         max(worst["normal"]) <= LIBERAL < max(worst["skewed"]),
-        f"at most {max(worst['normal']):.3f} of normal ones, and up to {max(worst['skewed']):.3f} of log-normal ones",
+        f"at most {max(worst['normal']):.3f} for normal, and up to {max(worst['skewed']):.3f} for log-normal ones",
     )
-    title = f"False positives of tests of dyads' differences, {samples} samples of each kind"
+    title = f"False positives of tests of dyads' differences, {samples} samples for each row"
     return Part("differences", title, ("dyads", "differences", *METHODS[3:]), rows, [verdict])
 
 
 def share(count: int, of: int) -> str:
-    """Write a share with its interval of Clopper and Pearson."""
+    """Format a share with its Clopper-Pearson confidence interval (95 %)."""
     found = stats.binomtest(count, of).proportion_ci(method="exact")
     return f"{count / of:.3f} ({found.low:.3f}-{found.high:.3f})"
 
 
 def _verdicts(counts: Counts, studies: int) -> list[Verdict]:
-    """Say which tests of the mixed model keep what they promise under normal errors."""
+    """Check that the tests of the mixed model are not liberal with normal errors."""
     normal = {setting: found[0, 0] / studies for setting, found in counts.items() if setting.errors == "normal"}
     verdicts = []
     for method in ("careful", "Satterthwaite", "Kenward-Roger"):
         rates = [float(found[METHODS.index(method)]) for found in normal.values()]
-        claim = f"with normal errors {method} rejects no more than {LIBERAL:g} where there is no effect"
-        # The short form is too short to tell .05 from .075: it allows for its own error.
+        claim = f"with normal errors and no effect, {method} rejects at most {LIBERAL:g}"
+        # With --quick, .05 and .075 do not differ significantly: allow for the Monte Carlo error.
         slack = 3.0 * (LEVEL * (1.0 - LEVEL) / studies) ** 0.5 if studies < STUDIES else 0.0
         verdicts.append(Verdict(claim, max(rates) <= LIBERAL + slack, f"{min(rates):.3f} to {max(rates):.3f}"))
     return verdicts

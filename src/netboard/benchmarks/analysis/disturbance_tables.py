@@ -1,4 +1,4 @@
-"""Effects of disturbances on the measures of an attempt, as tables; and filters as ratios of two polynomials."""
+"""Tables of the effects of disturbances on the measures of an attempt."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from netboard.benchmarks.analysis.again import Fulfilled
 from netboard.benchmarks.analysis.disturbances import DISTURBANCES
+from netboard.benchmarks.analysis.remeasuring import Remeasured
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
 MEASURES = (
@@ -22,17 +22,19 @@ MEASURES = (
     ("sparc", "SPARC", 1.0),
     ("ldlj", "LDLJ", 1.0),
 )
-"""Measures of an attempt that are shown, and the factor to the unit."""
+"""Measures in the table: name, column heading, and factor to the unit."""
 
-NOTHING = 5e-4
-"""Changes below this count as none [as shown]."""
+NEGLIGIBLE = 5e-4
+"""Changes below this are shown as 0 [unit of the column]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shift:
     """Effect of a disturbance on a measure.
 
-    - `bias`, `deviation`: mean and standard deviation of the differences of attempts [as the measure].
+    - `bias`, `deviation`: mean and standard deviation of the attempts' differences [unit of the measure].
+    - `count`: number of attempts with a value in both [1].
+    - `lost`: number of attempts that lose their value [1].
     """
 
     bias: float
@@ -41,73 +43,77 @@ class Shift:
     lost: int
 
 
-def shift(found: Sequence[Fulfilled], number: int, name: str) -> Shift:
-    """Compare each attempt with itself."""
-    calm = np.concatenate([one.calm[number][name] for one in found])
-    shaken = np.concatenate([one.disturbed[number][name] for one in found])
-    both = np.isfinite(calm) & np.isfinite(shaken)
-    differences = (shaken - calm)[both]
-    lost = int(np.count_nonzero(np.isfinite(calm) & ~np.isfinite(shaken)))
+def shift(found: Sequence[Remeasured], number: int, name: str) -> Shift:
+    """Compare each disturbed attempt with the same one undisturbed."""
+    undisturbed = np.concatenate([one.undisturbed[number][name] for one in found])
+    disturbed = np.concatenate([one.disturbed[number][name] for one in found])
+    both = np.isfinite(undisturbed) & np.isfinite(disturbed)
+    differences = (disturbed - undisturbed)[both]
+    lost = int(np.count_nonzero(np.isfinite(undisturbed) & ~np.isfinite(disturbed)))
     if differences.size < 2:
         return Shift(math.nan, math.nan, int(differences.size), lost)
     return Shift(float(differences.mean()), float(differences.std(ddof=1)), int(differences.size), lost)
 
 
-def disturbances_part(found: Sequence[Fulfilled]) -> Part:
-    """Show bias and spread of the differences."""
+def disturbances_part(found: Sequence[Remeasured]) -> Part:
+    """Tabulate mean and standard deviation of the differences."""
     means = []
     for name, _, factor in MEASURES:
-        calm = np.concatenate([one.calm[0][name] for one in found])
-        means.append(f"{factor * np.nanmean(calm):.3g}" if np.isfinite(calm).any() else "none")
+        undisturbed = np.concatenate([one.undisturbed[0][name] for one in found])
+        means.append(f"{factor * np.nanmean(undisturbed):.3g}" if np.isfinite(undisturbed).any() else "none")
     rows: list[tuple[Value, ...]] = [("undisturbed: mean", "", *means)]
     for number, one in enumerate(DISTURBANCES):
         cells = [_cell(shift(found, number, name), factor) for name, _, factor in MEASURES]
         rows.append((one.kind, one.size, *cells))
     columns = ("disturbance", "size", *(label for _, label, _ in MEASURES))
-    title = "What disturbances add to an attempt's measures: mean (standard deviation); L: so many attempts lose it"
+    title = (
+        "Effect of disturbances on an attempt's measures: mean (standard deviation); "
+        "L: share of attempts without a value"
+    )
     return Part("disturbances", title, columns, rows, list(_verdicts(found)))
 
 
-def _verdicts(found: Sequence[Fulfilled]) -> Iterator[Verdict]:
-    """Yield what must be so of any recordings."""
+def _verdicts(found: Sequence[Remeasured]) -> Iterator[Verdict]:
+    """Yield the claims that must hold for any recordings."""
     largest = {
         one: max((_largest(shift(found, number, name)) * factor for name, _, factor in MEASURES), default=0.0)
         for number, one in enumerate(DISTURBANCES)
     }
     offsets = [size for one, size in largest.items() if one.kind.startswith("offset")]
-    yield Verdict("an offset of a stylus moves no measure", max(offsets) < 1e-6, f"{max(offsets):.2g} at most")
-    for kind, name, sign, word in (
-        ("noise of the ball, peaks of any size", "peaks", 1, "adds peaks"),
-        ("noise of the styluses", "still", -1, "leaves less stillness"),
+    yield Verdict("an offset of a stylus changes no measure", max(offsets) < 1e-6, f"{max(offsets):.2g} at most")
+    for kind, name, sign, claim in (
+        ("noise of the ball, peaks of any size", "peaks", 1, "noise of the ball adds peaks"),
+        ("noise of the styluses", "still", -1, "noise of the styluses reduces stillness"),
     ):
         number = max(place for place, one in enumerate(DISTURBANCES) if one.kind == kind)
         bias = shift(found, number, name).bias
-        yield Verdict(f"{kind} {word}", sign * bias > 0, f"{bias:+.3g} at {DISTURBANCES[number].size}")
+        yield Verdict(claim, sign * bias > 0, f"{bias:+.3g} at {DISTURBANCES[number].size}")
 
 
 def _largest(one: Shift) -> float:
+    """Return the larger of bias and deviation; 0 if too few attempts have a value."""
     return max(abs(one.bias), one.deviation) if one.count > 1 else 0.0
 
 
 def _cell(one: Shift, factor: float) -> str:
-    """Write bias and deviation; nothing where nothing changes."""
+    """Format bias and deviation; 0 if both are negligible."""
     lost = f" L {100 * one.lost / (one.count + one.lost):.2g} %" if one.lost else ""
     if one.count < 2:
         return f"all lost{lost}" if one.lost else "none"
-    if factor * max(abs(one.bias), one.deviation) < NOTHING:
+    if factor * max(abs(one.bias), one.deviation) < NEGLIGIBLE:
         return f"0{lost}"
     bias, deviation = factor * one.bias, factor * one.deviation
     digits = 1 - math.floor(math.log10(max(deviation, abs(bias))))
     return f"{bias:+.{max(digits, 0)}f} ({deviation:.{max(digits, 0)}f}){lost}"
 
 
-def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:
-    """List all differences in SI units."""
+def all_disturbances_part(found: Sequence[Remeasured]) -> Part:
+    """List the differences of all measures in SI units."""
     rows: list[tuple[Value, ...]] = []
     for number, one in enumerate(DISTURBANCES):
-        for name in found[0].calm[number]:
-            calm = np.concatenate([each.calm[number][name] for each in found])
-            mean = float(np.nanmean(calm)) if np.isfinite(calm).any() else math.nan
+        for name in found[0].undisturbed[number]:
+            undisturbed = np.concatenate([each.undisturbed[number][name] for each in found])
+            mean = float(np.nanmean(undisturbed)) if np.isfinite(undisturbed).any() else math.nan
             found_shift = shift(found, number, name)
             rows.append(
                 (
@@ -115,29 +121,7 @@ def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:
                     *(found_shift.bias, found_shift.deviation, found_shift.count, found_shift.lost),
                 )
             )
-    columns = ("disturbance", "size", "readings", "measure", "mean", "bias", "SD", "attempts", "lost")
-    return Part("disturbances-all", "All of them, in SI units", columns, rows, on_screen=False)
-
-
-def forms_part(found: Sequence[Fulfilled]) -> Part:
-    """Show what a filter is worth as a fraction of two polynomials (question A3)."""
-    rows: list[tuple[Value, ...]] = []
-    for number, form in enumerate(found[0].forms):
-        errors = np.array([one.forms[number].error for one in found])
-        largest = f"{errors.max():.2g}" if np.isfinite(errors).all() else "beyond all numbers"
-        rows.append((form.order, form.cutoff, f"{form.radius:.6f}", f"{form.gain:.6g}", largest))
-    columns = (
-        "order of a pass",
-        "cutoff [Hz]",
-        "largest pole [1]",
-        "gain of a constant [1]",
-        "largest error on a ball [m]",
+    columns = ("disturbance", "size", "settings", "measure", "mean", "bias", "SD", "attempts", "lost")
+    return Part(
+        "disturbances-all", "Effect of disturbances on all measures, in SI units", columns, rows, on_screen=False
     )
-    title = "A3: filters as one fraction of two polynomials, beside second-order sections; recorded balls"
-    worst = {order: max(form.radius for form in found[0].forms if form.order == order) for order in (5, 10)}
-    verdict = Verdict(
-        "as a fraction, passes of order 5 are stable, and those of order 10 are not",
-        worst[5] < 1 < worst[10],
-        f"largest poles {worst[5]:.6f} and {worst[10]:.6f}",
-    )
-    return Part("forms", title, columns, rows, [verdict])

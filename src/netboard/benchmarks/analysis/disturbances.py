@@ -1,7 +1,7 @@
-"""Disturbances of recordings: noise, steps, lost and delayed samples, other rates, an offset.
+"""Disturbances of recordings: noise, quantisation, lost samples, jitter, lower sampling rates, an offset.
 
-A disturbance takes the recorded columns and gives others of the same length; the original is not touched. A sample that
-is lost is not a number, as in a recording with a hole. What is random gets its generator.
+A disturbance takes recorded columns and returns changed copies of the same length. A lost sample is NaN, as in a
+recording with a gap.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,28 +18,28 @@ Columns = Mapping[str, NDArray[np.float64]]
 """Recorded columns by name [SI]."""
 
 Change = Callable[[Columns, np.random.Generator], dict[str, NDArray[np.float64]]]
-"""Gives the columns that are changed."""
+"""Takes the recorded columns and a random generator, and returns the changed columns."""
 
 HANDS = ("left_used_z", "right_used_z")
 """Heights of the styluses."""
 
 RATES = ("left_used_vz", "right_used_vz")
-"""Their velocities, as the devices said."""
+"""Velocities of the styluses, as measured by the devices."""
 
 BALL, TILT = ("p",), ("theta",)
 
 TOUCH = 5.5e-5
-"""Step of a Touch's positions: an encoder count of 0.024 degrees at a link of 0.133 m [m]."""
+"""Position resolution of a Touch: one encoder count of 0.024 degrees at a link of 0.133 m [m]."""
 
 LONGEST_BRIDGE = 0.02
-"""Holes up to this are filled with straight lines, where they are [s]."""
+"""Longest gap that is filled by linear interpolation [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """Something that recordings suffer from.
+    """A disturbance of a recording.
 
-    - `settings`: readings under which it is measured, and the undisturbed recording beside it.
+    - `settings`: settings with which the disturbed and the undisturbed recording are measured.
     """
 
     kind: str
@@ -51,11 +51,11 @@ class Disturbance:
 def noise(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], deviation: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Add white, normal noise."""
+    """Add white Gaussian noise."""
     return {name: columns[name] + generator.normal(0.0, deviation, columns[name].shape) for name in names}
 
 
-def steps(
+def quantised(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], step: float
 ) -> dict[str, NDArray[np.float64]]:
     """Round to multiples of a step, as an encoder does."""
@@ -65,43 +65,45 @@ def steps(
 def lost(
     columns: Columns, generator: np.random.Generator, *, share: float, length: float = 0.0, bridged: bool = False
 ) -> dict[str, NDArray[np.float64]]:
-    """Lose ticks, in all columns at once.
+    """Replace samples by NaN, in all columns at the same ticks.
 
-    - `bridged`: whether holes up to `LONGEST_BRIDGE` are filled with straight lines afterwards.
+    - `share`: share of lost samples [1].
+    - `length`: duration of each gap; 0 for single samples [s].
+    - `bridged`: whether gaps up to `LONGEST_BRIDGE` are then filled by linear interpolation.
     """
-    together = max(round(length * RATE), 1)
+    width = max(round(length * RATE), 1)
     count = next(iter(columns.values())).size
-    begun = np.cumsum(generator.random(count) < share / together)
-    gone = begun > np.concatenate([np.zeros(together, np.int64), begun])[:count]
-    holed = {name: np.where(gone, np.nan, values) for name, values in columns.items()}
-    return {name: bridge(values, RATE, LONGEST_BRIDGE) for name, values in holed.items()} if bridged else holed
+    started = np.cumsum(generator.random(count) < share / width)
+    gone = started > np.concatenate([np.zeros(width, np.int64), started])[:count]
+    gapped = {name: np.where(gone, np.nan, values) for name, values in columns.items()}
+    return {name: bridge(values, RATE, LONGEST_BRIDGE) for name, values in gapped.items()} if bridged else gapped
 
 
-def slower(columns: Columns, generator: np.random.Generator, *, rate: float) -> dict[str, NDArray[np.float64]]:
-    """Record at a lower rate, without a filter before, and come back to 1 kHz by straight lines."""
+def downsampled(columns: Columns, generator: np.random.Generator, *, rate: float) -> dict[str, NDArray[np.float64]]:
+    """Sample at a lower rate without an anti-aliasing filter, and interpolate linearly to 1 kHz."""
     every = round(RATE / rate)
     if every < 1 or abs(every * rate - RATE) > 1e-6:
-        raise ValueError(f"a rate of {rate:g} Hz is not a whole part of {RATE:g} Hz")
+        raise ValueError(f"found a rate of {rate:g} Hz, expected a whole fraction of {RATE:g} Hz")
     at = np.arange(next(iter(columns.values())).size)
     return {name: np.interp(at, at[::every], values[::every]) for name, values in columns.items()}
 
 
 def jitter(columns: Columns, generator: np.random.Generator, *, deviation: float) -> dict[str, NDArray[np.float64]]:
-    """Take samples a little before or after their time, all columns at once."""
+    """Sample at times with Gaussian jitter, the same in all columns."""
     at = np.arange(next(iter(columns.values())).size)
-    really = at + generator.normal(0.0, deviation * RATE, at.size)
-    return {name: np.interp(really, at, values) for name, values in columns.items()}
+    times = at + generator.normal(0.0, deviation * RATE, at.size)
+    return {name: np.interp(times, at, values) for name, values in columns.items()}
 
 
 def offset(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], by: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Add a constant, as of a stylus that was not calibrated."""
+    """Add a constant, like the offset of a stylus that was not calibrated."""
     return {name: columns[name] + by for name in names}
 
 
 _PROMINENT = ("peaks.least_prominence=0.01",)
-_ANY = ("peaks.least_prominence=0.0", "peaks.least_share=0.0")
+_ALL = ("peaks.least_prominence=0.0", "peaks.least_share=0.0")
 _BY_DEVICE = ("filters.velocity=device",)
 
 DISTURBANCES = (
@@ -110,8 +112,8 @@ DISTURBANCES = (
         for sd in (5e-5, 2e-4, 1e-3)
     ),
     *(
-        Disturbance(what, f"{1e3 * step:g} mm", partial(steps, names=HANDS, step=step))
-        for what, step in (("steps of a Touch", TOUCH), ("steps of the styluses", 5e-4))
+        Disturbance(what, f"{1e3 * step:g} mm", partial(quantised, names=HANDS, step=step))
+        for what, step in (("encoder steps of a Touch", TOUCH), ("quantisation of the styluses", 5e-4))
     ),
     *(
         Disturbance(
@@ -127,9 +129,9 @@ DISTURBANCES = (
         for sd in (3e-5, 1e-4, 3e-4)
     ),
     Disturbance(
-        "noise of the ball, peaks by 10 mm/s", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _PROMINENT
+        "noise of the ball, peaks from 10 mm/s", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _PROMINENT
     ),
-    Disturbance("noise of the ball, peaks of any size", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _ANY),
+    Disturbance("noise of the ball, peaks of any size", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _ALL),
     *(
         Disturbance("noise of the tilt", f"{size:g} deg", partial(noise, names=TILT, deviation=float(np.radians(size))))
         for size in (0.02, 0.1, 0.5)
@@ -141,8 +143,8 @@ DISTURBANCES = (
     Disturbance("holes of 10 ms", "0.1 %", partial(lost, share=1e-3, length=0.01)),
     Disturbance("holes of 10 ms, bridged", "0.1 %", partial(lost, share=1e-3, length=0.01, bridged=True)),
     Disturbance("holes of 50 ms", "0.5 %", partial(lost, share=5e-3, length=0.05)),
-    *(Disturbance("recorded at", f"{rate} Hz", partial(slower, rate=rate)) for rate in (500, 250, 100)),
+    *(Disturbance("sampled at", f"{rate} Hz", partial(downsampled, rate=rate)) for rate in (500, 250, 100)),
     *(Disturbance("clock jitter", f"{1e3 * sd:g} ms", partial(jitter, deviation=sd)) for sd in (1e-5, 1e-4, 1e-3)),
     Disturbance("offset of the left stylus", "5 mm", partial(offset, names=HANDS[:1], by=5e-3)),
 )
-"""All of them."""
+"""All disturbances."""

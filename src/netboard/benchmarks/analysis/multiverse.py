@@ -1,7 +1,8 @@
-"""All readings at once: what the numbers would have been on other paths through the paper's open questions.
+"""Multiverse analysis: the reported numbers on random paths through all open questions.
 
-A path answers every question, each likely answer with the same chance. There are far more paths than can be measured,
-so they are drawn, from a seed: first filters, then what is measured behind them, then what is made of the trials.
+A path answers every question, each likely answer with equal probability. There are far too many paths to measure all,
+so some are drawn from a seed: sets of filters, for each of these settings of the measures, for each of those summaries.
+See Steegen et al., Perspect. Psychol. Sci. 11:702, 2016.
 """
 
 from collections.abc import Sequence
@@ -11,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from netboard.analysis.extraction.settings import Readings
-from netboard.benchmarks.analysis.numbers import STATEMENTS
-from netboard.benchmarks.analysis.readings import AMBIGUITIES, Ambiguity, readings_of
+from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, readings_of
+from netboard.benchmarks.analysis.reported_numbers import STATEMENTS
 
 SEED = 1
 """Seed of the paths [1]."""
 
-BEYOND = ("B5",)
-"""Questions that no path answers otherwise: a recording ends with the hold that its own rule saw."""
+EXCLUDED = ("B5",)
+"""Questions that are not varied: a trial ends by the rule of the experiment, which no analysis can change."""
 
 HEADLINES = (
     ("completion time, dyadic, last", "completion time,\ndyadic, last [s]", 1.0),
@@ -30,39 +31,40 @@ HEADLINES = (
     ("ellipse's area, dyadic, last group", "ellipse's area,\ndyadic, last [mm m/s]", 1e3),
     ("variance of distance, last group over first, dyadic", "variance of distance,\nlast over first, dyadic [1]", 1.0),
 )
-"""Numbers that are shown, with what stands at their axis and the factor to its unit."""
+"""Headline numbers: name, axis label, and factor to the unit of the label."""
 
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Paths that were drawn."""
+    """Random paths.
+
+    - `measured`: settings of the measures.
+    - `summaries`: for each of these, the same settings with each set of summaries.
+    - `count`: number of all possible paths [1].
+    """
 
     measured: tuple[Readings, ...]
-    summed_up: tuple[tuple[Readings, ...], ...]
+    summaries: tuple[tuple[Readings, ...], ...]
     count: int
 
 
-def _part(one: Ambiguity) -> str:
-    """Which table the answers are in."""
-    return one.alternatives[0].settings[0].partition(".")[0]
-
-
 def _questions() -> dict[str, list[list[tuple[str, ...]]]]:
-    """Answers to each question: those of filters, of other measures, of summaries."""
+    """Return the likely answers to each question about filters, other measures and summaries."""
     questions: dict[str, list[list[tuple[str, ...]]]] = {"filters": [], "measures": [], "summaries": []}
     for one in AMBIGUITIES:
         answers = [(), *(other.settings for other in one.alternatives if other.likely)]
-        if one.name not in BEYOND and len(answers) > 1:
-            part = _part(one)
-            questions[part if part in questions else "measures"].append(answers)
+        if one.name not in EXCLUDED and len(answers) > 1:
+            table = one.alternatives[0].settings[0].partition(".")[0]
+            questions[table if table in questions else "measures"].append(answers)
     return questions
 
 
-def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, seed: int = SEED) -> Paths:
-    """Draw paths.
+def random_paths(base: tuple[str, ...], filters: int, measures: int, summaries: int, seed: int = SEED) -> Paths:
+    """Draw random paths.
 
-    - `filters`, `measures`, `summaries`: how many sets of filters; of other measures for each of these; of summaries
-      for each of those [1].
+    - `filters`: number of sets of filters [1].
+    - `measures`: number of settings of other measures for each of these [1].
+    - `summaries`: number of summaries for each of those [1].
     """
     generator, questions = np.random.default_rng(seed), _questions()
 
@@ -70,20 +72,20 @@ def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, see
         return tuple(word for answers in questions[part] for word in answers[int(generator.integers(len(answers)))])
 
     measured: list[Readings] = []
-    summed_up: list[tuple[Readings, ...]] = []
+    summarised: list[tuple[Readings, ...]] = []
     for _ in range(filters):
         first = drawn("filters")
         for _ in range(measures):
             found = readings_of((*first, *drawn("measures")), base)
             measured.append(found)
             others = [readings_of(drawn("summaries"), base).summaries for _ in range(summaries)]
-            summed_up.append(tuple(replace(found, summaries=other) for other in others))
+            summarised.append(tuple(replace(found, summaries=other) for other in others))
     count = int(np.prod([float(len(answers)) for part in questions.values() for answers in part]))
-    return Paths(tuple(measured), tuple(summed_up), count)
+    return Paths(tuple(measured), tuple(summarised), count)
 
 
-def held(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
-    """Return on how many paths each of `STATEMENTS` holds, and of how many that tell [1]."""
+def count_holding(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
+    """Return, for each of `STATEMENTS`, the number of paths where it holds and of those where it is defined [1]."""
     found = []
     for statement in STATEMENTS:
         gaps = np.array([statement.gap(one) for one in paths])
@@ -91,10 +93,10 @@ def held(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
     return found
 
 
-def draw_paths(
+def plot_paths(
     default: dict[str, float], paths: Sequence[dict[str, float]], singles: Sequence[dict[str, float]]
 ) -> Any:
-    """Draw how the headline numbers are spread over the paths."""
+    """Draw histograms of the headline numbers over the paths."""
     from netboard.analysis.topics.figure import BLUE, SKY, VERMILION, new_figure
 
     figure, axes = new_figure(3.9, columns=4, rows=2)

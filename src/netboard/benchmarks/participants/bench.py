@@ -1,7 +1,7 @@
 """``netboard bench participants``: which of the paper's results the simulated participants reproduce.
 
-The model was fitted to one person's two hands with haptic feedback off; every other condition is a prediction. Each
-part is a table; nothing depends on the machine but how long it takes.
+The model was fitted to single participants with both hands and haptic feedback off; every other condition is a
+prediction. The results do not depend on the machine.
 """
 
 import os
@@ -15,9 +15,9 @@ from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Study, Tell
-from netboard.benchmarks.participants.paper import Sample
+from netboard.benchmarks.participants.paper import Sample, Statement
 from netboard.benchmarks.participants.slowing import slowing_part
-from netboard.benchmarks.participants.trials import Cast, Played, play_all
+from netboard.benchmarks.participants.trials import Performance, Population, perform_all
 from netboard.benchmarks.participants.validation import (
     ABLATIONS,
     LIKELY,
@@ -29,25 +29,26 @@ from netboard.benchmarks.participants.validation import (
 from netboard.participants.partner import haptic_weight
 
 TRIALS, QUICK_TRIALS = 20, 6
-"""Trials in a block, of the paper's 60 [1]."""
+"""Number of trials in a block; the paper has 60 [1]."""
 
 DYADS, QUICK_DYADS = 16, 8
-"""Dyads of the full model [1]."""
+"""Number of dyads of the full model [1]."""
 
 ABLATED_DYADS, QUICK_ABLATED_DYADS, ABLATED_TRIALS = 8, 4, 10
-"""Most dyads and trials in a block for each other variant [1]."""
+"""Largest number of dyads, and of trials in a block, of the other variants [1]."""
 
 SLOWING_DYADS, SLOWING_TRIALS = 8, 8
-"""Dyads and trials in a block in which one person's haptic effect is taken apart [1]."""
+"""Number of dyads, and of trials in a block, for the effect of parts of the force [1]."""
 
 QUICK_VARIANTS = ("full model", "no information")
 
 
 def study(count: int, dyads: int | None, workers: int | None) -> Study:
-    """Return the study of a number of virtual studies, from a pool of dyads."""
+    """Return a benchmark that draws `count` virtual studies from a pool of dyads."""
 
     def run(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-        pool = _whole(dyads or (QUICK_DYADS if quick else DYADS))
+        # A multiple of STATES, so that each starting state has as many dyads.
+        pool = STATES * ceil((dyads or (QUICK_DYADS if quick else DYADS)) / STATES)
         cores = workers or os.cpu_count() or 1
         variants = QUICK_VARIANTS if quick else tuple(ABLATIONS)
         found: dict[str, list[Prediction]] = {}
@@ -56,12 +57,13 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
             if name != variants[0]:
                 size = min(size, QUICK_ABLATED_DYADS if quick else ABLATED_DYADS)
                 trials = min(trials, ABLATED_TRIALS)
-            played = list(_played(name, size, trials, cores, number, len(variants), tell))
-            found[name] = predictions(studies([one.attempts for one in played], count))
+            performances = list(_performances(name, size, trials, cores, number, len(variants), tell))
+            found[name] = predictions(studies([one.attempts for one in performances], count))
             if name == variants[0]:
-                yield predictions_part(found[name], played, trials, count)
+                yield predictions_part(found[name], performances, trials, count)
                 folder.save("participants", lambda: draw(found[variants[0]]))
-                yield others_part(Sample(np.concatenate([one.attempts for one in played])), Participant(), Config())
+                sample = Sample(np.concatenate([one.attempts for one in performances]))
+                yield others_part(sample, Participant(), Config())
         yield ablations_part(found)
         if not quick:
             tell("bimanual blocks with parts of the force", 1.0)
@@ -70,46 +72,41 @@ def study(count: int, dyads: int | None, workers: int | None) -> Study:
     return run
 
 
-def _whole(dyads: int) -> int:
-    """Round a number of dyads up, so that there are as many of each starting state."""
-    return STATES * ceil(dyads / STATES)
-
-
-def _played(
+def _performances(
     name: str, dyads: int, trials: int, workers: int, number: int, variants: int, tell: Tell
-) -> Iterator[Played]:
-    """Let the dyads of a variant perform, and say so."""
-    cast = Cast(ABLATIONS[name], trials)
-    tasks = [(cast.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
-    for done, played in enumerate(play_all(tasks, workers)):
+) -> Iterator[Performance]:
+    """Simulate the dyads of a variant, and report progress."""
+    population = Population(ABLATIONS[name], trials)
+    tasks = [(population.jobs(dyad), dyad) for dyad in range(1, dyads + 1)]
+    for done, performance in enumerate(perform_all(tasks, workers)):
         tell(f"{name}: dyad {done + 1} of {dyads}", (number + (done + 1) / dyads) / variants)
-        yield played
+        yield performance
 
 
-def predictions_part(found: Sequence[Prediction], played: Sequence[Played], trials: int, count: int) -> Part:
-    """Tabulate the predictions of the full model, with what it does not reproduce."""
+def predictions_part(found: Sequence[Prediction], performances: Sequence[Performance], trials: int, count: int) -> Part:
+    """Tabulate the predictions of the full model, and whether it reproduces each result."""
     rows: list[tuple[Value, ...]] = []
     for one in found:
         middle, low, high = one.interval
         statement = one.statement
         value = "-" if statement.value is None else statement.value
-        direction = "-" if not statement.sense else "above 0" if statement.sense > 0 else "below 0"
         probability = "-" if one.probability is None else f"{one.probability:.2f}"
         use = "fitted" if statement.fitted else "not fitted"
-        rows.append((statement.name, use, value, direction, middle, low, high, probability, one.reproduced))
-    failures = sum(int((~one.attempts["success"]).sum()) for one in played)
-    successes = sum(int(one.attempts["success"].sum()) for one in played)
-    given_up = sum(one.given_up for one in played)
-    about = f"{count} virtual studies of {STATES} dyads, drawn from {len(played)} dyads, {trials} trials a block"
+        rows.append((statement.name, use, value, _direction(statement), middle, low, high, probability, one.reproduced))
+    failures = sum(int((~one.attempts["success"]).sum()) for one in performances)
+    successes = sum(int(one.attempts["success"].sum()) for one in performances)
+    given_up = sum(one.given_up for one in performances)
+    about = f"{count} virtual studies of {STATES} dyads, drawn from {len(performances)} dyads, {trials} trials a block"
     columns = ("result", "use", "paper", "direction", "median", "2.5 %", "97.5 %", "P(direction)", "reproduced")
-    verdicts = [*_verdicts(found)]
-    verdicts.append(
+    verdicts = [
+        *_verdicts(found),
         Verdict(
             "no simulated participant is excluded, and all blocks are completed",
             given_up == 0,
-            f"{len(played)} dyads: {given_up} blocks given up; {failures} falls of the ball in {successes} trials",
-        )
-    )
+            f"{len(performances)} dyads: {given_up} blocks given up; "
+            f"{failures} falls of the ball in {successes} trials",
+        ),
+    ]
     return Part("predictions", f"Results of the paper: {about}", columns, rows, verdicts)
 
 
@@ -132,13 +129,18 @@ def _verdicts(found: Sequence[Prediction]) -> Iterator[Verdict]:
     )
 
 
+def _direction(statement: Statement) -> str:
+    """Format the direction that the paper reports."""
+    return {1: "above 0", -1: "below 0", 0: "-"}[statement.sense]
+
+
 def ablations_part(found: dict[str, list[Prediction]]) -> Part:
     """Tabulate each result without one part of the model: the median, and the probability of the direction."""
     rows: list[tuple[Value, ...]] = []
     for k, one in enumerate(found[next(iter(found))]):
-        paper = one.statement.value if one.statement.value is not None else {1: "above 0", -1: "below 0", 0: "-"}
-        told = paper if not isinstance(paper, dict) else paper[one.statement.sense]
-        rows.append((one.statement.name, told, *(_cell(variant[k]) for variant in found.values())))
+        statement = one.statement
+        paper = _direction(statement) if statement.value is None else statement.value
+        rows.append((statement.name, paper, *(_cell(variant[k]) for variant in found.values())))
     return Part("ablations", "Median and, in brackets, probability of the direction", ("result", "paper", *found), rows)
 
 
@@ -173,26 +175,26 @@ def draw(found: Sequence[Prediction]) -> Any:
     return figure
 
 
-# --- beside what others measured or used in models -------------------------------------------------------------------
+# --- comparison with measurements and models of others ---------------------------------------------------------------
 
 NEWTON_PER_METRE = 25.93
 """Change of one's own force per displacement of the partner's hand, at rest, in the paper's scene [N/m]."""
 
 
 def others_part(sample: Sample, person: Participant, config: Config) -> Part:
-    """Tabulate the comparisons."""
+    """Compare parameters and behaviour with measurements and models of others."""
     rows = [*_parameters(person, config), *_behaviour(sample)]
     columns = ("quantity", "model", "others, low", "others, high", "agrees", "source")
-    return Part("others", "Beside measurements and models of others", columns, rows)
+    return Part("others", "Comparison with measurements and models of others", columns, rows)
 
 
 def _row(name: str, value: float, low: float, high: float, source: str) -> tuple[Any, ...]:
-    """Return a row with whether the value lies in the range."""
+    """Return a row that says whether the value lies in the range."""
     return name, float(value), low, high, "yes" if low <= value <= high else "NO", source
 
 
 def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]]:
-    """Yield the parameters that others measured."""
+    """Compare the parameters of the model."""
     yield _row("visual delay [s]", person.visual_delay, 0.08, 0.23, "models: Takagi 2017, Lokesh 2023, Insperger")
     yield _row("haptic delay [s]", person.haptic_delay, 0.05, 0.1, "Cluff, Crevecoeur and Scott 2015; Lokesh 2023")
     yield _row("delay of the reflexes [s]", person.reflex_delay, 0.025, 0.1, "Cluff, Crevecoeur and Scott 2015")
@@ -207,7 +209,7 @@ def _parameters(person: Participant, config: Config) -> Iterator[tuple[Any, ...]
 
 
 def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
-    """Yield what the participants did that others measured."""
+    """Compare the behaviour of the simulated participants."""
     alone = float(sample.of("peaks", "bimanual").sum() / sample.of("completion", "bimanual").sum())
     first, sparc = (float(np.nanmedian(sample.of(name, "bimanual"))) for name in ("first_move", "sparc"))
     yield _row("first movement of the board after the release, median [s]", first, 0.2, 0.6, "reaction and muscle lags")

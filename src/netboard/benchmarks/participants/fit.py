@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from netboard.base.tables.simulated import Participant
-from netboard.benchmarks.participants.trials import PAPER_TRIALS, Cast, Played, play
+from netboard.benchmarks.participants.trials import PAPER_TRIALS, Performance, Population, perform
 from netboard.nodes.rehearsal.jobs import Job
 
 DYADS = 4
-"""Dyads whose participants perform [1]."""
+"""Number of simulated dyads [1]."""
 
 EVALUATIONS = 16
-"""Evaluations of the loss after which the fit ends, converged or not [1]."""
+"""Largest number of evaluations of the loss [1]."""
 
 TARGETS = {
     "completion, first 30, mean [s]": 5.71,
@@ -38,7 +38,7 @@ TARGETS = {
     "peaks, last 30, mean": 3.17,
     "delay, mean of the portions [s]": 0.040,
 }
-"""Figures of the paper to which the model is fitted."""
+"""Values of the paper to which the model is fitted."""
 
 START = Participant(
     novice=1.5,
@@ -50,7 +50,7 @@ START = Participant(
     movement_time=0.313,
     bimanual_async=0.045,
 )
-"""Where the fit begins: the parameters before it."""
+"""Initial parameters of the fit."""
 
 FREE: dict[str, tuple[str, ...]] = {
     "novice": ("novice",),
@@ -63,12 +63,12 @@ FREE: dict[str, tuple[str, ...]] = {
 
 
 def scaled(factors: Sequence[float], start: Participant) -> Participant:
-    """Return a participant with the free parameters multiplied; a novice is at least as good as the trained."""
+    """Return a participant with the free parameters multiplied, and `novice` at least 1."""
     keys = {key: getattr(start, key) * f for f, keys in zip(factors, FREE.values(), strict=True) for key in keys}
     return replace(start, **(keys | {"novice": max(1.0, keys["novice"])}))
 
 
-def ends_of(cast: Cast, dyad: int) -> list[Job]:
+def ends_of(population: Population, dyad: int) -> list[Job]:
     """Return the first and the last 30 trials of both participants alone with haptic feedback off.
 
     The last 30 trials are the second half of the last block, so as many trials of it count as practice.
@@ -78,7 +78,7 @@ def ends_of(cast: Cast, dyad: int) -> list[Job]:
     for performer in ("A", "B"):
         own = [
             job
-            for job in cast.jobs(dyad)
+            for job in population.jobs(dyad)
             if (job.config.block.configuration, job.config.block.performer) == ("bimanual", performer)
             and not job.config.block.haptics
         ]
@@ -90,11 +90,11 @@ def ends_of(cast: Cast, dyad: int) -> list[Job]:
     return jobs
 
 
-def figures(played: Sequence[Played]) -> NDArray[np.float64]:
-    """Return the figures of `TARGETS` of some dyads."""
-    rows = np.concatenate([one.attempts for one in played])
+def results(performances: Sequence[Performance]) -> NDArray[np.float64]:
+    """Return the quantities of `TARGETS` for some dyads."""
+    rows = np.concatenate([one.attempts for one in performances])
     rows = rows[rows["success"]]
-    early = np.concatenate([_early(one) for one in played])
+    early = np.concatenate([_early(one) for one in performances])
     values: list[float] = []
     for own in (rows[early], rows[~early]):
         values += [own["completion"].mean(), own["completion"].std(ddof=1)]
@@ -102,18 +102,18 @@ def figures(played: Sequence[Played]) -> NDArray[np.float64]:
     return np.array([*values, (rows["delay"].sum(axis=0) / rows["delays"].sum(axis=0)).mean()])
 
 
-def _early(played: Played) -> NDArray[np.bool_]:
+def _early(performance: Performance) -> NDArray[np.bool_]:
     """Return which successful trials of a dyad are in the first block of their performer."""
-    rows = played.attempts[played.attempts["success"]]
+    rows = performance.attempts[performance.attempts["success"]]
     first = {who: rows["block"][rows["performer"] == who].min() for who in ("A", "B")}
     return np.array([block == first[who] for block, who in zip(rows["block"], rows["performer"], strict=True)])
 
 
 def loss(log_factors: NDArray[np.float64], start: Participant, pool: Executor) -> float:
-    """Return the sum of squared logarithmic errors of the figures."""
-    cast = Cast(scaled(np.exp(log_factors).tolist(), start))
+    """Return the sum of squared logarithmic errors of the quantities in `TARGETS`."""
+    population = Population(scaled(np.exp(log_factors).tolist(), start))
     dyads = range(1, DYADS + 1)
-    found = figures(list(pool.map(play, [ends_of(cast, dyad) for dyad in dyads], dyads)))
+    found = results(list(pool.map(perform, [ends_of(population, dyad) for dyad in dyads], dyads)))
     error = float(np.sum(np.log(found / list(TARGETS.values())) ** 2))
     words = " ".join(f"{name} {factor:.3f}" for name, factor in zip(FREE, np.exp(log_factors), strict=True))
     sys.stdout.write(f"{error:.4f}  {words}  {np.round(found, 3).tolist()}\n")

@@ -1,9 +1,8 @@
 """The paper's reported results, as statements about the trials of one study of a few dyads.
 
-A statement has a value where the paper prints one, and a direction where it reports one. Values are those of the text;
-the paper prints no numbers for shares, ellipses and most delays. Readings of the wording are those of the analysis:
-first and last trials are counted within configuration and haptic condition, both conditions are pooled, and standard
-deviations are those of single trials.
+A statement has a value if the paper prints one, and a direction if it reports one. The paper prints no numbers for
+shares, ellipses and most delays. Its wording is interpreted as in the analysis: first and last trials are counted
+within configuration and haptic condition, both conditions are pooled, and standard deviations are over single trials.
 """
 
 from collections.abc import Callable
@@ -21,20 +20,19 @@ Configuration = Literal["bimanual", "dyadic"]
 End = Literal["first", "last"]
 
 GROUPS = 6
-"""Groups of trials in a condition, of which the paper draws ellipses [1]."""
+"""Number of groups of trials in a condition; the paper draws an ellipse of each [1]."""
 
 ENDS = 1 / 6
-"""Share of a condition's trials that are its first ones, and its last ones: 30 of 180 [1]."""
+"""Share of the first and of the last trials in a condition: 30 of 180 [1]."""
 
 
 class Sample:
     """The successful trials of some dyads.
 
-    - `attempts` (array of ATTEMPT): theirs, each dyad's in the order of the plan.
+    - `attempts` (array of ATTEMPT): attempts of each dyad in the order of the plan.
     """
 
     def __init__(self, attempts: NDArray[Any]) -> None:
-        self.failures = int((~attempts["success"]).sum())
         self.rows = attempts[attempts["success"]]
         self.dyads = np.unique(self.rows["dyad"])
 
@@ -72,7 +70,7 @@ class Sample:
         return sum(self.gain(name, dyad, haptics) > 0 for dyad in self.dyads)
 
     def levels(self, name: str, dyad: int, haptics: bool) -> tuple[float, float, float]:
-        """Return the mean of both participants alone and of the dyad in a haptic condition."""
+        """Return the means of both participants alone and of the dyad in a haptic condition."""
         own = self.rows[(self.rows["dyad"] == dyad) & (self.rows["haptics"] == haptics)]
         a, b, both = (float(np.mean(own[name][own["performer"] == who])) for who in ("A", "B", "dyad"))
         return a, b, both
@@ -90,7 +88,7 @@ class Sample:
     def spread(self, configuration: Configuration, measure: Callable[[NDArray[np.float64]], float]) -> float:
         """Return a measure of the strategies in the last group over that in the first, as a logarithm [1].
 
-        Each performer and haptic condition counts alike.
+        Each performer and haptic condition has the same weight.
         """
         chosen = self._masks[configuration, None]
         points = np.stack([self.rows[name][chosen] for name in ("distance", "velocity")], axis=1)
@@ -109,7 +107,7 @@ class Statement:
 
     - `value`: the printed value; None without one.
     - `sense`: reported direction of the quantity: +1 above zero, -1 below; 0 without one [1].
-    - `fitted`: the parameters of the model were fitted to it, so it is no prediction.
+    - `fitted`: whether the model was fitted to it, so that it is no prediction.
     """
 
     name: str
@@ -135,7 +133,7 @@ def _ends() -> list[Statement]:
         for which, mean, deviation in ends:
             of = partial(_end, name=name, configuration=configuration, which=which)
             spread = partial(of, summary=_deviation)
-            # The standard deviation of the peaks is not among the figures of the fit.
+            # The fit does not use the standard deviation of the peaks.
             of_fit = fitted and name == "completion"
             found.append(Statement(f"{text}, {which} 30", of, mean, fitted=fitted))
             found.append(Statement(f"{text}, {which} 30, SD", spread, deviation, fitted=of_fit))
@@ -162,18 +160,18 @@ def _share(sample: Sample, name: str, configuration: Configuration, haptics: boo
     return float(np.nanmean(sample.of(name, configuration, haptics)))
 
 
-def _together(sample: Sample, name: str) -> float:
+def _dyadic_effect(sample: Sample, name: str) -> float:
     return _share(sample, name, "dyadic") - _share(sample, name, "bimanual")
 
 
-def _felt(sample: Sample, name: str, configuration: Configuration) -> float:
+def _haptic_effect(sample: Sample, name: str, configuration: Configuration) -> float:
     return _share(sample, name, configuration, True) - _share(sample, name, configuration, False)
 
 
 def _shares() -> list[Statement]:
     """Shares of the movement classes: the paper prints only directions."""
     found = [
-        Statement(f"{name} share, dyadic - bimanual", partial(_together, name=name), sense=sense)
+        Statement(f"{name} share, dyadic - bimanual", partial(_dyadic_effect, name=name), sense=sense)
         for name, sense in (("cooperative", -1), ("still", -1), ("single", 1), ("competitive", 1))
     ]
     effects: tuple[tuple[str, Configuration, int], ...] = (
@@ -184,7 +182,7 @@ def _shares() -> list[Statement]:
         ("competitive", "dyadic", -1),
     )
     for name, configuration, sense in effects:
-        of = partial(_felt, name=name, configuration=configuration)
+        of = partial(_haptic_effect, name=name, configuration=configuration)
         found.append(Statement(f"{name} share, {configuration}, haptics on - off", of, sense=sense))
     return found
 
@@ -252,32 +250,32 @@ def _delays() -> list[Statement]:
             found.append(Statement(f"delay [ms], {configuration}, haptics {on}, 40 % - 10 %", rising, sense=1))
     return [
         *found,
-        Statement("delay [ms], dyadic, haptics on - off", _felt_delay, sense=-1),
+        Statement("delay [ms], dyadic, haptics on - off", _haptic_delay_effect, sense=-1),
         Statement("delay [ms], haptic effect, dyadic - bimanual, absolute", _contrast, sense=1),
     ]
 
 
-def _felt_delay(sample: Sample, configuration: Configuration = "dyadic") -> float:
+def _haptic_delay_effect(sample: Sample, configuration: Configuration = "dyadic") -> float:
     return _delay(sample, configuration, True) - _delay(sample, configuration, False)
 
 
 def _contrast(sample: Sample) -> float:
     """Return how much larger the haptic effect on the delay is in dyads than bimanually [ms]."""
-    return abs(_felt_delay(sample)) - abs(_felt_delay(sample, "bimanual"))
+    return abs(_haptic_delay_effect(sample)) - abs(_haptic_delay_effect(sample, "bimanual"))
 
 
 STATEMENTS = (*_ends(), *_shares(), *_dyads(), *_strategies(), *_delays())
 """All reported results."""
 
 
-def _slowed(sample: Sample, configuration: Configuration) -> float:
+def _haptic_time_effect(sample: Sample, configuration: Configuration) -> float:
     """Return the haptic effect on the mean completion time, relative [1]."""
     on, off = (float(np.mean(sample.of("completion", configuration, haptics))) for haptics in (True, False))
     return on / off - 1.0
 
 
 EXTRA = (
-    Statement("completion time, bimanual, haptics on/off - 1", partial(_slowed, configuration="bimanual")),
-    Statement("completion time, dyadic, haptics on/off - 1", partial(_slowed, configuration="dyadic")),
+    Statement("completion time, bimanual, haptics on/off - 1", partial(_haptic_time_effect, configuration="bimanual")),
+    Statement("completion time, dyadic, haptics on/off - 1", partial(_haptic_time_effect, configuration="dyadic")),
 )
 """Quantities that the paper does not report, for comparison."""

@@ -1,7 +1,7 @@
 """Why haptic feedback changes the completion time of one person with both hands: blocks with parts of the force.
 
-The blocks, participants and random numbers are those of the blocks without haptic feedback; only the force differs. So
-the participants differ neither in practice nor in skill between the conditions, and are compared with themselves.
+Blocks, participants and random numbers are those of the blocks without haptic feedback; only the force differs. So each
+participant is compared with themselves, with the same practice and skill.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Part, Value
-from netboard.benchmarks.participants.trials import Cast, Played, play_all
+from netboard.benchmarks.participants.trials import Performance, Population, perform_all
 from netboard.nodes.rehearsal.jobs import Job
 
 CASES: dict[str, tuple[str, dict[str, float]]] = {
@@ -30,7 +30,7 @@ CASES: dict[str, tuple[str, dict[str, float]]] = {
 
 def slowing_part(dyads: int, trials: int, workers: int) -> Part:
     """Tabulate the mean completion time of each case, and its ratio to that without haptic feedback."""
-    means = {name: _means(list(play_all(_tasks(name, dyads, trials), workers))) for name in CASES}
+    means = {name: _means(list(perform_all(_tasks(name, dyads, trials), workers))) for name in CASES}
     base = means[next(iter(CASES))]
     rows: list[tuple[Value, ...]] = []
     for name, own in means.items():
@@ -46,8 +46,11 @@ def slowing_part(dyads: int, trials: int, workers: int) -> Part:
 def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
     """Return the blocks of a case: those without haptic feedback, with another force."""
     force, keys = CASES[name]
-    cast = Cast(replace(Participant(), **keys), trials=trials)
-    return [([_with_force(job, force) for job in cast.jobs(dyad) if _alone(job)], dyad) for dyad in range(1, dyads + 1)]
+    population = Population(replace(Participant(), **keys), trials=trials)
+    return [
+        ([_with_force(job, force) for job in population.jobs(dyad) if _alone(job)], dyad)
+        for dyad in range(1, dyads + 1)
+    ]
 
 
 def _alone(job: Job) -> bool:
@@ -60,9 +63,9 @@ def _with_force(job: Job, force: str) -> Job:
     return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
 
 
-def _means(played: Sequence[Played]) -> NDArray[np.float64]:
+def _means(performances: Sequence[Performance]) -> NDArray[np.float64]:
     """Return the mean completion time of each participant [s]."""
-    rows = np.concatenate([one.attempts for one in played])
+    rows = np.concatenate([one.attempts for one in performances])
     rows = rows[rows["success"]]
     return np.array(
         [

@@ -1,8 +1,7 @@
-"""Trials of virtual dyads: the paper's plan rehearsed in memory, and one row of the paper's measures for each trial.
+"""Trials of virtual dyads: the paper's plan rehearsed in memory, with the paper's measures of each trial.
 
-A dyad depends only on the participant's parameters, the device, the seed and its number, so every table can be
-computed again. Nothing is written to disk, and nobody is screened out: a block that its participants could not finish
-is counted.
+A dyad depends only on the participant's parameters, the device, the seed and its number, so every table is
+reproducible. Nothing is written to disk, and no participant is excluded: unfinished blocks are counted.
 """
 
 from collections.abc import Iterator, Sequence
@@ -62,7 +61,7 @@ ATTEMPT = np.dtype(
         ("delays", "<i8", (len(PORTIONS),)),  # number of known delays [1]
     ]
 )
-"""One attempt."""
+"""Measures of one attempt."""
 
 SHARES = ("cooperative", "competitive", "single", "still")
 
@@ -70,8 +69,8 @@ _KEPT = ("p", "theta", "left_used_z", "right_used_z")
 
 
 @dataclass(frozen=True)
-class Cast:
-    """A population: parameters of the usual participant, and the length of the blocks.
+class Population:
+    """Parameters of the simulated participants, and the length of the blocks.
 
     - `trials`: successful trials in a block, 60 in the paper. Practice counts as if all 60 had been done [1].
     """
@@ -88,39 +87,37 @@ class Cast:
 
 
 @dataclass(frozen=True)
-class Played:
-    """What the participants of some blocks did.
+class Performance:
+    """The attempts of a dyad in some blocks.
 
     - `attempts`: array of `ATTEMPT`, in the order of the blocks.
-    - `given_up`: blocks that the participants could not finish [1].
+    - `given_up`: number of blocks that the participants could not finish [1].
     """
 
     attempts: NDArray[Any]
     given_up: int
-    ticks: int
 
 
-def play(jobs: Sequence[Job], dyad: int) -> Played:
-    """Let a dyad perform blocks."""
-    parts, given_up, ticks = [], 0, 0
+def perform(jobs: Sequence[Job], dyad: int) -> Performance:
+    """Simulate the blocks of a dyad."""
+    parts, given_up = [], 0
     for job in jobs:
         rehearsal = Rehearsal(job.config, job.people)
-        parts.append(_measured(job.config, dyad, rehearsal))
-        summary = rehearsal.summary()
-        given_up, ticks = given_up + summary.given_up, ticks + summary.ticks
-    return Played(np.concatenate(parts), given_up, ticks)
+        parts.append(_attempts(job.config, dyad, rehearsal))
+        given_up += rehearsal.summary().given_up
+    return Performance(np.concatenate(parts), given_up)
 
 
-def play_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Iterator[Played]:
-    """Let several dyads perform their blocks on some cores; yield what they did, in order."""
+def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Iterator[Performance]:
+    """Simulate the blocks of several dyads in parallel; yield their performances in order."""
     if workers == 1:
-        yield from (play(jobs, dyad) for jobs, dyad in tasks)
+        yield from (perform(jobs, dyad) for jobs, dyad in tasks)
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from pool.map(play, *zip(*tasks, strict=True))
+        yield from pool.map(perform, *zip(*tasks, strict=True))
 
 
-def _measured(config: Config, dyad: int, rehearsal: Rehearsal) -> NDArray[Any]:
+def _attempts(config: Config, dyad: int, rehearsal: Rehearsal) -> NDArray[Any]:
     """Run a block and return its attempts with their measures."""
     kept: dict[str, list[NDArray[np.float64]]] = {name: [] for name in _KEPT}
 
@@ -148,7 +145,7 @@ def _measured(config: Config, dyad: int, rehearsal: Rehearsal) -> NDArray[Any]:
 
 
 def _measure(row: Any, found: Motion, turns: Segments, trial: Trial) -> None:
-    """Measure one attempt."""
+    """Fill a row with the measures of an attempt."""
     window, own = trial.window(), turns.of_trial(trial)
     speed = found.speed[window]
     row["peaks"] = velocity_peaks(speed).count

@@ -1,8 +1,8 @@
 """Predictive intervals of the paper's results over virtual studies of four dyads, and ablations of the model.
 
 A pool of dyads performs the paper's plan. A virtual study draws four of them as the paper counterbalanced its own: one
-dyad of each starting state. The interval between the 2.5th and 97.5th percentile over many studies is where the model
-expects the result of one such study. Dyads of the pool appear in several studies, so a small pool makes the intervals
+dyad of each starting state. The 95 % predictive interval lies between the 2.5th and 97.5th percentile over many virtual
+studies. Dyads of the pool appear in several studies, so a small pool makes the intervals
 uncertain, and too narrow by a factor of about ``sqrt(1 - 1/n)`` for n dyads of each state.
 """
 
@@ -39,7 +39,7 @@ ABLATIONS = {
 
 
 def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
-    """Draw virtual studies from the attempts of dyads 1, 2, ..., of which each fourth has the same starting state."""
+    """Draw virtual studies from the attempts of dyads 1, 2, ...; dyads four apart share a starting state."""
     if len(dyads) % STATES:
         raise ValueError(f"found {len(dyads)} dyads, expected a multiple of {STATES}, as many of each starting state")
     rng = np.random.default_rng((SEED, count))
@@ -49,7 +49,7 @@ def studies(dyads: Sequence[NDArray[Any]], count: int) -> list[Sample]:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the model says of a statement.
+    """Prediction of the model for a statement of the paper.
 
     - `values`: the quantity in each virtual study.
     """
@@ -78,7 +78,7 @@ class Prediction:
 
     @property
     def reproduced(self) -> str:
-        """In words, whether the model reproduces the result."""
+        """Whether the model reproduces the result: "yes", "NO", "unclear" or "not reported"."""
         if self.inside is not None:
             return "yes" if self.inside else "NO"
         if self.probability is None:

@@ -47,7 +47,7 @@ FIXED_PLACE = 0.15
 """Position of the fixed ball: where trials start [m]."""
 
 FARTHER, FASTER = 1.5, 10.0
-"""A run that exceeds the reference by these, in height or tilt, or in the rate of one, is not bounded [1]."""
+"""Factors over the reference, of positions and of velocities, above which a run is not bounded [1]."""
 
 WIDE = 4.0
 """The search ends at this factor times the guess [1]."""

@@ -1,8 +1,8 @@
-"""Trials with known measures: closed-form movements of hands and ball, written as a recording.
+"""Synthetic trials with known values: closed-form movements of hands and ball, as the rows of a recording.
 
-Nothing of `netboard.analysis` is used here. The ball rolls to the target in minimum-jerk submovements, some back and
-forth, and then rests. Both hands turn the board in minimum-jerk movements, one with a fixed delay after the other.
-Forces are sines. The true value of each measure follows from these formulas, sampled at 1 kHz.
+This module uses nothing of `netboard.analysis`. The ball rolls to the target in minimum-jerk submovements, sometimes
+past it and back, and then rests. Both hands turn the board in minimum-jerk movements, one with a fixed delay after the
+other. Forces are sines. The true value of each measure follows from these formulas, sampled at 1 kHz.
 """
 
 from collections.abc import Mapping
@@ -18,95 +18,95 @@ from netboard.recording.importing.rows import measured
 
 RATE = 1000
 HOLD = 1500
-"""The hold takes this many ticks after the one at which the ball comes in [1]."""
+"""Number of ticks of the hold after the tick at which the ball enters the target [1]."""
 
 REACH, HALF_WIDTH, ARM = 0.15, 0.035, 0.4
-"""Centre and half width of the target, and from the board's middle to a hand [m]."""
+"""Centre and half width of the target, and distance from the middle of the board to a hand [m]."""
 
 IDLE = 2500
-"""Ticks between two trials, in which the hands go back [1]."""
+"""Number of ticks between two trials, in which the hands move back [1]."""
 
-SHORT = 1
-"""Samples missing from the hold in every fourth trial, whose completion time is then given instead of measured [1]."""
+MISSING = 1
+"""Number of samples missing at the end of every fourth trial: its completion time is recorded, not measured [1]."""
 
 FORCES = (1.0, 0.7), (1.5, 0.9)
-"""Size and frequency of the left hand's force and the right one's [N, Hz]."""
+"""Amplitude and frequency of the force of the left and of the right hand [N, Hz]."""
 
 TREMOR = 1e-5
 """Amplitude of the tremor of both hands, at 1 Hz [m]."""
 
 FASTER = np.radians(1.0)
 STILL = 0.003
-"""The paper's thresholds: of a turning board [rad/s], of a moving hand [m/s]."""
+"""Thresholds of the paper for a turning board [rad/s] and a moving hand [m/s]."""
 
-Wave = NDArray[np.float64]
+Signal = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Known:
-    """A trial, and what is known of it.
+    """A trial with its true values.
 
-    - `columns`: its samples, as an imported table has them [SI].
-    - `values`: what its measures should be, by their columns in the table of trials.
-    - `turns` (shape (k,)): when each movement of the board begins, from the release [s].
-    - `delay`: of the left hand behind the right one in all of them [s].
-    - `clear`: no peak of the ball's speed is within 0.1 s of the completion.
+    - `columns`: samples, named as in an imported table [SI].
+    - `values`: true values of the measures, named as in the table of trials [SI].
+    - `turns` (shape (k,)): onsets of the movements of the board, from the release [s].
+    - `delay`: delay of the left hand relative to the right hand in all movements [s].
+    - `clear`: no peak of the ball's speed lies within 0.1 s of the completion.
     """
 
-    columns: dict[str, Wave]
+    columns: dict[str, Signal]
     values: dict[str, float]
-    turns: Wave
+    turns: Signal
     delay: float
     clear: bool
 
 
-def roll(time: Wave, start: float, duration: float, way: float) -> tuple[Wave, Wave]:
-    """Return place and velocity of a minimum-jerk movement."""
+def roll(time: Signal, start: float, duration: float, way: float) -> tuple[Signal, Signal]:
+    """Return position and velocity of a minimum-jerk movement of length `way`."""
     s = np.clip((time - start) / duration, 0.0, 1.0)
     return way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2), way / duration * 30.0 * s**2 * (1.0 - s) ** 2
 
 
-def _ball(time: Wave, chance: np.random.Generator) -> tuple[Wave, Wave]:
-    """Roll a ball from one target to the other in one to four submovements, now and then past it and back."""
-    count = int(chance.integers(1, 5))
-    shares = chance.dirichlet(np.full(count, 8.0))
-    past = float(chance.uniform(0.05, 0.1)) * int(chance.integers(2))
+def _ball(time: Signal, rng: np.random.Generator) -> tuple[Signal, Signal]:
+    """Roll a ball from one target to the other in one to four submovements, half of the time past it and back."""
+    count = int(rng.integers(1, 5))
+    shares = rng.dirichlet(np.full(count, 8.0))
+    past = float(rng.uniform(0.05, 0.1)) * int(rng.integers(2))
     ways = [*(shares * (2.0 * REACH + past)), *([-past] * bool(past))]
-    place, velocity, at = np.full(time.size, -REACH), np.zeros(time.size), float(chance.uniform(0.3, 0.6))
+    place, velocity, at = np.full(time.size, -REACH), np.zeros(time.size), float(rng.uniform(0.3, 0.6))
     for way in ways:
-        duration = float(chance.uniform(0.7, 1.3))
+        duration = float(rng.uniform(0.7, 1.3))
         more, faster = roll(time, at, duration, way)
-        place, velocity, at = place + more, velocity + faster, at + duration * float(chance.uniform(0.9, 1.1))
+        place, velocity, at = place + more, velocity + faster, at + duration * float(rng.uniform(0.9, 1.1))
     return place, velocity
 
 
-def _hands(time: Wave, chance: np.random.Generator, end: float) -> tuple[list[Wave], list[Wave], float]:
-    """Turn the board to and fro with both hands, the left one later by a delay; return heights, rates and delay."""
-    delay = float(chance.integers(0, 80)) / RATE
-    # Nobody is still to the last encoder step: one that is would be marked as stuck.
+def _hands(time: Signal, rng: np.random.Generator, end: float) -> tuple[list[Signal], list[Signal], float]:
+    """Turn the board back and forth, the left hand with a delay; return heights, velocities and the delay."""
+    delay = float(rng.integers(0, 80)) / RATE
+    # Without tremor the analysis would flag the styluses as stuck.
     heights = [TREMOR * np.sin(2.0 * pi * time)] * 2
     rates = [TREMOR * 2.0 * pi * np.cos(2.0 * pi * time)] * 2
-    at, way = float(chance.uniform(0.15, 0.3)), float(chance.choice([-1.0, 1.0]))
+    at, way = float(rng.uniform(0.15, 0.3)), float(rng.choice([-1.0, 1.0]))
     while at < end - 1.0:
-        size, duration = way * float(chance.uniform(0.015, 0.03)), float(chance.uniform(0.5, 0.8))
+        size, duration = way * float(rng.uniform(0.015, 0.03)), float(rng.uniform(0.5, 0.8))
         for side, (sign, late) in enumerate(((-1.0, delay), (1.0, 0.0))):
             more, faster = roll(time, at + late, duration, sign * size)
             heights[side], rates[side] = heights[side] + more, rates[side] + faster
-        at, way = at + duration + delay + float(chance.uniform(0.25, 0.5)), -way
+        at, way = at + duration + delay + float(rng.uniform(0.25, 0.5)), -way
     return heights, rates, delay
 
 
-def trial(chance: np.random.Generator, *, side: int, short: bool) -> Known:
-    """Make a trial with the target at a side; with `short`, one whose last sample of the hold is missing."""
+def trial(rng: np.random.Generator, *, side: int, short: bool) -> Known:
+    """Make a trial with the target at side -1 or 1; with `short`, the last sample of the hold is missing."""
     time = np.arange(12 * RATE) / RATE
-    p, vp = _ball(time, chance)
+    p, vp = _ball(time, rng)
     inside = np.abs(p - REACH) <= HALF_WIDTH
     edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
     done = int(next(first for first, after in edges.reshape(-1, 2) if after - first > HOLD))
-    stop = done + HOLD + 1 - SHORT * short
-    (left, right), (left_v, right_v), delay = _hands(time, chance, done / RATE)
+    stop = done + HOLD + 1 - MISSING * short
+    (left, right), (left_v, right_v), delay = _hands(time, rng, done / RATE)
     theta, omega = (right - left) / (2.0 * ARM), (right_v - left_v) / (2.0 * ARM)
-    forces = [size * np.sin(2.0 * pi * rate * time + chance.uniform(0.0, 6.0)) for size, rate in FORCES]
+    forces = [size * np.sin(2.0 * pi * rate * time + rng.uniform(0.0, 6.0)) for size, rate in FORCES]
     columns = {
         **{"left_z": left, "right_z": right, "left_vz": left_v, "right_vz": right_v, "theta": theta, "omega": omega},
         **{"p": side * p, "vp": side * vp, "left_coupling": forces[0], "right_coupling": forces[1]},
@@ -118,8 +118,8 @@ def trial(chance: np.random.Generator, *, side: int, short: bool) -> Known:
     return Known(cut, _values(before, p[:done], done / RATE), _turns(omega[:stop]), delay, clear)
 
 
-def _values(before: Mapping[str, Wave], p: Wave, completion: float) -> dict[str, float]:
-    """Say what the measures of a trial should be, from its samples before the completion."""
+def _values(before: Mapping[str, Signal], p: Signal, completion: float) -> dict[str, float]:
+    """Compute the true values of a trial from its samples before the completion."""
     left, right, speed = before["left_vz"], before["right_vz"], before["speed"]
     moves = [np.sign(one) * (np.abs(one) >= STILL) for one in (left, right)]
     both = moves[0] * moves[1]
@@ -147,8 +147,8 @@ def _values(before: Mapping[str, Wave], p: Wave, completion: float) -> dict[str,
     return values
 
 
-def _turns(omega: Wave) -> Wave:
-    """Return when the board begins to turn faster than 1 degree/s, for 100 ms and 1 degree at least [s]."""
+def _turns(omega: Signal) -> Signal:
+    """Return the onsets of turns faster than 1 degree/s that last at least 100 ms and 1 degree [s]."""
     fast = np.concatenate([[0], (np.abs(omega) > FASTER).astype(int), [0]])
     starts, stops = (np.flatnonzero(np.diff(fast) == way) for way in (1, -1))
     angles = np.array([abs(omega[a:b].sum()) / RATE for a, b in zip(starts, stops, strict=True)])
@@ -156,17 +156,17 @@ def _turns(omega: Wave) -> Wave:
 
 
 def block(count: int, seed: int) -> tuple[list[Known], NDArray[Any], Config]:
-    """Make a block of trials, as the rows of a recording."""
-    chance = np.random.default_rng(seed)
-    trials = [trial(chance, side=1 if k % 2 else -1, short=k % 4 == 3) for k in range(count)]
+    """Make a block of trials, the rows of its recording, and its configuration."""
+    rng = np.random.default_rng(seed)
+    trials = [trial(rng, side=1 if k % 2 else -1, short=k % 4 == 3) for k in range(count)]
     parts: dict[str, list[Any]] = {}
     away = roll(np.arange(IDLE) / RATE, 0.3, 1.2, 1.0)[0]
     for number, known in enumerate(trials, start=1):
         size = known.columns["p"].size
-        told = np.full(size, np.nan)
-        told[-1] = known.values["completion"]
-        words = np.full(size, "", object)
-        words[-1] = "success"
+        completion = np.full(size, np.nan)
+        completion[-1] = known.values["completion"]
+        outcome = np.full(size, "", object)
+        outcome[-1] = "success"
         for name, values in known.columns.items():
             before = parts[name][-1][-1] if name in parts and name not in ("p", "vp") else values[0]
             back = float(before) - values[0]
@@ -175,8 +175,8 @@ def block(count: int, seed: int) -> tuple[list[Known], NDArray[Any], Config]:
         for name, idle, own in (
             ("trial", np.zeros(IDLE, np.int64), np.full(size, number)),
             ("target", np.full(IDLE, target), np.full(size, target)),
-            ("outcome", np.full(IDLE, "", object), words),
-            ("completion", np.full(IDLE, np.nan), told),
+            ("outcome", np.full(IDLE, "", object), outcome),
+            ("completion", np.full(IDLE, np.nan), completion),
         ):
             parts.setdefault(name, []).extend((idle, own))
     columns = {name: np.concatenate(values) for name, values in parts.items()}

@@ -1,4 +1,4 @@
-"""Effects of settings on the reported numbers, as tables: one by one, in pairs, and on paths through all questions."""
+"""Tables of the effects of settings on the reported numbers: one at a time, in pairs, and on random paths."""
 
 import math
 from collections.abc import Sequence
@@ -8,45 +8,43 @@ import numpy as np
 from netboard.analysis.extraction.study import Study
 from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis.multiverse import HEADLINES
-from netboard.benchmarks.analysis.numbers import STATEMENTS, Numbers
-from netboard.benchmarks.analysis.readings import AMBIGUITIES, Alternative, Ambiguity
+from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, Alternative, Ambiguity
+from netboard.benchmarks.analysis.reported_numbers import STATEMENTS, Numbers
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
 Singles = Sequence[tuple[Ambiguity, Alternative, Numbers]]
-"""Numbers with one alternative each."""
+"""The reported numbers with one alternative at a time."""
 
-LEAST = 1e-6
-"""Relative changes below this count as none [1]."""
+NO_CHANGE = 1e-6
+"""Relative changes up to this are rounding errors [1]."""
 
-SMALL = 0.01
-"""A number that changes by more has moved, as a share [1]."""
+CHANGED = 0.01
+"""Relative change from which a number counts as changed [1]."""
 
 SHOWN = 0.001
-"""A headline number that changes by more is shown, as a share [1]."""
+"""Relative change from which the table of headline numbers shows a number [1]."""
 
 RARE = 0.02
-"""Shares of the time below this are negligible [1]."""
+"""Shares of the time below this are negligible: their relative change is not reported [1]."""
 
 
 def values_of(found: Numbers) -> dict[str, float]:
-    """Return the values alone."""
+    """Return the values without family, unit and kind."""
     return {name: one.value for name, one in found.items()}
 
 
 def change(before: float, after: float) -> float:
-    """Return how far a number moved, as a share of what it was; NaN if that is not known, infinite from 0 [1]."""
-    if math.isnan(before) and math.isnan(after):
-        return 0.0
-    if before == after:
+    """Return the relative change of a number: 0 between two NaN, NaN if one is NaN, infinite from 0 [1]."""
+    if before == after or (math.isnan(before) and math.isnan(after)):
         return 0.0
     return (after - before) / abs(before) if before else math.copysign(math.inf, after)
 
 
 def signed(share: float) -> str:
-    """Write a change in percent."""
+    """Format a relative change in percent."""
     if math.isnan(share):
-        return "none left"
-    if abs(share) < LEAST:
+        return "no value"
+    if abs(share) < NO_CHANGE:
         return "0"
     if not math.isfinite(share):
         return "from 0"
@@ -54,70 +52,70 @@ def signed(share: float) -> str:
 
 
 def numbers_part(default: Numbers, singles: Singles) -> Part:
-    """List every number with its range over all alternatives, one at a time."""
+    """Tabulate every number with its range over the likely alternatives, one at a time."""
     rows: list[tuple[Value, ...]] = []
     for name, one in default.items():
         values = np.array([found[name].value for _, other, found in singles if other.likely])
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (math.nan, math.nan)
         rows.append((name, one.unit, one.value, low, high))
-    columns = ("number", "unit", "default", "least", "most")
-    title = "Every number, and its range over the likely alternatives, one at a time"
+    columns = ("number", "unit", "default", "minimum", "maximum")
+    title = "Reported numbers, and their ranges over the likely alternatives, one at a time"
     return Part("numbers", title, columns, rows, on_screen=False)
 
 
-def readings_part(default: Numbers, singles: Singles) -> Part:
-    """Say of every question what its other answers move most."""
+def alternatives_part(default: Numbers, singles: Singles) -> Part:
+    """Tabulate, for each alternative to a question, the number that it changes most."""
     rows: list[tuple[Value, ...]] = []
     for one in AMBIGUITIES:
         mine = [(other, found) for asked, other, found in singles if asked is one]
         if not mine:
             rows.append((one.name, one.question, one.default, "none", one.reason, ""))
         for other, found in mine:
-            rows.append((one.name, one.question, one.default, other.name, *_most(one, default, found)))
-    columns = ("", "question", "default", "alternative", "moves most", "moved by 1 %")
-    beyond = [f"{one.name} {other.name}" for one, other, found in singles if _beyond(one, default, found)]
+            rows.append((one.name, one.question, one.default, other.name, *_largest_change(one, default, found)))
+    columns = ("id", "question", "default", "alternative", "largest change", "changed by 1 %")
+    unrelated = [f"{one.name} {other.name}" for one, other, found in singles if _changes_unrelated(one, default, found)]
     verdict = Verdict(
-        "no answer moves a number that has nothing to do with the question",
-        not beyond,
-        ", ".join(beyond) or f"{len(singles)} answers, {len(default)} numbers each",
+        "no alternative changes a number that is independent of its question",
+        not unrelated,
+        ", ".join(unrelated) or f"{len(singles)} alternatives, {len(default)} numbers each",
     )
-    return Part("readings", "Every open question, and what its other answers move", columns, rows, [verdict])
+    return Part("readings", "Effect of each alternative on the reported numbers", columns, rows, [verdict])
 
 
-def _beyond(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
-    """Whether a setting changes a number that it cannot affect."""
+def _changes_unrelated(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
+    """Return whether a setting changes a number outside the families that its question touches."""
     others = [name for name, number in default.items() if number.family not in one.touches]
-    return any(not abs(change(default[name].value, found[name].value)) <= LEAST for name in others)
+    return any(not abs(change(default[name].value, found[name].value)) <= NO_CHANGE for name in others)
 
 
-def _most(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
-    """Find the number that an answer moves most (a mean, else a spread, else a count); count those it moves."""
+def _largest_change(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
+    """Describe the largest change of a mean, else of a spread, else of a count; and count the changed numbers."""
     mine = {
         name: change(number.value, found[name].value)
         for name, number in default.items()
         if number.family in one.touches
     }
-    moved = f"{sum(not abs(share) <= SMALL for share in mine.values())} of {len(mine)}"
+    moved = f"{sum(not abs(share) <= CHANGED for share in mine.values())} of {len(mine)}"
     for kind in ("mean", "spread", "count"):
-        shares = {name: mine[name] for name in mine if default[name].kind == kind and _tells(name, default, found)}
+        shares = {name: mine[name] for name in mine if default[name].kind == kind and _comparable(name, default, found)}
         largest = max(shares, key=lambda name: abs(shares[name]), default="")
-        if largest and abs(shares[largest]) > LEAST:
+        if largest and abs(shares[largest]) > NO_CHANGE:
             before, after = default[largest], found[largest].value
             unit = "" if before.unit == "1" else f" {before.unit}"
             return f"{largest}: {before.value:.3g} to {after:.3g}{unit}, {signed(shares[largest])}", moved
-    return "none left" if any(map(math.isnan, mine.values())) else "nothing", moved
+    return "no value" if any(map(math.isnan, mine.values())) else "no change", moved
 
 
-def _tells(name: str, default: Numbers, found: Numbers) -> bool:
-    """Whether a change in percent is meaningful: of known numbers in one unit that are not negligible."""
+def _comparable(name: str, default: Numbers, found: Numbers) -> bool:
+    """Return whether a relative change is meaningful: both values are known, in one unit and not negligible."""
     before, after = default[name], found[name]
     rare = before.family == "shares" and before.value < RARE
     return math.isfinite(before.value) and math.isfinite(after.value) and before.unit == after.unit and not rare
 
 
 def headlines_part(default: Numbers, singles: Singles) -> Part:
-    """Put the headline numbers beside each other, by every alternative that moves one."""
+    """Tabulate the headline numbers with each alternative that changes one of them."""
     rows: list[tuple[Value, ...]] = [
         ("", "default", *(f"{factor * default[name].value:.3g}" for name, _, factor in HEADLINES))
     ]
@@ -129,27 +127,27 @@ def headlines_part(default: Numbers, singles: Singles) -> Part:
                 for (name, _, factor), share in zip(HEADLINES, shares, strict=True)
             ]
             rows.append((one.name, other.name, *cells))
-    columns = ("", "reading", *(label.replace("\n", " ") for _, label, _ in HEADLINES))
-    title = "Headline numbers by each alternative that moves one by 0.1 %; empty: as by default"
+    columns = ("id", "alternative", *(label.replace("\n", " ") for _, label, _ in HEADLINES))
+    title = "Headline numbers with each alternative that changes one of them by 0.1 %; empty: as by default"
     return Part("headlines", title, columns, rows)
 
 
 def moved_part(default: Numbers, singles: Singles) -> Part:
-    """List all numbers that an alternative moves."""
+    """List all numbers that an alternative changes."""
     rows: list[tuple[Value, ...]] = []
     for one, other, found in singles:
         for name, number in default.items():
             share = change(number.value, found[name].value)
-            if not abs(share) <= SMALL:
+            if not abs(share) <= CHANGED:
                 rows.append((one.name, other.name, name, number.unit, number.value, found[name].value, signed(share)))
-    columns = ("", "alternative", "number", "unit", "by default", "by the alternative", "change")
-    return Part("moved", "All numbers that an alternative moves by 1 %", columns, rows, on_screen=False)
+    columns = ("id", "alternative", "number", "unit", "default", "with the alternative", "change")
+    return Part("moved", "All numbers that an alternative changes by 1 %", columns, rows, on_screen=False)
 
 
 def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambiguity, Ambiguity, Numbers]]) -> Part:
-    """Say what two answers do together, and how much of it neither does alone.
+    """Tabulate the joint effect of two alternatives and their interaction.
 
-    - `pairs`: two questions, and the numbers by the first alternative of both.
+    - `pairs`: two questions, and the numbers with the first alternative of both.
     """
     rows: list[tuple[Value, ...]] = []
     for one, other, both in pairs:
@@ -161,15 +159,15 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
         for name, label, factor in [row for row in HEADLINES if default[row[0]].family in families][:2]:
             base, *after = (factor * found[name].value for found in (default, by_one, by_other, both))
             joint = after[2] - after[0] - after[1] + base
-            answers = f"{one.name} {first}, {other.name} {second}"
+            answers = f"{one.name} {first}; {other.name} {second}"
             rows.append((answers, label.replace("\n", " "), base, *after, joint))
-    columns = ("two answers", "number", "default", "first alone", "second alone", "both", "interaction")
-    title = "Two answers at once; interaction: what both move less what each moves alone"
+    columns = ("two alternatives", "number", "default", "first alone", "second alone", "both", "interaction")
+    title = "Two alternatives at once; interaction: the joint change minus both single changes"
     return Part("pairs", title, columns, rows)
 
 
 def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) -> Part:
-    """Say how the headline numbers are spread over the paths."""
+    """Tabulate percentiles of the headline numbers over the paths."""
     rows: list[tuple[Value, ...]] = []
     for name, label, factor in HEADLINES:
         values = factor * np.array([one[name] for one in paths])
@@ -178,25 +176,25 @@ def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) 
         marks = [float(mark) for mark in np.percentile(known, (0, 5, 50, 95, 100))] if known.size else [math.nan] * 5
         below = f"{100 * float(np.mean(known < before)):.0f} %" if known.size else "none"
         rows.append((label.replace("\n", " "), before, *marks, below, known.size))
-    columns = ("number", "default", "least", "5 %", "median", "95 %", "most", "paths below the default", "paths")
-    return Part("paths", f"Headline numbers on paths drawn from {count:.3g}", columns, rows)
+    columns = ("number", "default", "minimum", "5 %", "median", "95 %", "maximum", "paths below the default", "paths")
+    return Part("paths", f"Headline numbers on random paths, drawn from {count:.3g}", columns, rows)
 
 
 def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str, float]]) -> Part:
-    """Count where what the paper says of its people holds for these."""
+    """Tabulate how often each statement of the paper holds for the participants of the study."""
     plain = values_of(default)
-    one = multiverse.held([values_of(found) for _, _, found in singles])
-    every = multiverse.held(paths)
+    one = multiverse.count_holding([values_of(found) for _, _, found in singles])
+    every = multiverse.count_holding(paths)
     rows: list[tuple[Value, ...]] = []
     for statement, (alone, of), (held, among) in zip(STATEMENTS, one, every, strict=True):
-        share = f"{100 * held / among:.0f} %" if among else "none tells"
+        share = f"{100 * held / among:.0f} %" if among else "undefined"
         rows.append((statement.words, statement.gap(plain) > 0, f"{alone} of {of}", share, among))
     columns = ("statement", "default", "one alternative at a time", "paths", "of")
-    return Part("statements", "Where what the paper says of its people holds for these", columns, rows)
+    return Part("statements", "Which statements of the paper hold for these participants", columns, rows)
 
 
-def concerned_part(base: Study, whole_ball: Study) -> Part:
-    """Count the trials that questions A24 and B5 concern."""
+def affected_part(base: Study, whole_ball: Study) -> Part:
+    """Tabulate the shares of trials that questions A24 and B5 affect."""
     rows: list[tuple[Value, ...]] = []
     for condition, own in base.counted.groupby("condition"):
         other = whole_ball.counted[whole_ball.counted["condition"] == condition]
@@ -208,6 +206,6 @@ def concerned_part(base: Study, whole_ball: Study) -> Part:
         "trials",
         "A24: first movement the wrong way",
         "no braking movement",
-        "B5: no 1.5 s with all of the ball in the target",
+        "B5: whole ball never in the target for 1.5 s",
     )
-    return Part("concerned", "What some questions concern", columns, rows)
+    return Part("concerned", "Trials that questions A24 and B5 affect", columns, rows)

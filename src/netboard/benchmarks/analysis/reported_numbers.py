@@ -1,7 +1,7 @@
-"""The numbers that the paper reports, of a study, under a name each, so that two readings can be compared.
+"""The numbers that the paper reports about a study, by name, so that two settings of the analysis can be compared.
 
-They are those of `netboard.analysis.topics`; what is added are the means of the strategy, the sides of the ellipses,
-and what the last group's spread is of the first one's.
+`netboard.analysis.topics` computes most of them. This module adds the means of the strategy, the width and height of
+the ellipses, and the ratio of the last group's variances to the first group's.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -15,21 +15,18 @@ from netboard.analysis.topics.dyads import dyads
 from netboard.analysis.topics.groups import CLASSES, conditions, counted, of_dyads, of_performers
 from netboard.analysis.topics.learning import learning
 from netboard.analysis.topics.strategy import EVERYBODY, TeamStrategy, strategy
-from netboard.benchmarks.analysis.readings import Family
+from netboard.benchmarks.analysis.open_questions import Family
 
-OF: dict[str, Family] = {"completion": "time", "peaks": "peaks"}
-"""Family of what is in a column of the table of trials."""
-
-SHORT = {"completion": "completion time", "peaks": "peaks"}
-"""Its name here."""
+QUANTITIES: dict[str, tuple[Family, str]] = {"completion": ("time", "completion time"), "peaks": ("peaks", "peaks")}
+"""Family and name of the quantity in a column of the table of trials."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number that is reported.
+    """A reported number.
 
-    - `value`: the number; NaN where there is none [its unit].
-    - `kind`: a mean or a size; a standard deviation or an interval; or how many dyads.
+    - `value`: the number; NaN if there is none [`unit`].
+    - `kind`: "mean", "spread" (standard deviation or confidence interval) or "count" (of dyads).
     """
 
     family: Family
@@ -39,61 +36,63 @@ class Number:
 
 
 Numbers = dict[str, Number]
-"""By name [SI]."""
+"""Reported numbers by name [SI]."""
 
 
-def numbers(study: Study, like: Numbers | None = None) -> Numbers:
-    """Compute all of them, in an order that is the same for studies with the same conditions.
+def numbers(study: Study, default: Numbers | None = None) -> Numbers:
+    """Compute all reported numbers, in an order that depends only on the conditions of the study.
 
-    - `like`: those of the same study by other readings: where these leave a condition without a trial, its numbers are
-      NaN.
+    - `default`: numbers with the default settings; those of a condition that has no trial become NaN.
     """
-    found: Numbers = {name: replace(one, value=nan) for name, one in (like or {}).items()}
+    found: Numbers = {name: replace(one, value=nan) for name, one in (default or {}).items()}
     for part in (_learning, _dyads, _shares, _delays, _strategies, _spreads):
         found |= dict(part(study))
     return found
 
 
 def _learning(study: Study) -> Iterator[tuple[str, Number]]:
-    """First and last trials."""
+    """Yield means and standard deviations of the first and the last trials."""
     for team in learning(study).teams:
         for course in team.courses:
-            column = course.quantity.column
             for when, found in (("first", course.ends.first), ("last", course.ends.last)):
-                name = f"{SHORT[column]}, {team.team}, {when}"
-                yield name, Number(OF[column], found.mean, course.quantity.unit)
-                yield f"SD of {name}", Number(OF[column], found.deviation, course.quantity.unit, "spread")
+                family, quantity = QUANTITIES[course.quantity.column]
+                name = f"{quantity}, {team.team}, {when}"
+                yield name, Number(family, found.mean, course.quantity.unit)
+                yield f"SD of {name}", Number(family, found.deviation, course.quantity.unit, "spread")
 
 
 def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
-    """How many dyads do better than the mean of their two participants."""
+    """Yield the number of dyads that are better than the mean of their two participants."""
     for one in dyads(study).comparisons:
         name = "faster" if one.quantity.column == "completion" else "smoother"
         value = float(one.better) if one.known else nan
         yield (
             f"dyads {name} than their mean, {one.condition.feeling}",
-            Number(OF[one.quantity.column], value, "1", "count"),
+            Number(QUANTITIES[one.quantity.column][0], value, "1", "count"),
         )
 
 
 def _shares(study: Study) -> Iterator[tuple[str, Number]]:
-    """Shares of the classes of movement."""
+    """Yield the shares of the movement classes."""
     for one in classes(study).shares:
         for name, mean in zip(CLASSES, one.means, strict=True):
             yield f"{name} share, {one.condition.label}", Number("shares", mean.value, "1")
 
 
 def _delays(study: Study) -> Iterator[tuple[str, Number]]:
-    """Delays at the thresholds, and half the width of their intervals."""
+    """Yield the delays at each threshold, and half the width of their confidence intervals."""
     for one in delay(study).conditions:
         for percent, mean in zip(PERCENT, one.as_set.means, strict=True):
             name = f"delay at {percent} %, {one.condition.label}"
             yield name, Number("delay", mean.value, "s")
-            yield f"half the interval of the {name}", Number("delay", (mean.high - mean.low) / 2, "s", "spread")
+            yield (
+                f"half-width of the confidence interval of the {name}",
+                Number("delay", (mean.high - mean.low) / 2, "s", "spread"),
+            )
 
 
 def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
-    """Distance and velocity at the first braking movement."""
+    """Yield mean distance and velocity at the first braking movement."""
     trials = counted(study)
     for one in conditions(study):
         own = trials[trials["condition"] == one.name]
@@ -103,7 +102,7 @@ def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
 
 
 def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
-    """Ellipses of everybody's first and last groups, and how variances change between these."""
+    """Yield the ellipses of the first and last groups of trials, and the ratios of their variances."""
     standardised = study.readings.summaries.scaling == "standardised"
     for team in strategy(study).teams:
         if team.team == EVERYBODY:
@@ -117,7 +116,7 @@ def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
 
 
 def _ratios(team: TeamStrategy) -> Iterator[tuple[str, Number]]:
-    """Ratio of the last group's variances to the first one's; the generalised variance stands for both quantities."""
+    """Yield the ratio of the last group's variances to the first group's; a generalised variance counts for both."""
     each = {spread.quantity: spread.means for spread in team.spreads}
     for quantity in ("distance", "velocity"):
         means = each.get(f"variance of {quantity}", team.spreads[0].means)
@@ -125,16 +124,16 @@ def _ratios(team: TeamStrategy) -> Iterator[tuple[str, Number]]:
         yield f"variance of {quantity}, last group over first, {team.team}", Number("strategy", value, "1")
 
 
-# --- what follows from them ---------------------------------------------------------------------------------------
+# --- statements of the paper ---------------------------------------------------------------------------------------
 
 Gap = Callable[[Mapping[str, float]], float]
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """Something that the paper says.
+    """A statement of the paper about the numbers.
 
-    - `gap`: takes the values by name; gives a difference that is positive if it is so [of the numbers in it].
+    - `gap`: takes the values by name; returns a difference that is positive if the statement holds [of the numbers].
     """
 
     words: str
@@ -145,8 +144,8 @@ def _less(smaller: str, larger: str) -> Gap:
     return lambda found: found[larger] - found[smaller]
 
 
-def _falls(name: str, of: str = "") -> Gap:
-    return _less(f"{name}, last{of}", f"{name}, first{of}")
+def _falls(name: str, window: str = "") -> Gap:
+    return _less(f"{name}, last{window}", f"{name}, first{window}")
 
 
 def _with_haptics(name: str, *, more: bool) -> Gap:
@@ -188,4 +187,4 @@ STATEMENTS = (
         lambda found: 1 - found["variance of distance, last group over first, dyadic"],
     ),
 )
-"""The paper's statements about these numbers that can be tested."""
+"""The testable statements of the paper about these numbers."""

@@ -1,4 +1,4 @@
-"""``netboard bench analysis --truth``: what the measures say of trials whose numbers are known beforehand."""
+"""``netboard bench analysis --truth``: errors of the measures on synthetic trials with known values."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,26 +10,26 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
-from netboard.benchmarks.analysis.truth import Known, block
+from netboard.benchmarks.analysis.ground_truth import Known, block
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 from netboard.recording.export.runs import runs_of
 from netboard.recording.files.offline_writer import BlockWriter
 
 WHOLE, QUICK = (16, 12), (2, 6)
-"""Blocks, and trials in each [1]."""
+"""Number of blocks, and of trials in each [1]."""
 
 IMPORTED = {"imported": "measured", "imported_from": "closed form"}
 
 TOLERANCES = {"s": 0.0015, "m": 0.0005, "W": 0.001, "N2 s": 0.01, "1": 0.0}
-"""Errors that count as exact, by unit: a tick, half a millimetre, and the attenuation of a sine by the filters [SI]."""
+"""Largest errors that count as exact, by unit; filters attenuate sinusoidal forces and powers [SI]."""
 
 UNITS = {"entries": "1", "peaks": "1", "overshoots": "1", "overshoot": "m", "power": "W", "effort": "N2 s"}
-"""Units of measures that are no time, by their last word."""
+"""Units of the measures other than times, by the last word of their names."""
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Make recordings of known trials, measure them as an analysis does, and compare."""
+    """Write recordings of synthetic trials, measure them as an analysis does, and compare."""
     blocks, trials = QUICK if quick else WHOLE
     known: list[Known] = []
     found: list[Measured] = []
@@ -43,7 +43,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], Measured]:
-    """Write a block of known trials as a recording, and measure it."""
+    """Write a block of synthetic trials as a recording, and measure it."""
     known, rows, config = block(trials, seed)
     keeper = BlockWriter(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
     keeper.take(rows)
@@ -52,7 +52,7 @@ def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], M
 
 
 def table(known: list[Known], found: list[Measured]) -> Part:
-    """Put truth and measures beside each other."""
+    """Tabulate the errors of each measure."""
     counted = sum(len(study_of([one], Readings()).counted) for one in found)
     trials = {
         name: np.concatenate([one.trials[name] for one in found]) for name in (*known[0].values, "completion_source")
@@ -65,18 +65,18 @@ def table(known: list[Known], found: list[Measured]) -> Part:
     peaks = np.array([one.values["peaks"] for one in known])
     rows.append(_row("peaks, none near the completion", peaks[clear], trials["peaks"][clear], "1"))
     rows += _movements(known, found)
-    told = int((trials["completion_source"] == "recording").sum())
+    recorded = int((trials["completion_source"] == "recording").sum())
     return Part(
         "truth",
-        f"Measures of {len(known)} trials whose numbers are known beforehand; {counted} count, {told} of them with the "
-        "completion time told by the recording, whose hold is a sample short",
+        f"Measures of {len(known)} synthetic trials with known values; {counted} included, {recorded} of them with the "
+        "completion time from the recording, because their hold is one sample short",
         ("measure", "unit", "n", "exact [%]", "bias", "largest error"),
         rows,
     )
 
 
 def _row(name: str, truth: NDArray[np.float64], found: NDArray[np.float64], unit: str) -> tuple[str | float, ...]:
-    """Compare one measure; what is not known in both counts as an error, unless it is in neither."""
+    """Compare one measure; a value that only one of both has is an infinite error."""
     both = np.isfinite(truth) & np.isfinite(found)
     errors = np.where(both, found - truth, np.inf)
     errors[np.isnan(truth) & np.isnan(found)] = 0.0
@@ -86,7 +86,7 @@ def _row(name: str, truth: NDArray[np.float64], found: NDArray[np.float64], unit
 
 
 def _movements(known: list[Known], found: list[Measured]) -> Iterator[tuple[str | float, ...]]:
-    """Compare how many movements of the board there are, when they begin, and their delays."""
+    """Compare the number, the onsets and the delays of the movements of the board."""
     counts: list[tuple[float, float]] = []
     onsets: list[tuple[float, float]] = []
     delays: list[tuple[float, float]] = []

@@ -1,0 +1,123 @@
+"""Time and memory of the parts of an analysis, each measured in a fresh process.
+
+A process that reads or measures must not load the report, which imports the plotting library: its peak memory would
+include that library. So `cost_of_report` imports the report itself.
+"""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import ParamSpec, TypeVar
+
+from netboard.analysis.extraction.cache import Cache
+from netboard.analysis.extraction.path_table import PathTable
+from netboard.analysis.extraction.running import Extraction, extract
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.workers import processes
+from netboard.base.process import peak_memory
+from netboard.recording.export.formats import new_folder
+from netboard.recording.files.reader import Recording
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Time:
+    """Duration of a call.
+
+    - `elapsed`: wall-clock time [s].
+    - `cpu`: CPU time of this process and of the child processes that ended in the meantime [s].
+    """
+
+    elapsed: float
+    cpu: float
+
+
+class Stopwatch:
+    """Measures elapsed and CPU time since its creation."""
+
+    def __init__(self) -> None:
+        self._start = time.perf_counter(), _cpu_time()
+
+    def read(self) -> Time:
+        """Return the time since the creation."""
+        return Time(time.perf_counter() - self._start[0], _cpu_time() - self._start[1])
+
+
+def _cpu_time() -> float:
+    """Return the CPU time of this process and of its ended children [s]."""
+    times = os.times()
+    return time.process_time() + times.children_user + times.children_system
+
+
+def in_fresh_process(function: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> T:
+    """Call a function in a new process, so that its peak memory is its own."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(function, *arguments, **keywords).result()
+
+
+def cost_of_reading(recordings: Sequence[Path], workers: int) -> Time:
+    """Read all ticks of a study in a number of processes, and compute nothing."""
+    watch = Stopwatch()
+    with processes(workers)(recordings) as executor:
+        list(executor.map(_read, recordings))
+    return watch.read()
+
+
+def _read(path: Path) -> int:
+    """Read a recording in batches, and count its ticks."""
+    with Recording(path) as recording:
+        return sum(rows.size for rows in recording.batches())
+
+
+@dataclass(frozen=True, slots=True)
+class TablesCost:
+    """Cost of the tables of a study.
+
+    - `data`: total duration of the recordings [s].
+    - `peak`: peak memory of the process that joins the tables [B].
+    - `worker_peak`: largest peak memory of the processes that measure recordings; 0 if there is none [B].
+    """
+
+    trials: int
+    data: float
+    time: Time
+    peak: float
+    worker_peak: float
+
+
+def cost_of_tables(recordings: Sequence[Path], workers: int, cache: Path) -> TablesCost:
+    """Make the tables of a study."""
+    watch = Stopwatch()
+    with TemporaryDirectory() as paths:
+        extracted, study = _tables(recordings, workers, cache, Path(paths))
+    spent, data = watch.read(), float(study.blocks["duration"].sum())
+    return TablesCost(len(study.trials), data, spent, peak_memory(), extracted.peak)
+
+
+def cost_of_report(recordings: Sequence[Path], cache: Path, folder: Path) -> tuple[Time, float]:
+    """Write results, figures and report of a study whose tables are cached; return the time and the peak memory [B]."""
+    from netboard.analysis.report.folder import write_analysis
+
+    with new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
+        extracted, study = _tables(recordings, 1, cache, Path(paths))
+        watch = Stopwatch()
+        write_analysis(part, study, extracted, ["netboard", "bench", "analysis"], _no_progress)
+    return watch.read(), peak_memory()
+
+
+def _tables(recordings: Sequence[Path], workers: int, cache: Path, paths: Path) -> tuple[Extraction, Study]:
+    """Measure recordings, or take their measures from the cache, and join them."""
+    extracted = extract(recordings, Readings(), processes(workers), Cache(cache), PathTable(paths), _no_progress)
+    return extracted, study_of(extracted.measured, Readings(), extracted.paths)
+
+
+def _no_progress(text: str, done: int, total: int) -> None:
+    """Ignore a progress report."""

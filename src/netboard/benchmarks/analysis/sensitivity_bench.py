@@ -1,0 +1,224 @@
+"""``netboard bench analysis --sensitivity``: effect of open questions and disturbances on the reported numbers.
+
+All recordings are measured with the default settings and with alternatives: one at a time, in pairs, and on random
+paths through all questions. Each disturbed attempt is compared with the same attempt undisturbed.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.measures.performance import window_sizes
+from netboard.base.errors import RecordingError
+from netboard.benchmarks.analysis import multiverse
+from netboard.benchmarks.analysis import question_tables as tables
+from netboard.benchmarks.analysis.disturbance_tables import all_disturbances_part, disturbances_part
+from netboard.benchmarks.analysis.disturbances import DISTURBANCES
+from netboard.benchmarks.analysis.filter_forms import forms_part
+from netboard.benchmarks.analysis.open_questions import (
+    AMBIGUITIES,
+    PAIRS,
+    Alternative,
+    Ambiguity,
+    ambiguity,
+    readings_of,
+)
+from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
+from netboard.benchmarks.analysis.reported_numbers import Numbers, numbers
+from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness.running import Tell
+from netboard.recording.export.runs import Run, runs_of
+
+PATHS, QUICK_PATHS = (6, 6, 3), (2, 4, 2)
+"""Arguments of `random_paths`: sets of filters, of measures for each, of summaries for each of these [1]."""
+
+DISTURBED_DYADS = 2
+"""Number of dyads of which one recording per condition is disturbed [1]."""
+
+CONDITIONS = {(configuration, force) for configuration in ("bimanual", "dyadic") for force in ("none", "full")}
+"""The paper's conditions: configuration and force."""
+
+NO_BRIDGING = "filters.bridge=0"
+"""Setting that leaves gaps open, so that the effect of lost samples is visible."""
+
+
+@dataclass(frozen=True)
+class Variants:
+    """The recordings of a run and the settings to compare.
+
+    - `settings`: settings that all variants share: number of first and last trials, and of trials in a group.
+    - `base`: the default settings.
+    - `singles`, `pairs`, `paths`: alternatives one at a time, two at once, and on random paths.
+    """
+
+    runs: tuple[Run, ...]
+    settings: tuple[str, ...]
+    base: Readings
+    singles: tuple[tuple[Ambiguity, Alternative], ...]
+    pairs: tuple[tuple[Ambiguity, Ambiguity], ...]
+    paths: multiverse.Paths
+
+    @property
+    def first_path(self) -> int:
+        """Return the index in `others` of the first path [1]."""
+        return len(self.singles) + len(self.pairs)
+
+    @property
+    def others(self) -> tuple[Readings, ...]:
+        """Return all other settings: singles, then pairs, then paths."""
+        one = [readings_of(other.settings, self.settings) for _, other in self.singles]
+        two = [
+            readings_of((*a.alternatives[0].settings, *b.alternatives[0].settings), self.settings)
+            for a, b in self.pairs
+        ]
+        return (*one, *two, *self.paths.measured)
+
+
+def variants_of(recordings: Sequence[Path], *, quick: bool) -> Variants:
+    """Choose the settings to compare; RecordingError if a condition of the paper is missing."""
+    runs = runs_of(recordings)
+    trials: dict[tuple[str, ...], int] = {}
+    for run in runs:
+        block = run.config.block
+        key = block.configuration, block.force, run.config.session.dyad, block.performer
+        trials[key] = trials.get(key, 0) + block.trials
+    if missing := CONDITIONS - {key[:2] for key in trials}:
+        words = ", ".join(sorted(f"{configuration} with force {force}" for configuration, force in missing))
+        raise RecordingError(f"{len(runs)} recordings: expected the paper's four conditions, found none of {words}")
+    settings = window_settings(min(trials.values()))
+    return Variants(
+        runs,
+        settings,
+        readings_of((), settings),
+        tuple((one, other) for one in AMBIGUITIES for other in one.alternatives),
+        tuple((ambiguity(one), ambiguity(other)) for one, other in PAIRS),
+        multiverse.random_paths(settings, *(QUICK_PATHS if quick else PATHS)),
+    )
+
+
+def window_settings(trials: int) -> tuple[str, ...]:
+    """Return settings for the number of first and last trials and of trials in a group: the paper's 30, or fewer.
+
+    - `trials`: smallest number of trials in a condition [1].
+    """
+    ends, group = window_sizes(trials)
+    return f"summaries.ends={ends}", f"summaries.group={group}"
+
+
+def recordings_to_disturb(runs: Sequence[Run]) -> set[Path]:
+    """Choose the first recording of each condition of the first dyads."""
+    dyads = sorted({run.config.session.dyad for run in runs})[:DISTURBED_DYADS]
+    first: dict[tuple[str, str, str], Path] = {}
+    for run in runs:
+        block, dyad = run.config.block, run.config.session.dyad
+        if dyad in dyads:
+            first.setdefault((dyad, block.configuration, block.force), run.path)
+    return set(first.values())
+
+
+def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Measure all variants and tabulate their effects."""
+    variants = variants_of(recordings, quick=quick)
+    found = _measured(variants, tell)
+    base = study_of([one.base for one in found], variants.base)
+    yield about_part(variants, base, found)
+    tell("computing the reported numbers", 0.9)
+    default = numbers(base)
+    alone, both = _singles_and_pairs(variants, found, default)
+    yield tables.numbers_part(default, alone)
+    yield tables.alternatives_part(default, alone)
+    yield tables.headlines_part(default, alone)
+    yield tables.moved_part(default, alone)
+    yield tables.pairs_part(default, alone, both)
+    yield tables.affected_part(base, _single(variants, found, "B5"))
+    paths = _paths(variants, found, default, tell)
+    yield tables.paths_part(default, paths, variants.paths.count)
+    yield tables.statements_part(default, alone, paths)
+    if find_spec("matplotlib") is not None:
+        singles = [tables.values_of(values) for _, other, values in alone if other.likely]
+        _save(folder, multiverse.plot_paths(tables.values_of(default), paths, singles))
+    disturbed = [one for one in found if one.disturbed]
+    yield disturbances_part(disturbed)
+    yield all_disturbances_part(disturbed)
+    yield forms_part([one.forms for one in disturbed])
+
+
+def _save(folder: Folder, figure: Any) -> None:
+    from netboard.analysis.topics.figure import as_bytes
+
+    for kind in ("png", "svg"):
+        (folder.path / f"analysis-paths.{kind}").write_bytes(as_bytes(figure, kind))
+
+
+def _singles_and_pairs(
+    variants: Variants, found: Sequence[Remeasured], default: Numbers
+) -> tuple[
+    list[tuple[Ambiguity, Alternative, Numbers]],
+    list[tuple[Ambiguity, Ambiguity, Numbers]],
+]:
+    """Compute the reported numbers with each single alternative and with each pair."""
+    each = [
+        numbers(study_of([one.others[number] for one in found], readings), default)
+        for number, readings in enumerate(variants.others[: variants.first_path])
+    ]
+    alone = [(*which, values) for which, values in zip(variants.singles, each, strict=False)]
+    return alone, [(*which, values) for which, values in zip(variants.pairs, each[len(alone) :], strict=True)]
+
+
+def _single(variants: Variants, found: Sequence[Remeasured], name: str) -> Study:
+    """Return the study with the first alternative to a question."""
+    number = next(place for place, (one, _) in enumerate(variants.singles) if one.name == name)
+    return study_of([one.others[number] for one in found], variants.others[number])
+
+
+def _measured(variants: Variants, tell: Tell) -> list[Remeasured]:
+    """Measure all recordings with all variants."""
+    disturbed = recordings_to_disturb(variants.runs)
+    requests = []
+    for run in variants.runs:
+        disturbances = DISTURBANCES if run.path in disturbed else ()
+        by = tuple(readings_of((NO_BRIDGING, *one.settings), variants.settings) for one in disturbances)
+        requests.append(Request(run, variants.base, variants.others, disturbances, by))
+    total = len(requests)
+    # The longest jobs first, so that all processes end at about the same time.
+    order = sorted(range(total), key=lambda number: not requests[number].disturbances)
+    done = remeasure_all(
+        [requests[number] for number in order],
+        min(os.cpu_count() or 1, total),
+        lambda count: tell(f"{count} of {total} recordings", 0.9 * count / total),
+    )
+    by_number = dict(zip(order, done, strict=True))
+    return [by_number[number] for number in range(total)]
+
+
+def _paths(variants: Variants, found: Sequence[Remeasured], default: Numbers, tell: Tell) -> list[dict[str, float]]:
+    """Compute the reported numbers on all paths."""
+    values = []
+    for number, summaries in enumerate(variants.paths.summaries):
+        tell("random paths", 0.9 + 0.1 * number / len(variants.paths.summaries))
+        measured = [one.others[variants.first_path + number] for one in found]
+        values += [tables.values_of(numbers(study_of(measured, readings), default)) for readings in summaries]
+    return values
+
+
+def about_part(variants: Variants, base: Study, found: Sequence[Remeasured]) -> Part:
+    """Tabulate the data and settings of the study."""
+    attempts = sum(len(one.undisturbed[0]["completion"]) for one in found if one.undisturbed)
+    rows: list[tuple[Value, ...]] = [
+        ("dyads", len(base.dyads)),
+        ("recordings", len(base.blocks)),
+        ("trials included", len(base.counted)),
+        ("movements of the board in these trials", int((base.movements["counts"] == 1).sum())),
+        ("simulated participants", f"{int(base.blocks['simulated'].sum())} recordings"),
+        ("first and last trials", variants.base.summaries.ends),
+        ("trials in a group", variants.base.summaries.group),
+        ("alternatives, one at a time", len(variants.singles)),
+        ("paths", f"{sum(map(len, variants.paths.summaries))} of {variants.paths.count:.3g}"),
+        ("disturbed", f"{sum(bool(one.disturbed) for one in found)} recordings, {attempts} attempts"),
+    ]
+    return Part("about", "Data and settings", ("quantity", "value"), rows)
