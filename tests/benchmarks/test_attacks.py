@@ -33,7 +33,7 @@ FACTS = {
 
 
 def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
-    """Return 6 s of ticks with late ones and pauses: an attack on the server from 1 s to 3 s, on a sink from 3 s to 5 s."""
+    """Return 6 s of ticks, some late or paused: attack on the server from 1 s to 3 s, on a sink from 3 s to 5 s."""
     ticks = np.zeros(6000, TICK)
     ticks["time_ns"] = np.arange(6000) * TICK_NS
     for tick, late_ns in late.items():
