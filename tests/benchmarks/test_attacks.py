@@ -1,11 +1,19 @@
-"""What an attack cost is told from what the machine did anyway."""
+"""The attack cases separate the deadline misses of an attack from those of the machine."""
 
 import numpy as np
 
 from netboard.base.tables.rig import Safety
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.faults.attack_cases import ATTACKS, COLUMNS, PART, figures, tolls, unmoved, unpaused
-from netboard.benchmarks.faults.attackers import SAID
+from netboard.benchmarks.faults.attack_cases import (
+    ATTACKS,
+    COLUMNS,
+    PART,
+    deadline_misses,
+    figures,
+    no_more_misses,
+    no_more_pauses,
+)
+from netboard.benchmarks.faults.attackers import ROLE_MESSAGES
 from netboard.benchmarks.faults.bench import Outcome, parts_of
 from netboard.benchmarks.faults.evidence import Pause
 from netboard.benchmarks.faults.gathering import Evidence, Taken, Window
@@ -25,7 +33,7 @@ FACTS = {
 
 
 def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
-    """Six seconds, an attack in the second and third, one on a sink in the next two: late ticks, and paused ones."""
+    """Return 6 s of ticks, some late or paused: attack on the server from 1 s to 3 s, on a sink from 3 s to 5 s."""
     ticks = np.zeros(6000, TICK)
     ticks["time_ns"] = np.arange(6000) * TICK_NS
     for tick, late_ns in late.items():
@@ -35,31 +43,31 @@ def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
     return Evidence(Window(0, 6 * SECOND, FACTS), Safety(), {}, taken, None)
 
 
-def test_misses_and_pauses_are_those_of_their_stretch() -> None:
+def test_misses_and_pauses_are_counted_in_each_period() -> None:
     late = {10: 2 * LATE_NS, 5500: LATE_NS, 1500: 3 * LATE_NS, 2999: 5 * LATE_NS, 3500: 4 * LATE_NS}
-    calm, aside, attacked = tolls(evidence(late, (2000,)))
-    assert (calm.ticks, calm.misses, calm.pauses, calm.latest) == (2000, 1, 0, 1.0)
-    assert (aside.ticks, aside.misses, aside.pauses, aside.latest) == (2000, 1, 0, 2.0)
-    assert (attacked.ticks, attacked.misses, attacked.pauses, attacked.latest) == (2000, 2, 1, 2.5)
-    assert calm.rate == 50.0
+    without, on_sink, on_server = deadline_misses(evidence(late, (2000,)))
+    assert (without.ticks, without.misses, without.pauses, without.latest) == (2000, 1, 0, 1.0)
+    assert (on_sink.ticks, on_sink.misses, on_sink.pauses, on_sink.latest) == (2000, 1, 0, 2.0)
+    assert (on_server.ticks, on_server.misses, on_server.pauses, on_server.latest) == (2000, 2, 1, 2.5)
+    assert without.rate == 50.0
 
 
-def test_an_attack_holds_if_it_costs_no_more_than_chance() -> None:
+def test_an_attack_may_cost_no_more_deadline_misses_than_chance_explains() -> None:
     few = evidence(dict.fromkeys((3010, 3020, 1500, 1600), SECOND))
     many = evidence(dict.fromkeys((3010, *range(1500, 1580, 2)), SECOND))
     stall = evidence(dict.fromkeys((3010, *range(1500, 1540)), SECOND))
-    assert unmoved(few).holds
-    assert not unmoved(many).holds
-    assert unmoved(stall).holds, "it is one event: the machine stood still"
-    assert unmoved(many).found == "40 in 2000 ticks, 1 in 2000 with the attack on a sink"
-    assert not unpaused(evidence({}, (2000,))).holds
-    assert unpaused(evidence({}, (500, 2000))).holds
+    assert no_more_misses(few).holds
+    assert not no_more_misses(many).holds
+    assert no_more_misses(stall).holds, "a run of late ticks counts as one stall"
+    assert no_more_misses(many).found == "40 in 2000 ticks, 1 in 2000 with the attack on a sink"
+    assert not no_more_pauses(evidence({}, (2000,))).holds
+    assert no_more_pauses(evidence({}, (500, 2000))).holds
 
 
-def test_an_attack_that_was_not_made_does_not_hold() -> None:
-    unmade = Evidence(Window(0, SECOND, {}, "broken"), Safety(), {}, evidence({}).rig, None)
-    assert not unmoved(unmade).holds
-    assert len(figures(unmade)) == len(COLUMNS) - 2
+def test_a_case_fails_if_its_attack_was_not_made() -> None:
+    not_made = Evidence(Window(0, SECOND, {}, "broken"), Safety(), {}, evidence({}).rig, None)
+    assert not no_more_misses(not_made).holds
+    assert len(figures(not_made)) == len(COLUMNS) - 2
 
 
 def test_the_table_has_a_row_for_each_attack() -> None:
@@ -70,8 +78,8 @@ def test_the_table_has_a_row_for_each_attack() -> None:
     assert part.rows[0][1:5] == (500, 2, "0 / 0 / 1", "0 / 0 / 50")
 
 
-def test_what_attackers_say_is_legal() -> None:
-    for connections in SAID.values():
+def test_the_messages_of_the_roles_can_be_decoded() -> None:
+    for connections in ROLE_MESSAGES.values():
         for _, _, first, again in connections:
             for message in (*first, *again):
                 assert decode(encode(message)) == message

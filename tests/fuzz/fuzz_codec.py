@@ -1,11 +1,11 @@
-"""The codec, fuzzed by libFuzzer, which looks for bytes that take a way through it that none before took.
+"""Coverage-guided fuzzing of the codec with libFuzzer (atheris).
 
     pip install -e .[fuzz]
     python tests/fuzz/fuzz_codec.py -runs=1000000
 
-Takes the options of libFuzzer and folders with frames to begin with; it keeps what it finds in the first of them.
-Half of the frames are libFuzzer's mutations, half are those of `netboard.benchmarks.faults.mutants`. What makes it fail
-is written to a file ``crash-...``, which it takes as an argument to try it again.
+The arguments are libFuzzer's options and corpus folders; new inputs are saved in the first folder. Half of the frames
+are libFuzzer's mutations, half come from `netboard.benchmarks.faults.malformed_frames`. A frame that fails is written
+to a file ``crash-...``; give that file as an argument to try the frame again.
 """
 
 import sys
@@ -15,30 +15,31 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["netboard.network.protocol.codec"]):
-    from wire_oracle import judge
+    from reference_decoder import decode_with_both
 
-from netboard.benchmarks.faults.mutants import Mutants
+from netboard.benchmarks.faults.malformed_frames import MalformedFrames
 
 FRAMES = Path(__file__).parent.parent / "data" / "frames"
-MUTANTS = Mutants([path.read_bytes() for path in sorted(FRAMES.glob("*.bin"))], seed=1)
+MALFORMED = MalformedFrames([path.read_bytes() for path in sorted(FRAMES.glob("*.bin"))], seed=1)
 
 
 def mutate(data: bytes, max_size: int, seed: int) -> bytes:
-    """One of the next frames to try."""
-    return next(MUTANTS)[:max_size] if seed & 1 else atheris.Mutate(data, max_size)
+    """Return the next frame to test."""
+    return next(MALFORMED)[:max_size] if seed & 1 else atheris.Mutate(data, max_size)
 
 
 def main() -> None:
-    """Fuzz."""
-    with tempfile.TemporaryDirectory() as found:
-        own = [] if any(not argument.startswith("-") for argument in sys.argv[1:]) else [found, str(FRAMES)]
-        atheris.Setup([*sys.argv, *own], judge_any, custom_mutator=mutate)
+    """Run libFuzzer, with the frames of the tests as its corpus unless another folder is given."""
+    with tempfile.TemporaryDirectory() as new_inputs:
+        has_corpus = any(not argument.startswith("-") for argument in sys.argv[1:])
+        corpus = [] if has_corpus else [new_inputs, str(FRAMES)]
+        atheris.Setup([*sys.argv, *corpus], compare_decoders, custom_mutator=mutate)
         atheris.Fuzz()
 
 
-def judge_any(data: bytes) -> None:
-    """Ask the codec, and the oracle."""
-    judge(data)
+def compare_decoders(data: bytes) -> None:
+    """Decode a frame with the codec and with the reference decoder; libFuzzer allows no return value."""
+    decode_with_both(data)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""Frames that are malformed in every way there is: a message or a `WireError`, the right one, at bounded cost."""
+"""The codec decodes any malformed frame to the right message or a `WireError`, with bounded memory."""
 
 import random
 import struct
 import tracemalloc
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
@@ -11,10 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from wire_oracle import bits, judge
+from reference_decoder import bits, decode_with_both
 
 from netboard.base.errors import WireError
-from netboard.benchmarks.faults.mutants import NESTED, Mutants, true_frames
+from netboard.benchmarks.faults.malformed_frames import NESTING_DEPTH, MalformedFrames, valid_frames
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.messages import KINDS, Message
@@ -22,20 +23,20 @@ from netboard.network.protocol.motion import Force, Stylus
 
 GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
 SEEDS = range(4)
-OF_EACH = 5000
+FRAME_COUNT = 5000
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_thousands_of_malformed_frames(seed: int) -> None:
-    accepted = sum(judge(frame) is not None for frame in islice(Mutants(GOLDEN, seed), OF_EACH))
-    assert OF_EACH // 50 < accepted < OF_EACH // 2
+def test_malformed_frames_decode_as_the_reference_decoder_decodes_them(seed: int) -> None:
+    accepted = sum(decode_with_both(frame) is not None for frame in islice(MalformedFrames(GOLDEN, seed), FRAME_COUNT))
+    assert FRAME_COUNT // 50 < accepted < FRAME_COUNT // 2
 
 
-def test_malformed_frames_of_every_kind() -> None:
-    for frame in true_frames(1):
-        assert judge(frame) is not None
+def test_malformed_frames_reach_every_message_type() -> None:
+    for frame in valid_frames(1):
+        assert decode_with_both(frame) is not None
     kinds = set()
-    for frame in islice(Mutants(true_frames(2), 3), OF_EACH):
+    for frame in islice(MalformedFrames(valid_frames(2), 3), FRAME_COUNT):
         try:
             kinds.add(type(decode(frame)).__name__)
         except WireError as error:
@@ -44,11 +45,11 @@ def test_malformed_frames_of_every_kind() -> None:
 
 
 def test_the_same_seed_gives_the_same_frames() -> None:
-    assert list(islice(Mutants(GOLDEN, 7), 300)) == list(islice(Mutants(GOLDEN, 7), 300))
-    assert list(islice(Mutants(GOLDEN, 7), 300)) != list(islice(Mutants(GOLDEN, 8), 300))
+    assert list(islice(MalformedFrames(GOLDEN, 7), 300)) == list(islice(MalformedFrames(GOLDEN, 7), 300))
+    assert list(islice(MalformedFrames(GOLDEN, 7), 300)) != list(islice(MalformedFrames(GOLDEN, 8), 300))
 
 
-pieces = st.one_of(
+items = st.one_of(
     st.binary(min_size=1, max_size=3),
     st.sampled_from(sorted(KINDS)).map(lambda kind: bytes([kind])),
     st.integers(0x80, 0xFF).map(lambda head: bytes([head])),
@@ -66,44 +67,44 @@ pieces = st.one_of(
 
 @pytest.mark.slow
 @settings(max_examples=500, deadline=None)
-@given(st.lists(pieces, max_size=20).map(b"".join))
-def test_any_row_of_pieces(frame: bytes) -> None:
-    judge(frame)
+@given(st.lists(items, max_size=20).map(b"".join))
+def test_any_sequence_of_items(frame: bytes) -> None:
+    decode_with_both(frame)
 
 
 @pytest.mark.slow
 @settings(max_examples=500, deadline=None)
-@given(st.sampled_from(sorted(KINDS)), st.integers(0, 20), st.lists(pieces, max_size=20).map(b"".join), st.booleans())
-def test_any_row_of_pieces_after_a_true_head(kind: int, length: int, rest: bytes, wide: bool) -> None:
+@given(st.sampled_from(sorted(KINDS)), st.integers(0, 20), st.lists(items, max_size=20).map(b"".join), st.booleans())
+def test_any_sequence_of_items_after_a_valid_header(kind: int, length: int, rest: bytes, wide: bool) -> None:
     head = b"\xdc" + struct.pack(">H", length) if wide or length > 15 else bytes([0x90 | length])
-    judge(head + bytes([kind]) + rest)
+    decode_with_both(head + bytes([kind]) + rest)
 
 
 @pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(GOLDEN), st.data())
-def test_any_piece_in_place_of_any_bytes(frame: bytes, data: st.DataObject) -> None:
+def test_any_item_in_place_of_any_bytes(frame: bytes, data: st.DataObject) -> None:
     begin = data.draw(st.integers(0, len(frame)))
-    judge(frame[:begin] + data.draw(pieces) + frame[data.draw(st.integers(begin, len(frame))) :])
+    decode_with_both(frame[:begin] + data.draw(items) + frame[data.draw(st.integers(begin, len(frame))) :])
 
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4, 20, 35, 52])
-def test_the_largest_frame_is_exactly_as_large_as_is_said(kind: int) -> None:
-    tree = next(tree for frame in true_frames(1) if (tree := msgpack.unpackb(frame))[0] == kind)
+def test_the_codec_accepts_frames_up_to_the_size_limit(kind: int) -> None:
+    tree = next(tree for frame in valid_frames(1) if (tree := msgpack.unpackb(frame))[0] == kind)
     longest = KINDS[kind].most_bytes
     at = max(index for index, value in enumerate(tree) if isinstance(value, str))
     tree[at] = ""
     for more in range(-8, 8):
         tree[at] = "x" * (longest - len(msgpack.packb([*tree[:at], "", *tree[at + 1 :]])) + more)
         frame = msgpack.packb(tree)
-        assert (judge(frame) is None) == (len(frame) > longest)
+        assert (decode_with_both(frame) is None) == (len(frame) > longest)
 
 
 AFTER_COMPLETIONS = [
     *(0, [], [], "", [], []),
     *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], [], []),
 ]
-"""What a `Status` says after the completion times."""
+"""The fields of a `Status` after the completion times."""
 
 
 @pytest.mark.parametrize(
@@ -116,34 +117,28 @@ AFTER_COMPLETIONS = [
         (57, [], [5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], []),
     ],
 )
-def test_the_longest_array_is_exactly_as_long_as_is_said(kind: int, before: list, item: object, after: list) -> None:  # type: ignore[type-arg]
+def test_the_codec_accepts_arrays_up_to_the_length_limit(kind: int, before: list, item: object, after: list) -> None:  # type: ignore[type-arg]
     longest = KINDS[kind].most_items
-    assert judge(msgpack.packb([kind, *before, [item] * longest, *after])) is not None
-    assert judge(msgpack.packb([kind, *before, [item] * (longest + 1), *after])) is None
+    assert decode_with_both(msgpack.packb([kind, *before, [item] * longest, *after])) is not None
+    assert decode_with_both(msgpack.packb([kind, *before, [item] * (longest + 1), *after])) is None
 
 
-# --- cost --------------------------------------------------------------------------------------------------------
+# --- memory ------------------------------------------------------------------------------------------------------
 
 
-def cost(frame: bytes) -> int:
-    """Most memory that reading a frame takes, in bytes."""
+def peak_memory(frame: bytes) -> int:
+    """Return the peak memory of decoding a frame [bytes]."""
     tracemalloc.start()
     try:
-        judge_only_by_codec(frame)
+        with suppress(WireError):
+            decode(frame)
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
 
 
-def judge_only_by_codec(frame: bytes) -> None:
-    try:
-        decode(frame)
-    except WireError:
-        return
-
-
-def nests(kind: int) -> list[bytes]:
-    """Frames of a kind in which every array, map or string claims as much as it may, inside the one before."""
+def nested_frames(kind: int) -> list[bytes]:
+    """Return frames with nested arrays, maps or strings, each with the largest length that its limit allows."""
     most = max(KINDS[kind].most_items, 15)
     head = bytes([0x90 | 15, kind])
     openings = (b"\x91", b"\x9f", b"\x81\xa0", b"\x8f\xa0", b"\xdc" + struct.pack(">H", min(most, 65_535)))
@@ -153,21 +148,20 @@ def nests(kind: int) -> list[bytes]:
         (first + opening * times + tail)[: KINDS[kind].most_bytes]
         for first in (head, exact)
         for opening in openings
-        for times in (1, 100, 500, NESTED)
+        for times in (1, 100, 500, NESTING_DEPTH)
         for tail in tails
     ]
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_what_a_frame_costs_is_bounded_by_its_length(kind: int) -> None:
-    """A frame of 3 KB must not be made into 30 MB of empty arrays."""
-    for frame in nests(kind):
-        assert cost(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
+def test_the_memory_for_nested_frames_is_bounded_by_their_length(kind: int) -> None:
+    for frame in nested_frames(kind):
+        assert peak_memory(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
 
 
-def test_what_malformed_frames_cost_is_bounded_by_their_length() -> None:
-    for frame in islice(Mutants(GOLDEN, 9), 2000):
-        assert cost(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
+def test_the_memory_for_malformed_frames_is_bounded_by_their_length() -> None:
+    for frame in islice(MalformedFrames(GOLDEN, 9), 2000):
+        assert peak_memory(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
 
 
 # --- the fixed form ----------------------------------------------------------------------------------------------
@@ -175,22 +169,22 @@ def test_what_malformed_frames_cost_is_bounded_by_their_length() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("form", "kind"), [(fixed.STYLUS, Stylus), (fixed.FORCE, Force)])
-def test_the_fixed_form_is_read_as_the_codec_reads_it_or_not_at_all(form: fixed.Form, kind: type[Message]) -> None:
-    chance = random.Random(4)
+def test_the_fixed_form_reader_agrees_with_the_codec(form: fixed.Form, kind: type[Message]) -> None:
+    rng = random.Random(4)
     words = np.zeros(1, fixed.fields_of(kind))
     numbers = words.view(np.int64)
     taken = 0
-    for frame in islice(Mutants([fixed_frame(form, kind, chance) for _ in range(50)], 5), OF_EACH):
+    for frame in islice(MalformedFrames([fixed_frame(form, kind, rng) for _ in range(50)], 5), FRAME_COUNT):
         if not fixed.read(frame, form.head, form.markers, numbers):
             continue
         taken += 1
         assert bits(decode(frame)) == bits(kind(*words[0].item()))
-    assert taken > OF_EACH // 100
+    assert taken > FRAME_COUNT // 100
 
 
-def fixed_frame(form: fixed.Form, kind: type[Message], chance: random.Random) -> bytes:
-    """A frame of the fixed form with any numbers in it."""
-    words = np.frombuffer(chance.randbytes(8 * len(form.markers)), np.int64)
+def fixed_frame(form: fixed.Form, kind: type[Message], rng: random.Random) -> bytes:
+    """Return a frame of the fixed form with random numbers."""
+    words = np.frombuffer(rng.randbytes(8 * len(form.markers)), np.int64)
     frame = np.zeros(form.size, np.uint8)
     fixed.write(frame, form.head, form.markers, words)
     return frame.tobytes()

@@ -145,7 +145,7 @@ def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> fl
 WAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
 QUICK_WAYS = (1, 5)
 MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("both", "board"))
-"""Where the coupling is computed, and to what the hand is coupled. With "both" and a fixed end, delays have no effect."""
+"""Where the coupling is computed, and its far end. With "both" and a fixed end, delays have no effect."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""Attacks: peers that send the most that the protocol allows, as fast as their links take it, and what a tick loses.
+"""Attack cases: peers that flood the server with the largest messages that the protocol allows.
 
-Each attack is compared with an equally long one, in the same run, on a sink that takes the messages and does nothing
-else: the attackers are on the server's machine, and take time from it wherever they send. Calm stretches before and
-after show what the machine misses by itself.
+Each attack runs twice in one recording: on a sink, which receives the messages and discards them, and on the server.
+The attackers run on the server's machine, so even an attack on the sink costs the server deadlines. Periods without an
+attack, before and after, show the deadline misses of the machine itself.
 """
 
 import json
@@ -34,26 +34,26 @@ from netboard.nodes.operator.operator import HELLO_NS
 from netboard.nodes.server.tick_clock import LATE_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
-"""Duration of an attack, and of the calm stretch that it is compared with [s]."""
+"""Duration of an attack on the sink, and of one on the server [s]."""
 
-START_S = 60.0
-"""Timeout for an attacker to become ready [s]."""
+FINISH_S = 60.0
+"""Timeout for an attacker to exit after its attack [s]."""
 
 RATIO = 1.2
-"""Largest factor by which deadline misses may grow, beyond chance [1]."""
+"""Largest ratio of deadline misses with an attack on the server to those with one on the sink, beyond chance [1]."""
 
 JOIN_S = 0.5
-"""Longest time a peer with a good key may take to join, attack or not [s]."""
+"""Longest time that a peer with a valid key may take to join [s]."""
 
 JOINS, QUICK_JOINS = 20, 4
-"""Joins that are timed before and in an attack [1]."""
+"""Number of joins that are timed before and during an attack [1]."""
 
-PATIENCE_S = 20.0
+JOIN_TIMEOUT_S = 20.0
 PART = "attacks"
 COLUMNS = (
-    *("case", "messages [1]", "connections [1]", "misses in calm / on a sink / on the server [1]"),
-    *("per 100 000 ticks [1]", "server / sink [1]", "pauses [1]", "latest tick [ms]"),
-    *("slowest join in calm / in the attack [s]", "holds"),
+    *("case", "messages [1]", "connections [1]", "deadline misses: no attack / on sink / on server [1]"),
+    *("misses per 100 000 ticks [1]", "server / sink [1]", "pauses [1]", "latest tick [ms]"),
+    *("slowest join: no attack / attack [s]", "holds"),
 )
 
 OPEN_DYAD = Setup("one dyad, attacked", settings=("network.curve=off",))
@@ -61,63 +61,63 @@ KEYED_DYAD = Setup("one dyad with keys, attacked", settings=("network.curve=on",
 
 
 def attack(name: str) -> Act:
-    """Return an act that runs an attacker for a while [s], first at a sink and then at the server."""
+    """Return an act that runs an attacker, first on a sink and then on the server."""
 
     def act(site: Site) -> Facts:
         span = QUICK_SECONDS if site.quick else SECONDS
         before_ns = now_ns()
         time.sleep(span / 4)
-        calm_ns = now_ns()
-        aside = _attack_sink(name, site, span)
+        quiet = before_ns, now_ns()
+        on_sink = _attack_sink(name, site, span)
         with _attacker(name, site, span) as process:
             _begin(process)
-            done = _finish(process, name, span)
+            on_server = _finish(process, name, span)
         after_ns = now_ns()
         time.sleep(span / 4)
-        return _facts(done, aside, (before_ns, calm_ns), (after_ns, now_ns()))
+        return _facts(on_server, on_sink, quiet, (after_ns, now_ns()))
 
     return act
 
 
 def join_during(name: str) -> Act:
-    """Return an act in which strangers knock for a while [s] while consoles with a good key join, as before."""
+    """Return an act that times the joins of consoles with a valid key, without an attack and during it."""
 
     def act(site: Site) -> Facts:
         span = 3 * QUICK_SECONDS if site.quick else SECONDS
         joins = QUICK_JOINS if site.quick else JOINS
-        calm_ns = now_ns()
-        calm = [_join(site) for _ in range(joins)]
-        time.sleep(max(0.0, span - (now_ns() - calm_ns) * 1e-9))
-        over_ns = now_ns()
-        aside = _attack_sink(name, site, span)
+        before_ns = now_ns()
+        without = [_join(site) for _ in range(joins)]
+        time.sleep(max(0.0, span - (now_ns() - before_ns) * 1e-9))
+        quiet = before_ns, now_ns()
+        on_sink = _attack_sink(name, site, span)
         with _attacker(name, site, span) as process:
             _begin(process)
             time.sleep(span / 3)
-            meanwhile = [_join(site) for _ in range(joins)]
-            done = _finish(process, name, span)
-        slowest = {"join without": f"{max(calm):.3f}", "join with": f"{max(meanwhile):.3f}"}
-        return {**_facts(done, aside, (calm_ns, over_ns), (over_ns, over_ns)), **slowest}
+            during = [_join(site) for _ in range(joins)]
+            on_server = _finish(process, name, span)
+        slowest = {"join without": f"{max(without):.3f}", "join with": f"{max(during):.3f}"}
+        return {**_facts(on_server, on_sink, quiet, (quiet[1], quiet[1])), **slowest}
 
     return act
 
 
 def _attack_sink(name: str, site: Site, seconds: float) -> dict[str, int]:
-    """Run an attacker for a while [s] against a sink; return what it did."""
+    """Run an attacker on a sink for a duration [s]; return its counts and times."""
     with _start("sink", str(site.rig.file)) as sink:
         assert sink.stdin is not None
-        port = _said(sink, "sink")
+        port = _read_line(sink, "sink")
         with _attacker(name, site, seconds, port) as process:
             _begin(process)
-            done = _finish(process, name, seconds)
+            counts = _finish(process, name, seconds)
         sink.stdin.close()
-    return done
+    return counts
 
 
 def _attacker(name: str, site: Site, seconds: float, *port: str) -> "subprocess.Popen[str]":
-    """Start an attacker, and wait until it is ready."""
+    """Start an attacker for a duration [s], and wait until it is ready."""
     process = _start("attackers", name, str(site.rig.file), str(site.rig.folder / GUESTS), str(seconds), *port)
-    if not _said(process, name).startswith("ready"):
-        raise NetboardError(f"the attacker {name} did not start")
+    if _read_line(process, name) != "ready":
+        raise NetboardError(f"the attacker {name} did not report that it is ready")
     return process
 
 
@@ -127,13 +127,13 @@ def _start(module: str, *arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
 
 
-def _said(process: "subprocess.Popen[str]", name: str) -> str:
+def _read_line(process: "subprocess.Popen[str]", name: str) -> str:
     """Return the next line that a process prints."""
     assert process.stdout is not None
     line = process.stdout.readline()
     if not line:
         process.kill()
-        raise NetboardError(f"the process of {name} ended before it was ready")
+        raise NetboardError(f"the process {name!r} exited before it was ready")
     return line.strip()
 
 
@@ -145,51 +145,54 @@ def _begin(process: "subprocess.Popen[str]") -> None:
 
 def _finish(process: "subprocess.Popen[str]", name: str, seconds: float) -> dict[str, int]:
     try:
-        said, _ = process.communicate(timeout=seconds + START_S)
-        return dict(json.loads(said))
+        output, _ = process.communicate(timeout=seconds + FINISH_S)
+        return dict(json.loads(output))
     except (subprocess.TimeoutExpired, ValueError) as error:
         process.kill()
-        raise NetboardError(f"the attacker {name} did not end well: {error}") from error
+        raise NetboardError(f"the attacker {name} did not report its counts: {error}") from error
 
 
-def _facts(done: dict[str, int], aside: dict[str, int], *calm: tuple[int, int]) -> dict[str, str]:
-    """Return what an attacker did, with the bounds of the attacks and of the calm stretches [ns]."""
-    times = " ".join(str(time_ns) for stretch in calm for time_ns in stretch)
-    elsewhere = f"{aside['begun_ns']} {aside['over_ns']}"
-    return {"calm": times, "aside": elsewhere, **{name: str(value) for name, value in done.items()}}
+def _facts(on_server: dict[str, int], on_sink: dict[str, int], *quiet: tuple[int, int]) -> dict[str, str]:
+    """Return an attacker's counts, and the start and stop of the attacks and of the periods without one [ns]."""
+    return {
+        "calm": " ".join(str(time_ns) for period in quiet for time_ns in period),
+        "aside": f"{on_sink['begun_ns']} {on_sink['over_ns']}",
+        **{name: str(value) for name, value in on_server.items()},
+    }
 
 
 def _join(site: Site) -> float:
-    """Return how long a console waits for its welcome [s]."""
+    """Return the time from the first connection of a console to its welcome [s]."""
     hello = encode(Hello("console", "", PROTOCOL_VERSION, "guest:1", "0", {}))
     network = site.rig.config.network
     began = time.monotonic()
     with sockets.open_context() as context:
         endpoint = keys.reach(network, "console").reach(channels.CONTROL)
         console = sockets.control_client(context, endpoint, f"console@guest-{now_ns()}")
-        again = began
-        while (now := time.monotonic()) - began < PATIENCE_S:
-            if now >= again and sockets.send(console, hello):
-                again = now + HELLO_NS * 1e-9
+        next_hello = began
+        while (now := time.monotonic()) - began < JOIN_TIMEOUT_S:
+            if now >= next_hello and sockets.send(console, hello):
+                next_hello = now + HELLO_NS * 1e-9
             frame = sockets.receive(console)
             if frame is not None and isinstance(decode(frame), Welcome):
                 sockets.send(console, encode(Goodbye("joined")))
                 sockets.close_after_goodbye(console)
                 return time.monotonic() - began
             time.sleep(0.002)
-    return PATIENCE_S
+    return JOIN_TIMEOUT_S
 
 
-# --- judging -----------------------------------------------------------------------------------------------------
+# --- results -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Toll:
-    """Deadline misses in some stretches of a run.
+class DeadlineMisses:
+    """Deadline misses in some periods of a recording.
 
-    - `variance`: of the number of misses, if stalls come by chance: when the machine stands still for 19 ms, 19 ticks
-      in a row are late, so it is the sum of the squares of such runs (compound Poisson) [1].
-    - `latest`: the latest one [ms].
+    - `ticks`, `misses`, `pauses`: number of ticks, of deadline misses and of pauses of the trial [1].
+    - `variance`: variance of the number of misses under a compound Poisson model: a stall of the machine makes several
+      ticks in a row late, so it is the sum of the squared lengths of such runs [1].
+    - `latest`: largest lateness of a tick [ms].
     """
 
     ticks: int
@@ -204,60 +207,65 @@ class Toll:
         return 1e5 * self.misses / max(self.ticks, 1)
 
 
-def tolls(evidence: Evidence) -> tuple[Toll, Toll, Toll]:
-    """Return the deadline misses in calm, while the sink was attacked, and while the server was."""
+def deadline_misses(evidence: Evidence) -> tuple[DeadlineMisses, DeadlineMisses, DeadlineMisses]:
+    """Return the deadline misses without an attack, with the attack on the sink, and with the attack on the server."""
     facts = evidence.window.facts
-    first, second, third, fourth = map(int, facts["calm"].split())
-    start, stop = map(int, facts["aside"].split())
-    attacked = int(facts["begun_ns"]), int(facts["over_ns"])
-    calm = [(first, second), (third, fourth)]
-    return _toll(evidence, calm), _toll(evidence, [(start, stop)]), _toll(evidence, [attacked])
+    start_1, stop_1, start_2, stop_2 = map(int, facts["calm"].split())
+    start_sink, stop_sink = map(int, facts["aside"].split())
+    return (
+        _misses_in(evidence, [(start_1, stop_1), (start_2, stop_2)]),
+        _misses_in(evidence, [(start_sink, stop_sink)]),
+        _misses_in(evidence, [(int(facts["begun_ns"]), int(facts["over_ns"]))]),
+    )
 
 
-def _toll(evidence: Evidence, stretches: Sequence[tuple[int, int]]) -> Toll:
-    late = np.concatenate([between(evidence.rig.ticks, start, stop)["late_ns"] for start, stop in stretches])
-    missed = np.concatenate(([False], late > LATE_NS, [False]))
+def _misses_in(evidence: Evidence, periods: Sequence[tuple[int, int]]) -> DeadlineMisses:
+    """Count the deadline misses and pauses in some periods [ns]."""
+    late_ns = np.concatenate([between(evidence.rig.ticks, start, stop)["late_ns"] for start, stop in periods])
+    missed = np.concatenate(([False], late_ns > LATE_NS, [False]))
     bounds = np.flatnonzero(missed[1:] != missed[:-1])
     runs = bounds[1::2] - bounds[::2]
-    pauses = sum(start <= pause.at_ns < stop for pause in evidence.rig.pauses for start, stop in stretches)
-    latest = float(late.max(initial=0)) * 1e-6
-    return Toll(len(late), int(runs.sum()), float(np.sum(runs.astype(float) ** 2)), pauses, latest)
+    pauses = sum(start <= pause.at_ns < stop for pause in evidence.rig.pauses for start, stop in periods)
+    latest = float(late_ns.max(initial=0)) * 1e-6
+    return DeadlineMisses(len(late_ns), int(runs.sum()), float(np.sum(runs.astype(float) ** 2)), pauses, latest)
 
 
-def unmoved(evidence: Evidence) -> Verdict:
-    """Check that the attack on the server causes no more deadline misses than that on a sink, beyond chance."""
+def no_more_misses(evidence: Evidence) -> Verdict:
+    """Check that the attack on the server causes no more deadline misses than that on the sink, beyond chance."""
     claim = f"deadline misses grow by a factor of {RATIO:g} at most, beyond chance (3 standard deviations)"
     if "calm" not in evidence.window.facts:
         return Verdict(claim, False, "the attack was not made")
-    _, aside, attacked = tolls(evidence)
-    scale = RATIO * attacked.ticks / max(aside.ticks, 1)
-    deviation = sqrt(attacked.variance + scale**2 * (aside.variance + 1))
-    good = attacked.ticks > 0 and attacked.misses <= scale * (aside.misses + 1) + 3 * deviation
-    found = f"{attacked.misses} in {attacked.ticks} ticks, {aside.misses} in {aside.ticks} with the attack on a sink"
+    _, on_sink, on_server = deadline_misses(evidence)
+    scale = RATIO * on_server.ticks / max(on_sink.ticks, 1)
+    deviation = sqrt(on_server.variance + scale**2 * (on_sink.variance + 1))
+    good = on_server.ticks > 0 and on_server.misses <= scale * (on_sink.misses + 1) + 3 * deviation
+    found = (
+        f"{on_server.misses} in {on_server.ticks} ticks, {on_sink.misses} in {on_sink.ticks} with the attack on a sink"
+    )
     return Verdict(claim, good, found)
 
 
-def unpaused(evidence: Evidence) -> Verdict:
-    """Check that the attack causes no more pauses than the machine itself makes in the same run.
+def no_more_pauses(evidence: Evidence) -> Verdict:
+    """Check that the attack on the server causes no more pauses than occur without it in the same recording.
 
-    A pause does not count if an agent, a process of its own, stood still at the same time: then the machine did.
+    A pause does not count if an agent stalled at the same time: then the machine stalled, not only the server.
     """
-    claim = "no pause in the attack that there is not with the attack on a sink, or without"
+    claim = "the attack on the server adds no pause"
     if "calm" not in evidence.window.facts:
         return Verdict(claim, False, "the attack was not made")
-    calm, aside, attacked = tolls(evidence)
-    most = max(calm.pauses, aside.pauses)
+    without, on_sink, on_server = deadline_misses(evidence)
+    most = max(without.pauses, on_sink.pauses)
     start_ns, stop_ns = int(evidence.window.facts["begun_ns"]), int(evidence.window.facts["over_ns"])
-    meanwhile = [pause for pause in evidence.rig.pauses if start_ns <= pause.at_ns < stop_ns]
-    excused = sum(agents_stood_still(pause, evidence.stalls) for pause in meanwhile)
-    found = f"{attacked.pauses}, {excused} of them when an agent stood still too; at most {most} otherwise"
-    return Verdict(claim, attacked.pauses - excused <= most, found)
+    during = [pause for pause in evidence.rig.pauses if start_ns <= pause.at_ns < stop_ns]
+    stalls = sum(agents_stood_still(pause, evidence.stalls) for pause in during)
+    found = f"{on_server.pauses} pauses, {stalls} of them while an agent stalled too; at most {most} without the attack"
+    return Verdict(claim, on_server.pauses - stalls <= most, found)
 
 
-def joined(evidence: Evidence) -> Verdict:
-    """Check that a peer with a good key joined in time."""
-    slowest = float(evidence.window.facts.get("join with", PATIENCE_S))
-    return Verdict(f"a peer with a good key joins within {JOIN_S:g} s", slowest < JOIN_S, f"at most {slowest:.3f} s")
+def joins_in_time(evidence: Evidence) -> Verdict:
+    """Check that peers with a valid key join in time."""
+    slowest = float(evidence.window.facts.get("join with", JOIN_TIMEOUT_S))
+    return Verdict(f"a peer with a valid key joins within {JOIN_S:g} s", slowest < JOIN_S, f"at most {slowest:.3f} s")
 
 
 def figures(evidence: Evidence) -> tuple[Value, ...]:
@@ -265,63 +273,62 @@ def figures(evidence: Evidence) -> tuple[Value, ...]:
     facts = evidence.window.facts
     if "calm" not in facts:
         return ("",) * (len(COLUMNS) - 2)
-    found = tolls(evidence)
-    _, aside, attacked = found
-    ratio: Value = attacked.rate / aside.rate if aside.misses else ""
+    periods = deadline_misses(evidence)
+    _, on_sink, on_server = periods
+    ratio: Value = on_server.rate / on_sink.rate if on_sink.misses else ""
     return (
         int(facts.get("messages", 0)),
         int(facts.get("connections", 0)),
-        " / ".join(str(toll.misses) for toll in found),
-        " / ".join(f"{toll.rate:.0f}" for toll in found),
+        " / ".join(str(period.misses) for period in periods),
+        " / ".join(f"{period.rate:.0f}" for period in periods),
         ratio,
-        " / ".join(str(toll.pauses) for toll in found),
-        " / ".join(f"{toll.latest:.2f}" for toll in found),
+        " / ".join(str(period.pauses) for period in periods),
+        " / ".join(f"{period.latest:.2f}" for period in periods),
         f"{facts['join without']} / {facts['join with']}" if "join with" in facts else "",
     )
 
 
 # --- the cases ---------------------------------------------------------------------------------------------------
 
-_EXPECTED = "no deadline is missed for it, no trial paused; what is refused is counted"
-_WHAT = {
+EXPECTED = "the attack adds no deadline miss and no pause, and every refusal is counted"
+FLOODS = {
     "display": "displays send reports of 256 frames, one of them after its goodbye",
-    "agent": "agents whose side is taken send greetings of 4 kB, samples and goodbyes",
-    "console": "consoles give commands of 8 kB and ask for everything",
-    "logger": "loggers ask for all records again and again, and acknowledge",
-    "stranger": "nobody in particular sends 8 kB messages, greetings and nonsense on every channel",
-    "churn": "a hundred connections a second are made, say hello and are closed, on every channel",
+    "agent": "second agents of a side send greetings of 4 kB, samples and goodbyes",
+    "console": "consoles send commands of 8 kB and every request",
+    "logger": "loggers request all records repeatedly, and acknowledge them",
+    "stranger": "unknown peers send 8 kB messages, greetings and invalid bytes on every channel",
+    "churn": "a hundred connections per second are opened, send a greeting and are closed, on every channel",
 }
 
 
-def _case(what: str, *, keyed: bool) -> Case:
-    setup = KEYED_DYAD if keyed else OPEN_DYAD
-    checks: tuple[Check, ...] = (unmoved, unpaused, nothing_lost())
+def _flood_case(name: str, *, keyed: bool) -> Case:
+    checks: tuple[Check, ...] = (no_more_misses, no_more_pauses, nothing_lost())
     return Case(
-        f"attack-{what}" + ("-keys" if keyed else ""),
+        f"attack-{name}" + ("-keys" if keyed else ""),
         PART,
-        f"{_WHAT[what]}, as fast as it goes" + (", with good keys" if keyed else ""),
-        _EXPECTED,
-        setup,
-        attack(what),
+        f"{FLOODS[name]}, as fast as possible" + (", with valid keys" if keyed else ""),
+        EXPECTED,
+        KEYED_DYAD if keyed else OPEN_DYAD,
+        attack(name),
         checks,
     )
 
 
-def _knock(channel: str) -> Case:
+def _unknown_keys_case(channel: str) -> Case:
     return Case(
         f"strangers-{channel}-keys",
         PART,
-        f"1000 connections with unknown keys knock on the {channel} channel; consoles join on control",
-        f"a good key is let in within {JOIN_S:g} s; {_EXPECTED}",
+        f"1000 connections with unknown keys are kept open on the {channel} channel; consoles join on control",
+        f"a peer with a valid key joins within {JOIN_S:g} s; {EXPECTED}",
         KEYED_DYAD,
-        join_during(f"knock-{channel}"),
-        (unmoved, unpaused, joined, noted("refused", "its key is not known here"), nothing_lost()),
+        join_during(f"unauthenticated-{channel}"),
+        (no_more_misses, no_more_pauses, joins_in_time, noted("refused", "its key is not known here"), nothing_lost()),
     )
 
 
 ATTACKS = (
-    *(_case(what, keyed=False) for what in _WHAT),
-    *(_case(what, keyed=True) for what in _WHAT if what != "stranger"),
-    *(_knock(channel) for channel in ("motion", "log", "control")),
+    *(_flood_case(name, keyed=False) for name in FLOODS),
+    *(_flood_case(name, keyed=True) for name in FLOODS if name != "stranger"),
+    *(_unknown_keys_case(channel) for channel in ("motion", "log", "control")),
 )
 """Attack cases."""

@@ -1,17 +1,19 @@
-"""A process that sends a server the most that the protocol allows, as fast as its link takes it.
+"""A process that floods a server with the largest messages that the protocol allows.
 
-The attack cases run it. It gives way to everything else on its machine (niceness 19, not on the server's CPU): what is
-judged is what the server does with what it is sent, not who gets the processor. ``python -m
-netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]`` says ``ready``, waits for a line, attacks, and
-says what it did as JSON. FOLDER has the keys it comes with, if keys are in use; PORT is another server's, the sink's.
+The attack cases run ``python -m netboard.benchmarks.faults.attackers ATTACK FILE FOLDER SECONDS [PORT]``. It prints
+``ready``, waits for a line on its standard input, attacks, and prints the number of messages and connections as JSON.
+FILE is the server's configuration, FOLDER has the attacker's keys if keys are in use, and PORT replaces the server's
+port (that of a sink). The process has the lowest priority (niceness 19) and stays off the server's CPU, because the
+test is about the server's work for the messages, not about competition for the processor.
 """
 
 import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import count, cycle, islice
 from pathlib import Path
@@ -28,33 +30,33 @@ from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import MOST_SHOWN, Frames
 from netboard.network.transport import authenticator, channels, sockets
 
-TURN = 32
-"""Messages sent in a row before answers are read [1]."""
+MESSAGES_PER_TURN = 32
+"""Messages sent over a connection before answers are read [1]."""
 
-OPEN = 1000
-"""Connections without a good key that are open at any time [1]."""
+OPEN_CONNECTIONS = 1000
+"""Connections with unknown keys that are open at any time [1]."""
 
-IN_A_CONTEXT = 250
-RENEWED = 25
-"""Connections renewed at once [1]."""
+CONNECTIONS_PER_CONTEXT = 250
+BATCH = 25
+"""Connections that are opened and closed together [1]."""
 
 CHURN_HZ = 100
-"""Connections made a second by a peer that comes and goes [Hz]."""
+"""Rate of connections of a peer that connects and leaves repeatedly [Hz]."""
 
 NAME = "attacker:1"
-LATE_NS = 2**60
+FAR_FUTURE_NS = 2**60
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
-SERVERS = (channels.MOTION, channels.LOG, channels.CONTROL)
+ROUTER_CHANNELS = (channels.MOTION, channels.LOG, channels.CONTROL)
 
 
 def hello(role: str, side: str = "", pairs: int = 0) -> Hello:
-    """Return a greeting with as many details of the largest size as fit."""
+    """Return a greeting whose `pairs` details fill the size limit of the message."""
     room = (KINDS[1].most_bytes - 200) // max(pairs, 1) - 10
     return Hello(role, side, PROTOCOL_VERSION, NAME, "0", {f"{number:05}": "x" * room for number in range(pairs)})
 
 
-FRAMES = Frames("left", ((LATE_NS, LATE_NS, LATE_NS),) * MOST_SHOWN, 0)
-SAID: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...]] = {
+FRAMES = Frames("left", ((FAR_FUTURE_NS, FAR_FUTURE_NS, FAR_FUTURE_NS),) * MOST_SHOWN, 0)
+ROLE_MESSAGES: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...]] = {
     "display": (
         (channels.CONTROL, "display.left", [hello("display", "left", 32)], [FRAMES]),
         (channels.CONTROL, "display.left", [hello("display", "left"), Goodbye("done")], [FRAMES]),
@@ -77,72 +79,77 @@ SAID: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...
         (channels.LOG, "logger", [hello("logger", pairs=32)], [LogRequest(0)]),
     ),
 }
-"""Connections of each role: channel, owner of the key, opening messages, and messages sent repeatedly."""
+"""Connections of each role: channel, owner of the key, opening messages, and messages that are repeated."""
 
 
 class Connection:
-    """A link that is used as fast as it allows."""
+    """A connection that sends as fast as the transport accepts messages.
 
-    def __init__(self, socket: sockets.Socket, first: Sequence[bytes], again: Sequence[bytes]) -> None:
+    - `sent`: number of messages sent [1].
+    """
+
+    def __init__(self, socket: sockets.Socket, first: Sequence[bytes], repeated: Sequence[bytes]) -> None:
         self.socket = socket
         self.sent = 0
-        self._first, self._again = list(first), cycle(again)
+        self._first, self._repeated = list(first), cycle(repeated)
 
     def turn(self) -> bool:
-        """Send what the link takes and read the answers; return whether anything was sent."""
+        """Send what the transport accepts, at most one batch, and read answers; return whether anything was sent."""
         before = self.sent
         while self._first and sockets.send(self.socket, self._first[0]):
             del self._first[0]
             self.sent += 1
-        for frame in islice(self._again, 0 if self._first else TURN):
+        for frame in islice(self._repeated, 0 if self._first else MESSAGES_PER_TURN):
             if not sockets.send(self.socket, frame):
                 break
             self.sent += 1
-        for _ in range(TURN):
+        for _ in range(MESSAGES_PER_TURN):
             if sockets.receive(self.socket) is None:
                 break
         return self.sent > before
 
 
-def attack_as(role: str, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Send the messages that a role may send."""
+def flood_as_role(
+    role: str, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack
+) -> dict[str, int]:
+    """Send the messages that a role may send, as fast as the transport accepts them."""
     context = stack.enter_context(sockets.open_context())
-    made = [
+    connections = [
         Connection(
             _client(context, config, folder, channel, key, f"{key}@attacker-{number}"),
             [encode(message) for message in first],
-            [encode(message) for message in again],
+            [encode(message) for message in repeated],
         )
-        for number, (channel, key, first, again) in enumerate(SAID[role])
+        for number, (channel, key, first, repeated) in enumerate(ROLE_MESSAGES[role])
     ]
-    return _drive(made, stop)
+    return _flood(connections, stop)
 
 
-def attack_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Send messages before a greeting, greetings that are refused, and nonsense, on every channel."""
+def flood_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
+    """Send messages without a greeting, greetings that the server refuses, and invalid bytes, on every channel."""
     context = stack.enter_context(sockets.open_context())
     refused = hello("listener", pairs=32)
     frames = [encode(message) for message in (FRAMES, STYLUS, refused, LogRequest(0), StatusRequest())]
     frames += [b"\xc1" * 4000, b"\xdc" + b"\x01" * 4000]
     makers = (sockets.motion_agent, sockets.log_client, sockets.control_client)
-    where = channels.addresses(config.network)
-    short = [frame for frame in frames if len(frame) <= sockets.LARGEST_SAMPLE]  # what is longer is cut off
-    made = [
+    addresses = channels.addresses(config.network)
+    short = [frame for frame in frames if len(frame) <= sockets.LARGEST_SAMPLE]  # a longer one closes the connection
+    connections = [
         Connection(
-            maker(context, where.reach(channel), f"stranger-{number}"),
+            maker(context, addresses.reach(channel), f"stranger-{number}"),
             [],
             short if channel == channels.MOTION else frames,
         )
-        for channel, maker in zip(SERVERS, makers, strict=True)
+        for channel, maker in zip(ROUTER_CHANNELS, makers, strict=True)
         for number in range(3)
     ]
-    return _drive(made, stop)
+    return _flood(connections, stop)
 
 
-def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Connect, say hello and leave, again and again, on every channel."""
+def connect_and_leave(config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
+    """Connect, send a greeting and leave, repeatedly, on every channel."""
     context = stack.enter_context(sockets.open_context())
-    whose = cycle(
+    peers = cycle(
         [
             (channels.MOTION, "agent.left"),
             (channels.LOG, "logger"),
@@ -150,80 +157,81 @@ def come_and_go(config: Config, folder: Path, stop: Callable[[], bool], stack: E
             (channels.CONTROL, "display.left"),
         ]
     )
-    came = 0
+    opened = 0
     began = time.monotonic()
     while not stop():
-        here = []
-        for number, (channel, key) in enumerate(islice(whose, RENEWED), start=came):
+        batch = []
+        for number, (channel, key) in enumerate(islice(peers, BATCH), start=opened):
             socket = _client(context, config, folder, channel, key, f"{key}@guest-{number}")
             role, _, side = key.partition(".")
-            here.append(Connection(socket, [encode(hello(role, side))], [encode(hello(role, side))]))
-        came += len(here)
-        time.sleep(max(0.02, began + came / CHURN_HZ - time.monotonic()))
-        for connection in here:
+            greeting = encode(hello(role, side))
+            batch.append(Connection(socket, [greeting], [greeting]))
+        opened += len(batch)
+        time.sleep(max(0.02, began + opened / CHURN_HZ - time.monotonic()))
+        for connection in batch:
             connection.turn()
             connection.socket.close(linger=0)
-    return {"connections": came}
+    return {"connections": opened}
 
 
-def knock(channel: int, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack) -> dict[str, int]:
-    """Hold many connections with unknown keys open, and continually renew the oldest."""
+def open_without_valid_keys(
+    channel: int, config: Config, folder: Path, stop: Callable[[], bool], stack: ExitStack
+) -> dict[str, int]:
+    """Keep many connections with unknown keys open, and continually replace the oldest."""
     server = keys.credentials(folder, "console").server
-    contexts = [stack.enter_context(sockets.open_context()) for _ in range(OPEN // IN_A_CONTEXT)]
-    places = cycle(contexts)
+    contexts = cycle(
+        [stack.enter_context(sockets.open_context()) for _ in range(OPEN_CONNECTIONS // CONNECTIONS_PER_CONTEXT)]
+    )
     address = channels.addresses(config.network).reach(channel).address
     numbers = count()
 
-    def one() -> sockets.Socket:
+    def connect() -> sockets.Socket:
         public, secret = authenticator.new_keys()
         endpoint = channels.Endpoint(address, channel, authenticator.Credentials(public, secret, server))
-        return sockets.control_client(next(places), endpoint, f"console@stranger-{next(numbers)}")
+        return sockets.control_client(next(contexts), endpoint, f"console@stranger-{next(numbers)}")
 
-    here = [one() for _ in range(OPEN)]
+    opened = deque(connect() for _ in range(OPEN_CONNECTIONS))
     while not stop():
-        for socket in here[:RENEWED]:
-            socket.close()
-        here[:RENEWED] = []
-        here += [one() for _ in range(RENEWED)]
+        for _ in range(BATCH):
+            opened.popleft().close()
+        opened.extend(connect() for _ in range(BATCH))
         time.sleep(0.01)
     return {"connections": next(numbers)}
 
 
-def _drive(made: Sequence[Connection], stop: Callable[[], bool]) -> dict[str, int]:
+def _flood(connections: Sequence[Connection], stop: Callable[[], bool]) -> dict[str, int]:
     while not stop():
-        if not sum(connection.turn() for connection in made):
+        if not sum(connection.turn() for connection in connections):
             time.sleep(0.0002)
-    return {"messages": sum(connection.sent for connection in made), "connections": len(made)}
+    return {"messages": sum(connection.sent for connection in connections), "connections": len(connections)}
 
 
 def _client(
     context: sockets.Context, config: Config, folder: Path, channel: int, key: str, name: str
 ) -> sockets.Socket:
-    """Return a link that uses a peer's key if authentication is on."""
-    lock = keys.credentials(folder, key) if keys.encrypted(config.network) else None
-    endpoint = channels.addresses(config.network, lock).reach(channel)
+    """Connect with a peer's key if authentication is on, and return the socket."""
+    credentials = keys.credentials(folder, key) if keys.encrypted(config.network) else None
+    endpoint = channels.addresses(config.network, credentials).reach(channel)
     if channel == channels.MOTION:
         return sockets.motion_agent(context, endpoint, name)
     return (sockets.log_client if channel == channels.LOG else sockets.control_client)(context, endpoint, name)
 
 
-def _give_way() -> Iterator[str]:
-    """Lower this process's priority below everything else, and yield what the system granted."""
-    try:
+def _lower_priority() -> None:
+    """Lower this process's priority, and leave the last CPU to the server, as far as the system allows it."""
+    with suppress(OSError):
         cpus = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, cpus[:-1] or cpus)
         os.nice(19)
-    except OSError as error:
-        yield f"not nice ({error.strerror})"
 
 
 def main(attack: str, file: Path, folder: Path, seconds: float, port: int | None = None) -> None:
-    """Get ready, wait for a line, attack the server of a configuration or another one, and say what was done."""
+    """Prepare, wait for a line, attack the server of a configuration or the one at `port`, and print the counts."""
     config = parse(file.read_text(encoding="utf-8"), str(file))
     if port is not None:
         config = replace(config, network=replace(config.network, port=port))
-    granted = list(_give_way())
-    print("ready", *granted, flush=True)  # noqa: T201
+    _lower_priority()
+    print("ready", flush=True)  # noqa: T201
     sys.stdin.readline()
     begun_ns = now_ns()
     end = time.monotonic() + seconds
@@ -234,15 +242,15 @@ def main(attack: str, file: Path, folder: Path, seconds: float, port: int | None
     with ExitStack() as stack:
         match attack.split("-"):
             case ["stranger"]:
-                done = attack_as_stranger(config, stop, stack)
+                counts = flood_as_stranger(config, stop, stack)
             case ["churn"]:
-                done = come_and_go(config, folder, stop, stack)
-            case ["knock", channel]:
-                done = knock(channels.CHANNELS.index(channel), config, folder, stop, stack)
+                counts = connect_and_leave(config, folder, stop, stack)
+            case ["unauthenticated", channel]:
+                counts = open_without_valid_keys(channels.CHANNELS.index(channel), config, folder, stop, stack)
             case _:
-                done = attack_as(attack, config, folder, stop, stack)
-        done |= {"begun_ns": begun_ns, "over_ns": now_ns()}
-        print(json.dumps(done), flush=True)  # noqa: T201
+                counts = flood_as_role(attack, config, folder, stop, stack)
+        counts |= {"begun_ns": begun_ns, "over_ns": now_ns()}
+        print(json.dumps(counts), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

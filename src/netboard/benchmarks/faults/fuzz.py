@@ -1,9 +1,9 @@
 """``netboard bench fuzz``: malformed frames by the million, for the codec and for every socket of every process.
 
-First the codec alone. Then a real server with two agents, a display and a logger in a trial: peers that it has welcomed
-and peers that it has not send malformed messages to all its sockets, and others bytes that are not ZeroMQ's. Last real
-agents, a display and a logger, connected to a server that talks nonsense. What must hold: nothing ends, hangs or grows,
-what is refused is counted, the trial goes on, and no force is any other than it was.
+It has three parts: the codec alone; a real server with two agents, a display and a logger in a trial, which receives
+malformed messages and other bytes on all its sockets; and real agents, a display and a logger connected to hostile
+servers. No process may crash, hang or grow, every refusal must be counted, the trial must go on, and the forces must
+not change.
 """
 
 import gc
@@ -16,8 +16,8 @@ from pathlib import Path
 from netboard.base.errors import WireError
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
 from netboard.benchmarks.faults.fuzz_server import server_parts
-from netboard.benchmarks.faults.mutants import Mutants, true_frames
-from netboard.benchmarks.faults.watching import GROWN, resident
+from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
+from netboard.benchmarks.faults.process_health import LARGEST_GROWTH, resident_memory
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.network.protocol.codec import decode, encode
@@ -27,15 +27,16 @@ QUICK_FRAMES = 20_000
 """Frames for the codec and for each socket in the short form [1]."""
 
 SLOWEST_MS = 50.0
-"""Longest time that the codec may take for a frame [ms]."""
+"""Longest CPU time that the codec may take for a frame [ms]."""
 
-TOLD_FRAMES = 10_000
+PROGRESS_FRAMES = 10_000
+"""Frames between two progress reports [1]."""
 
 
 def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -> int:
-    """Send malformed frames, and see that nothing comes of it.
+    """Run the fuzz tests, and return 0 if every requirement holds.
 
-    - `frames`: how many for the codec, and for each socket; None for the usual number [1].
+    - `frames`: number of frames for the codec, and for each socket; None for the default [1].
     """
     folder = Folder(output or new_folder("fuzz"), force=force)
     count = frames or (QUICK_FRAMES if quick else FRAMES)
@@ -44,30 +45,29 @@ def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -
 
 
 def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
-    """Run the parts."""
+    """Run the three parts."""
     yield codec_part(count, tell)
     yield from server_parts(folder / "server", count, tell)
     yield from peer_parts(folder / "peers", count, tell)
 
 
-# --- the codec -----------------------------------------------------------------------------------------------------
-
-
 @dataclass
-class Sieve:
-    """Feeds frames to the codec and counts the results.
+class CodecCounts:
+    """Decodes frames and counts the results.
 
-    - `slowest`: longest time that one took [s].
+    - `size`: total size of the frames [bytes].
+    - `slowest`, `slowest_frame`: longest CPU time for a frame [s], and that frame.
+    - `errors`: what the codec did wrong.
     """
 
     accepted: int = 0
     refused: int = 0
     size: int = 0
     slowest: float = 0.0
-    worst: bytes = b""
-    wrong: list[str] = field(default_factory=list)
+    slowest_frame: bytes = b""
+    errors: list[str] = field(default_factory=list)
 
-    def take(self, frame: bytes) -> None:
+    def add(self, frame: bytes) -> None:
         """Decode a frame and count the result."""
         message = None
         began = time.thread_time()
@@ -76,34 +76,34 @@ class Sieve:
             self.accepted += 1
         except WireError:
             self.refused += 1
-        except Exception as error:  # noqa: BLE001 - which is what is looked for
-            self.wrong.append(f"{type(error).__name__} for {frame[:64].hex()}")
+        except Exception as error:  # noqa: BLE001 - any other exception is a failure of the codec
+            self.errors.append(f"{type(error).__name__} for {frame[:64].hex()}")
         took = time.thread_time() - began
         if took > self.slowest:
-            self.slowest, self.worst = took, frame
+            self.slowest, self.slowest_frame = took, frame
         self.size += len(frame)
         if message is not None and repr(decode(encode(message))) != repr(message):
-            self.wrong.append(f"not the same again: {frame[:64].hex()}")
+            self.errors.append(f"encoding and decoding changes the message of {frame[:64].hex()}")
 
 
 def codec_part(count: int, tell: Tell) -> Part:
-    """Give malformed frames to the codec, with nothing collected meanwhile, as in the loops that use it."""
-    sieve = Sieve()
-    before = resident()
+    """Decode malformed frames with garbage collection off, as in the loops that use the codec."""
+    counts = CodecCounts()
+    before = resident_memory()
     gc.disable()
     try:
-        for number, frame in enumerate(islice(Mutants(true_frames(1), 1), count)):
-            if number % TOLD_FRAMES == 0:
-                tell("the codec", number / count)
+        for number, frame in enumerate(islice(MalformedFrames(valid_frames(1), 1), count)):
+            if number % PROGRESS_FRAMES == 0:
+                tell("codec", number / count)
             if number == count // 4:
-                before = resident()
-            sieve.take(frame)
+                before = resident_memory()
+            counts.add(frame)
     finally:
         gc.enable()
-    grown = resident() - before
-    columns = ("frames [1]", "messages [1]", "refused [1]", "mean size [bytes]", "slowest [ms]", "grown [MB]")
-    slowest = sieve.slowest * 1e3
-    row: tuple[Value, ...] = (count, sieve.accepted, sieve.refused, sieve.size / count, slowest, grown * 1e-6)
+    growth = resident_memory() - before
+    columns = ("frames [1]", "messages [1]", "refused [1]", "mean size [bytes]", "slowest [ms]", "growth [MB]")
+    slowest = counts.slowest * 1e3
+    row: tuple[Value, ...] = (count, counts.accepted, counts.refused, counts.size / count, slowest, growth * 1e-6)
     return Part(
         "codec",
         "Malformed frames for the codec",
@@ -111,15 +111,19 @@ def codec_part(count: int, tell: Tell) -> Part:
         [row],
         [
             Verdict(
-                "every frame is a message or refused",
-                not sieve.wrong,
-                "; ".join(sieve.wrong[:3]) or f"{sieve.accepted} and {sieve.refused}",
+                "every frame is decoded or refused",
+                not counts.errors,
+                "; ".join(counts.errors[:3]) or f"{counts.accepted} decoded, {counts.refused} refused",
             ),
             Verdict(
-                f"none takes longer than {SLOWEST_MS:g} ms",
+                f"no frame takes longer than {SLOWEST_MS:g} ms",
                 slowest < SLOWEST_MS,
-                f"{slowest:.1f} ms for {len(sieve.worst)} bytes",
+                f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
             ),
-            Verdict("memory stays flat", grown < GROWN, f"{grown * 1e-6:.1f} MB more after the first quarter"),
+            Verdict(
+                f"memory grows by less than {LARGEST_GROWTH * 1e-6:g} MB",
+                growth < LARGEST_GROWTH,
+                f"{growth * 1e-6:.1f} MB after the first quarter",
+            ),
         ],
     )

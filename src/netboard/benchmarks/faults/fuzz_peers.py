@@ -1,214 +1,220 @@
-"""Malformed messages for real agents, a display and a logger, from a server that talks nonsense between its messages.
+"""Malformed messages for real agents, a display and a logger, from two hostile servers.
 
-One agent runs the simulated participant of a dyad, the other one is controlled over the channel moves, so that every
-socket of every process is tested. The devices must render exactly the forces that the server commanded, to the bit.
+One agent runs the simulated participant of a dyad; the other one is bimanual and receives commands over the channel
+moves, so that every socket of every process is tested. The devices must render exactly the forces that the servers
+command.
 """
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import NetboardError
 from netboard.benchmarks.faults.devices import read_traces
 from netboard.benchmarks.faults.evidence import between
-from netboard.benchmarks.faults.hostile import FORCE, Babbler, HostileServer
-from netboard.benchmarks.faults.mutants import Mutants, true_frames
+from netboard.benchmarks.faults.hostile_server import FORCE, HostileServer, NonZmqServer
+from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
+from netboard.benchmarks.faults.process_health import memory, memory_part, require_running
 from netboard.benchmarks.faults.rigs import PATIENCE, Rig, tampered
-from netboard.benchmarks.faults.watching import look, memory, memory_part
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.transport import sockets
 from netboard.recording.files.reader import Recording
 
-PLAIN = ("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.arm_time=0.1")
-"""Relaxed staleness limits: one loop sends the nonsense and the force, so a constant force may arrive late."""
+RELAXED_LIMITS = ("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.arm_time=0.1")
+"""Long timeouts: one loop sends both the malformed messages and the forces, so a force may arrive late."""
 
-TURN_SECONDS = 0.001
-EACH_TURN = 3
-"""Malformed messages per turn and channel [1]."""
+STEP_SECONDS = 0.001
+MALFORMED_PER_STEP = 3
+"""Malformed messages per step and channel [1]."""
 
-LOOK_TURNS = 1000
-"""Turns between two checks of the processes [1]."""
+CHECK_STEPS = 1000
+"""Steps between two checks of the processes [1]."""
 
-BABBLE_SECONDS = 5.0
-"""Duration of the first phase, in which the server does not speak ZeroMQ [s]."""
+NON_ZMQ_SECONDS = 5.0
+"""Duration of the first phase, in which the servers do not speak ZeroMQ [s]."""
 
 STUCK_SECONDS = 60.0
 """Time without progress after which a socket counts as stuck [s]."""
 
 
-class Front:
-    """A server that talks nonsense, and the processes that are connected to it.
+class PeerGroup:
+    """A hostile server and the processes that connect to it.
 
-    - `side`: whose agent is among them: with the left one there are a display and a logger.
+    - `side`: side of the agent; the left one has a display and a logger beside it.
+    - `server`: the server, once `serve` was called.
     """
+
+    server: HostileServer
 
     def __init__(self, folder: Path, side: Side) -> None:
         folder.mkdir(parents=True)
         settings, environment = tampered(folder.resolve())
-        whole = side == "left"
-        configuration = "dyadic" if whole else "bimanual"
         self.side = side
-        self.rig = Rig(folder, (*PLAIN, *settings, f"block.configuration={configuration}"), environment)
-        self.channels = ("motion", "view", "control", "log") if whole else ("motion", "moves")
-        self.whole = whole
+        self.complete = side == "left"
+        self.channels = ("motion", "view", "control", "log") if self.complete else ("motion", "moves")
+        configuration = f"block.configuration={'dyadic' if self.complete else 'bimanual'}"
+        self.rig = Rig(folder, (*RELAXED_LIMITS, *settings, configuration), environment)
 
     def start(self) -> None:
         """Start the processes."""
         self.rig.start_agent(self.side)
-        if self.whole:
+        if self.complete:
             self.rig.start("left display", "display", "--station", "left", "--offscreen")
             self.rig.start("logger", "logger", "--once")
 
-    def serve(self, context: sockets.Context) -> HostileServer:
-        """Make the server."""
-        return HostileServer(self.rig.config, context, Mutants(true_frames(3), 3 + self.whole))
+    def serve(self, context: sockets.Context) -> None:
+        """Open the server."""
+        self.server = HostileServer(self.rig.config, context, MalformedFrames(valid_frames(3), 3 + self.complete))
 
-    def well(self, server: HostileServer) -> bool:
-        """Return whether every process works: full force, displays painting, logger recording."""
-        return bool(server.grown) and (not self.whole or (server.shown > 0 and server.durable > 0))
+    def is_ready(self) -> bool:
+        """Return whether every process works: force at its full size, frames shown, records on disk."""
+        server = self.server
+        return bool(server.at_full_force) and (not self.complete or (server.frames_shown > 0 and server.durable > 0))
 
-    def forces(self, start_ns: int, stop_ns: int) -> NDArray[np.float64]:
-        """Return the forces handed to the device in a time window [N]."""
-        parts = [between(trace, start_ns, stop_ns)["fz"] for trace in read_traces(self.rig.folder, self.side)]
-        return np.concatenate([np.empty(0), *parts])
-
-
-Served: TypeAlias = list[tuple[Front, HostileServer]]
+    def malformed(self, count: int) -> int:
+        """Return the number of malformed messages sent, at most `count` per channel [1]."""
+        return sum(min(self.server.malformed[channel], count) for channel in self.channels)
 
 
 def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
-    """Let real peers connect to a server that talks nonsense."""
+    """Connect real peers to hostile servers."""
     tell("peers: starting", 0.0)
-    fronts = [Front(folder / side, side) for side in SIDES]
+    groups = [PeerGroup(folder / side, side) for side in SIDES]
     with ExitStack() as stack:
-        for front in fronts:
-            stack.enter_context(front.rig)
-            front.start()
-        babbled = _babble(fronts)
+        for group in groups:
+            stack.enter_context(group.rig)
+            group.start()
+        connections = _serve_without_zmq(groups)
         context = stack.enter_context(sockets.open_context())
-        served = [(front, front.serve(context)) for front in fronts]
-        _until(served, lambda: all(front.well(server) for front, server in served))
-        before, shown, start_ns = _memory(fronts), served[0][1].shown, now_ns()
-        _talk_nonsense(served, count, tell)
-        stop_ns, after, shown = now_ns(), _memory(fronts), served[0][1].shown - shown
-        tell("peers: judging", 1.0)
-        ended = _end(served)
-    yield _peers_part(served, babbled, ended, shown, (start_ns, stop_ns))
-    yield memory_part("peers-memory", "What the peers hold", before, after)
+        for group in groups:
+            group.serve(context)
+        _step_until(groups, lambda: all(group.is_ready() for group in groups))
+        before, shown_before, start_ns = _memory(groups), groups[0].server.frames_shown, now_ns()
+        _send_malformed(groups, count, tell)
+        stop_ns, after = now_ns(), _memory(groups)
+        frames_shown = groups[0].server.frames_shown - shown_before
+        tell("peers: checking the results", 1.0)
+        codes = _stop(groups)
+    verdicts = [
+        Verdict("every process keeps running, and ends with exit code 0", not any(codes.values()), f"{codes}"),
+        *(_same_force(group, start_ns, stop_ns) for group in groups),
+        Verdict("the display continues to show frames", frames_shown > 0, f"{frames_shown} frames"),
+        _recorded(groups[0]),
+    ]
+    yield _peers_part(groups, connections, verdicts)
+    yield memory_part("peers-memory", "Memory of the processes connected to the hostile servers", before, after)
 
 
-def _babble(fronts: Sequence[Front]) -> int:
-    """Answer connecting peers with bytes that are not ZeroMQ for a while; return how many connected."""
-    babblers = [Babbler(front.rig.config.network, seed) for seed, front in enumerate(fronts)]
-    until = time.monotonic() + PATIENCE
-    busy = None
-    while time.monotonic() < until and (busy is None or time.monotonic() < busy + BABBLE_SECONDS):
-        for babbler in babblers:
-            babbler.turn()
-        if busy is None and all(babbler.heard for babbler in babblers):
-            busy = time.monotonic()
-        time.sleep(TURN_SECONDS)
-    for front, babbler in zip(fronts, babblers, strict=True):
-        look(front.rig)
-        babbler.close()
-    return sum(babbler.heard for babbler in babblers)
+def _serve_without_zmq(groups: Sequence[PeerGroup]) -> int:
+    """Answer the peers with invalid bytes for a while; return the number of connections [1]."""
+    servers = [NonZmqServer(group.rig.config.network, seed) for seed, group in enumerate(groups)]
+    deadline = time.monotonic() + PATIENCE
+    all_connected = False
+    while time.monotonic() < deadline:
+        for server in servers:
+            server.step()
+        if not all_connected and all(server.connections for server in servers):
+            all_connected = True
+            deadline = min(deadline, time.monotonic() + NON_ZMQ_SECONDS)
+        time.sleep(STEP_SECONDS)
+    for group, server in zip(groups, servers, strict=True):
+        require_running(group.rig)
+        server.close()
+    return sum(server.connections for server in servers)
 
 
-def _until(served: Served, what: Callable[[], bool]) -> None:
-    """Serve normally until a condition holds."""
-    until = time.monotonic() + PATIENCE
-    while not what():
-        _turn(served, 0)
-        if time.monotonic() > until:
-            raise NetboardError("the peers of a server do not do what it means")
+def _step_until(groups: Sequence[PeerGroup], condition: Callable[[], bool]) -> None:
+    """Serve without malformed messages until a condition holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        _step(groups, 0)
+        if time.monotonic() > deadline:
+            raise NetboardError(f"the agents, the display or the logger do not work after {PATIENCE:g} s")
 
 
-def _turn(served: Served, count: int) -> None:
-    """Advance each server by one turn, and add malformed messages on each channel that needs more."""
-    for front, server in served:
-        server.turn(*EACH_TURN * [channel for channel in front.channels if server.nonsense[channel] < count])
-    time.sleep(TURN_SECONDS)
+def _step(groups: Sequence[PeerGroup], count: int) -> None:
+    """Advance each server by one step, with malformed messages on each channel that has sent fewer than `count`."""
+    for group in groups:
+        channels = [channel for channel in group.channels if group.server.malformed[channel] < count]
+        group.server.step(*MALFORMED_PER_STEP * channels)
+    time.sleep(STEP_SECONDS)
 
 
-def _talk_nonsense(served: Served, count: int, tell: Tell) -> None:
-    whole = count * sum(len(front.channels) for front, _ in served)
-    done, done_at = 0, time.monotonic()
-    turns = 0
-    while done < whole:
-        _turn(served, count)
-        turns += 1
-        now = sum(min(server.nonsense[channel], count) for front, server in served for channel in front.channels)
-        if now > done:
-            done, done_at = now, time.monotonic()
-        elif time.monotonic() - done_at > STUCK_SECONDS:
-            raise NetboardError(f"somebody takes nothing any more: {[server.nonsense for _, server in served]}")
-        if turns % LOOK_TURNS == 0:
-            tell("peers: nonsense from a server", done / whole)
-            for front, _ in served:
-                look(front.rig)
+def _send_malformed(groups: Sequence[PeerGroup], count: int, tell: Tell) -> None:
+    """Send `count` malformed messages on every channel."""
+    total = count * sum(len(group.channels) for group in groups)
+    sent, sent_at = 0, time.monotonic()
+    steps = 0
+    while sent < total:
+        _step(groups, count)
+        steps += 1
+        now_sent = sum(group.malformed(count) for group in groups)
+        if now_sent > sent:
+            sent, sent_at = now_sent, time.monotonic()
+        elif time.monotonic() - sent_at > STUCK_SECONDS:
+            counts = [group.server.malformed for group in groups]
+            raise NetboardError(f"a peer has read no message for {STUCK_SECONDS:g} s; sent so far: {counts}")
+        if steps % CHECK_STEPS == 0:
+            tell("peers: malformed messages", sent / total)
+            for group in groups:
+                require_running(group.rig)
 
 
-def _end(served: Served) -> dict[str, int]:
-    """End everything in order; return the processes and their exit codes."""
-    (left, server), (right, _) = served
-    server.end_log()
-    until = time.monotonic() + PATIENCE
-    while left.rig.running["logger"].poll() is None and time.monotonic() < until:
-        _turn(served, 0)
+def _stop(groups: Sequence[PeerGroup]) -> dict[str, int]:
+    """End the log, then stop every process; return the exit codes by process name."""
+    left = groups[0]
+    left.server.end_log()
+    deadline = time.monotonic() + PATIENCE
+    while left.rig.running["logger"].poll() is None and time.monotonic() < deadline:
+        _step(groups, 0)
     codes = {"logger": left.rig.wait("logger")}
-    for front in (left, right):
-        codes |= {name: front.rig.stop(name) for name in list(front.rig.running)}
+    for group in groups:
+        codes |= {name: group.rig.stop(name) for name in list(group.rig.running)}
     return codes
 
 
-def _memory(fronts: Sequence[Front]) -> dict[str, float]:
-    return {name: held for front in fronts for name, held in memory(front.rig).items()}
+def _memory(groups: Sequence[PeerGroup]) -> dict[str, float]:
+    return {name: size for group in groups for name, size in memory(group.rig).items()}
 
 
-def _peers_part(served: Served, babbled: int, ended: dict[str, int], shown: int, window: tuple[int, int]) -> Part:
-    (left, server), (right, other) = served
+def _peers_part(groups: Sequence[PeerGroup], connections: int, verdicts: list[Verdict]) -> Part:
+    """Tabulate the malformed messages that each socket received."""
+    left, right = (group.server.malformed for group in groups)
     rows: list[tuple[Value, ...]] = [
-        (socket, number)
-        for socket, number in (
-            ("left agent: motion", server.nonsense["motion"]),
-            ("left agent, left display: view", server.nonsense["view"]),
-            ("left display: control", server.nonsense["control"]),
-            ("logger: log", server.nonsense["log"]),
-            ("right agent: motion", other.nonsense["motion"]),
-            ("right agent: moves", other.nonsense["moves"]),
-            ("all: no ZeroMQ", babbled),
-        )
+        ("left agent: motion", left["motion"]),
+        ("left agent, left display: view", left["view"]),
+        ("left display: control", left["control"]),
+        ("logger: log", left["log"]),
+        ("right agent: motion", right["motion"]),
+        ("right agent: moves", right["moves"]),
+        ("all: connections without ZeroMQ", connections),
     ]
-    verdicts = [
-        Verdict("every process goes on, and ends as it should", not any(ended.values()), f"exit codes {ended}"),
-        *(_same_force(front, window) for front in (left, right)),
-        Verdict("the display goes on", shown > 0, f"{shown} frames shown meanwhile"),
-        _recorded(left, server),
-    ]
-    return Part("peers", "Malformed messages for the sockets of its peers", ("socket", "messages [1]"), rows, verdicts)
+    title = "Malformed messages for agents, displays and loggers"
+    return Part("peers", title, ("socket", "messages [1]"), rows, verdicts)
 
 
-def _same_force(front: Front, window: tuple[int, int]) -> Verdict:
-    forces = front.forces(*window)
-    other = int(np.sum(forces != FORCE))
-    claim = f"the {front.side} device is handed no other force than the one that is meant"
-    return Verdict(claim, forces.size > 0 and other == 0, f"{forces.size} times {FORCE:g} N, {other} times another")
+def _same_force(group: PeerGroup, start_ns: int, stop_ns: int) -> Verdict:
+    """Check that the device was sent the constant force of the server only."""
+    traces = read_traces(group.rig.folder, group.side)
+    forces = np.concatenate([np.empty(0), *(between(trace, start_ns, stop_ns)["fz"] for trace in traces)])
+    others = int(np.sum(forces != FORCE))
+    claim = f"the {group.side} device is sent no other force than the commanded one"
+    return Verdict(claim, forces.size > 0 and others == 0, f"{others} of {forces.size} forces differ from {FORCE:g} N")
 
 
-def _recorded(front: Front, server: HostileServer) -> Verdict:
-    claim = "what was meant to be recorded is"
-    paths = front.rig.recordings()
+def _recorded(group: PeerGroup) -> Verdict:
+    """Check that the recording has every tick of the server."""
+    claim = "every tick of the server is recorded"
+    paths = group.rig.recordings()
     if len(paths) != 1:
         return Verdict(claim, False, f"{len(paths)} recordings")
     with Recording(paths[0]) as recording:
         ticks = recording.ticks()["tick"]
-    whole = np.array_equal(ticks, np.arange(server.ticks))
-    return Verdict(claim, whole, f"{ticks.size} of {server.ticks} ticks")
+    complete = np.array_equal(ticks, np.arange(group.server.ticks))
+    return Verdict(claim, complete, f"{ticks.size} of {group.server.ticks} ticks")

@@ -1,26 +1,33 @@
-"""Malformed messages for a real server in a trial: what was sent, what it says of it, and what became of the trial.
+"""Malformed messages for a real server during a trial: what is refused, and whether the trial is disturbed.
 
-The agents' devices write down what they are handed, and everything is recorded: whatever disturbs the trial shows.
+The agents' devices log the forces that they are sent, and the session is recorded, so that any effect can be measured.
 """
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK_NS
-from netboard.benchmarks.faults import barrage
 from netboard.benchmarks.faults.checks import gentle, goes_on, whole
 from netboard.benchmarks.faults.devices import read_traces
 from netboard.benchmarks.faults.evidence import between
 from netboard.benchmarks.faults.gathering import Evidence, Window, take
+from netboard.benchmarks.faults.hostile_clients import (
+    FuzzingClient,
+    NonZmqClient,
+    agent_clients,
+    other_clients,
+    refusals,
+    send_all,
+)
+from netboard.benchmarks.faults.process_health import memory, memory_part, require_running
 from netboard.benchmarks.faults.rigs import Rig, tampered
 from netboard.benchmarks.faults.sites import PACE
-from netboard.benchmarks.faults.watching import look, memory, memory_part
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.protocol.joining import Goodbye
@@ -29,149 +36,157 @@ from netboard.nodes.server.tick_clock import LATE_NS
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
 
-IN_SEATS = 0.25
-"""Share of the motion socket's malformed messages sent in the agents' place, before a trial starts [1]."""
+AGENT_SHARE = 0.25
+"""Messages sent by clients that join as the agents before the trial, relative to those of a socket [1]."""
 
 STREAM_SHARE = 0.01
 """Connections that do not speak ZeroMQ, per message to a socket [1]."""
 
 QUIET_SECONDS = 5.0
-"""Duration of the quiet periods before and after, for comparison [s]."""
+"""Duration of the periods without malformed messages, before and after, for comparison [s]."""
 
-COUNTED_SECONDS = 2.0
+REPORT_SECONDS = 2.0
 """Wait for the refusal counts, which the server reports once a second [s]."""
 
-LAST_WORDS = 100
-"""Number of messages that contain at least one of most kinds [1]."""
+FINAL_MESSAGES = 100
+"""Messages of each client after that wait: most kinds of refusal occur again, and are reported with their total [1]."""
 
-COUNTED = 0.7
-"""Smallest share of sent messages that must be reported as refused; cut connections lose some [1]."""
+LEAST_COUNTED = 0.7
+"""Smallest share of the malformed messages that must be reported as refused; closed connections lose some [1]."""
 
-
-@dataclass(frozen=True)
-class Spell:
-    """A period of a trial."""
-
-    name: str
-    window: Window
+Period: TypeAlias = tuple[str, Window]
+"""What was sent in a period of a trial, and when."""
 
 
 def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECONDS) -> Iterator[Part]:
     """Send malformed messages to every socket of a real server."""
     folder.mkdir(parents=True)
     settings, environment = tampered(folder.resolve())
-    tell("a server: starting", 0.0)
+    tell("server: starting", 0.0)
     with Rig(folder, (*PACE, *settings, "network.log_ring_s=5"), environment) as rig:
         rig.start("logger", "logger", "--once")
         rig.start("server", "server")
         rig.until(lambda status: "logger" in status.peers)
-        assaults = _in_seats(rig, round(count * IN_SEATS), tell)
+        agents = _fuzz_as_agents(rig, round(count * AGENT_SHARE), tell)
         rig.start_stations()
         rig.start("left display", "display", "--station", "left", "--offscreen")
         rig.until_felt()
         rig.until(lambda status: "display.left" in status.peers)
-        first = _spell("nothing", lambda: time.sleep(quiet))
+        before_period = _period("nothing", lambda: time.sleep(quiet))
         before = memory(rig)
-        others = barrage.as_others(rig.config.network, count)
-        vandal = barrage.vandal(rig.config.network, round(count * STREAM_SHARE))
-        noisy = _spell("malformed messages", lambda: _fire(rig, others, vandal, tell))
-        last = _spell("nothing again", lambda: time.sleep(quiet))
+        others = other_clients(rig.config.network, count)
+        non_zmq = NonZmqClient(rig.config.network, round(count * STREAM_SHARE))
+        fuzzed_period = _period("malformed messages", lambda: _fuzz_in_trial(rig, others, non_zmq, tell))
+        after_period = _period("nothing again", lambda: time.sleep(quiet))
         after = memory(rig)
-        tell("a server: judging", 1.0)
+        tell("server: checking the results", 1.0)
         (path,) = rig.finish()
-    yield _sockets_part(take([path]).events, [*assaults, *others], vandal)
-    yield _trial_part(rig, path, (first, noisy, last))
-    yield memory_part("server-memory", "What the processes hold", before, after)
+    yield _sockets_part(take([path]).events, [*agents, *others], non_zmq)
+    yield _trial_part(rig, path, (before_period, fuzzed_period, after_period))
+    yield memory_part("server-memory", "Memory of the processes connected to the fuzzed server", before, after)
 
 
-def _spell(name: str, act: Callable[[], object]) -> Spell:
+def _period(name: str, act: Callable[[], object]) -> Period:
+    """Do something, and return its name with the time window."""
     start_ns = now_ns()
     act()
-    return Spell(name, Window(start_ns, now_ns()))
+    return name, Window(start_ns, now_ns())
 
 
-def _in_seats(rig: Rig, count: int, tell: Tell) -> list[barrage.Assault]:
-    """Send malformed messages in the agents' place, then disconnect."""
-    assaults = barrage.as_agents(rig.config.network, count // len(SIDES))
-    barrage.fire(assaults, None, lambda: look(rig), lambda share: tell("a server: in the agents' seats", share))
-    for assault in assaults:
-        assault.say(Goodbye("enough"))
+def _fuzz_as_agents(rig: Rig, count: int, tell: Tell) -> list[FuzzingClient]:
+    """Send malformed messages from clients that join as the agents, and disconnect them."""
+
+    def check(share: float) -> None:
+        require_running(rig)
+        tell("server: malformed messages of the agents", share)
+
+    clients = agent_clients(rig.config.network, count // len(SIDES))
+    send_all(clients, None, check)
+    for client in clients:
+        client.send(Goodbye("enough"))
     rig.until(lambda status: not any(peer.startswith("agent") for peer in status.peers))
-    for assault in assaults:
-        assault.line.close()
-    return assaults
+    for client in clients:
+        client.connection.close()
+    return clients
 
 
-def _fire(rig: Rig, assaults: list[barrage.Assault], vandal: barrage.Vandal, tell: Tell) -> None:
-    barrage.fire(assaults, vandal, lambda: look(rig), lambda share: tell("a server: in a trial", share))
-    time.sleep(COUNTED_SECONDS)
-    for assault in assaults:  # with these it tells how many there were before
-        assault.count += LAST_WORDS
-        assault.fire(assault.count)
-    vandal.close()
-    time.sleep(COUNTED_SECONDS)
-    for assault in assaults:
-        assault.line.close()
-    look(rig)
+def _fuzz_in_trial(rig: Rig, clients: Sequence[FuzzingClient], non_zmq: NonZmqClient, tell: Tell) -> None:
+    """Send the messages of all clients, and wait until the server has reported the refusals."""
+
+    def check(share: float) -> None:
+        require_running(rig)
+        tell("server: malformed messages in a trial", share)
+
+    send_all(clients, non_zmq, check)
+    time.sleep(REPORT_SECONDS)
+    for client in clients:
+        client.count += FINAL_MESSAGES
+        client.send_until(client.count)
+    non_zmq.close()
+    time.sleep(REPORT_SECONDS)
+    for client in clients:
+        client.connection.close()
+    require_running(rig)
 
 
-def _sockets_part(events: Sequence[EventRecord], assaults: list[barrage.Assault], vandal: barrage.Vandal) -> Part:
+def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient], non_zmq: NonZmqClient) -> Part:
     """Tabulate the messages sent to each socket and the refusals that the server reports."""
-    told = barrage.refused(events)
+    refused = refusals(events)
     totals: dict[str, list[int]] = {}
-    for assault in assaults:
-        total = totals.setdefault(assault.channel, [0, 0, 0])
-        for i, number in enumerate((assault.sent, assault.malformed, assault.line.made)):
+    for client in clients:
+        total = totals.setdefault(client.channel, [0, 0, 0])
+        for i, number in enumerate((client.sent, client.malformed, client.connection.connections)):
             total[i] += number
-    streams = vandal.sent // len(totals)
+    streams = non_zmq.sent // len(totals)
     rows: list[tuple[Value, ...]] = []
     shares = []
-    for channel, (sent, malformed, made) in totals.items():
-        answers = not channel.startswith("view")  # a subscriber gets no answer
-        rows.append(
-            (channel, sent, malformed if answers else "", told.get(channel, 0) if answers else "", made, streams)
-        )
-        shares += [told.get(channel, 0) / malformed] if answers else []
-    found = f"at least {min(shares):.1%} of those that must be"
+    for channel, (sent, malformed, connections) in totals.items():
+        if channel.startswith("view"):  # a publisher reads no messages, so it refuses none
+            rows.append((channel, sent, "", "", connections, streams))
+        else:
+            rows.append((channel, sent, malformed, refused[channel], connections, streams))
+            shares.append(refused[channel] / malformed)
     return Part(
         "server-sockets",
         "Malformed messages for the sockets of a server",
-        ("socket", "messages [1]", "to be refused [1]", "told [1]", "connections [1]", "without ZeroMQ [1]"),
-        rows,
-        [Verdict("what is refused is counted and recorded", min(shares) > COUNTED, found)],
-    )
-
-
-def _trial_part(rig: Rig, path: Path, spells: tuple[Spell, ...]) -> Part:
-    """Tabulate how the trial went in each period."""
-    taken = take([path])
-    traces = {side: read_traces(rig.folder, side) for side in SIDES}
-    with Recording(path) as recording:
-        verdict = verify_recording(recording)
-    rows: list[tuple[Value, ...]] = []
-    for spell in spells:
-        window = spell.window
-        ticks = between(taken.ticks, window.start_ns, window.stop_ns)
-        late = int(np.sum(ticks["late_ns"] > LATE_NS))
-        missed = int(np.sum(np.diff(ticks["time_ns"]) > TICK_NS))
-        pauses = sum(window.start_ns <= pause.at_ns < window.stop_ns for pause in taken.pauses)
-        rows.append((spell.name, ticks.size, late, 1000 * late / max(ticks.size, 1), missed, pauses))
-    whole_window = Window(spells[0].window.start_ns, spells[-1].window.stop_ns)
-    cut = {
-        side: [between(trace, whole_window.start_ns, whole_window.stop_ns) for trace in found]
-        for side, found in traces.items()
-    }
-    evidence = Evidence(whole_window, rig.config.safety, cut, taken, None)
-    same = f"{verdict.checked} ticks computed again"
-    return Part(
-        "server-trial",
-        "The trial meanwhile",
-        ("sent", "ticks [1]", "late [1]", "of a thousand [1]", "stood still [1]", "pauses [1]"),
+        ("socket", "messages [1]", "malformed [1]", "reported refusals [1]", "connections [1]", "without ZeroMQ [1]"),
         rows,
         [
             Verdict(
-                "the recording is identical to the bit", verdict.identical, same if verdict.identical else str(verdict)
-            ),
+                f"the server counts and records at least {LEAST_COUNTED:.0%} of the refusals on every channel",
+                min(shares) > LEAST_COUNTED,
+                f"at least {min(shares):.1%} of the malformed messages",
+            )
+        ],
+    )
+
+
+def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
+    """Tabulate deadline misses and pauses in each period, and check the recording."""
+    taken = take([path])
+    with Recording(path) as recording:
+        verification = verify_recording(recording)
+    rows: list[tuple[Value, ...]] = []
+    for name, window in periods:
+        ticks = between(taken.ticks, window.start_ns, window.stop_ns)
+        late = int(np.sum(ticks["late_ns"] > LATE_NS))
+        skipped = int(np.sum(np.diff(ticks["time_ns"]) > TICK_NS))
+        pauses = sum(window.start_ns <= pause.at_ns < window.stop_ns for pause in taken.pauses)
+        rows.append((name, ticks.size, late, 1000 * late / max(ticks.size, 1), skipped, pauses))
+    trial = Window(periods[0][1].start_ns, periods[-1][1].stop_ns)
+    traces = {
+        side: [between(trace, trial.start_ns, trial.stop_ns) for trace in read_traces(rig.folder, side)]
+        for side in SIDES
+    }
+    evidence = Evidence(trial, rig.config.safety, traces, taken, None)
+    found = f"{verification.checked} ticks recomputed" if verification.identical else str(verification)
+    return Part(
+        "server-trial",
+        "The trial while malformed messages arrive",
+        ("sent", "ticks [1]", "late [1]", "late, per 1000 [1]", "ticks after a gap [1]", "pauses [1]"),
+        rows,
+        [
+            Verdict("replay reproduces the recording to the bit", verification.identical, found),
             whole()(evidence),
             gentle()(evidence),
             goes_on()(evidence),

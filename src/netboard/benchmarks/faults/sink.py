@@ -1,8 +1,9 @@
-"""A sink: a process that takes what an attacker sends as the server does, and does nothing else.
+"""A process that receives an attacker's messages as the server does, and discards them.
 
-The same attack on a sink beside the dyad shows what the attack costs the machine; the rest is what it costs the server.
+An attack on this sink shows the load that the attack itself puts on the machine; the difference to an attack on the
+server is the server's own work for the messages.
 
-Run as ``python -m netboard.benchmarks.faults.sink CONFIG``; it prints its port, and ends when its input does.
+Run as ``python -m netboard.benchmarks.faults.sink CONFIG``; it prints its port, and exits when its input closes.
 """
 
 import sys
@@ -16,24 +17,24 @@ from netboard.network import keys
 from netboard.network.transport import channels, sockets
 from netboard.nodes.operator.launcher import free_port
 
-TURN = 4
-"""Messages taken from each channel in a turn [1]."""
+MESSAGES_PER_TURN = 4
+"""Messages received from each channel in a turn [1]."""
 
-TURN_S = 1e-3
-"""Time between turns, that of a tick [s]."""
+TICK_S = 1e-3
+"""Time between turns, equal to the server's tick [s]."""
 
 
 def main(file: Path) -> None:
-    """Serve the channels until the input ends."""
+    """Receive on every channel until the standard input closes."""
     config = parse(file.read_text(encoding="utf-8"), str(file))
     network = replace(config.network, port=free_port())
     authenticator = keys.make_authenticator(network)
-    where = channels.addresses(network, authenticator)
+    addresses = channels.addresses(network, authenticator)
     reader = threading.Thread(target=sys.stdin.read, daemon=True)
     reader.start()
     with sockets.open_context(apart=True) as context:
         routers = [
-            serve(context, where.listen(channel))
+            serve(context, addresses.listen(channel))
             for serve, channel in (
                 (sockets.motion_server, channels.MOTION),
                 (sockets.log_server, channels.LOG),
@@ -46,10 +47,10 @@ def main(file: Path) -> None:
                 authenticator.answer_handshakes()
                 authenticator.reports(time.monotonic_ns())
             for router in routers:
-                for _ in range(TURN):
+                for _ in range(MESSAGES_PER_TURN):
                     if router.receive() is None:
                         break
-            time.sleep(TURN_S)
+            time.sleep(TICK_S)
 
 
 if __name__ == "__main__":

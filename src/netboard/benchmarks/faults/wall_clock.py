@@ -1,8 +1,8 @@
-"""A wall clock that can be set, for some processes only: the machine's own is left alone.
+"""A wall clock that can be set for some processes without changing the clock of the machine.
 
-A small library, compiled here, stands between these processes and the C library wherever they ask what time of day it
-is, and adds what is in a file. The monotonic clock, and what waits by it, is as it was. So this tests who uses the
-wrong clock; it cannot test what a kernel does when its clock is set.
+A small preloaded C library replaces the functions that read the wall clock, and adds an offset that it reads from a
+file. The monotonic clock is unchanged. The test therefore finds code that uses the wrong clock; it cannot test how the
+kernel reacts when its clock is set.
 """
 
 import shutil
@@ -59,25 +59,25 @@ time_t time(time_t *now) {
 
 
 def refusal() -> str:
-    """Return why this machine cannot provide such a clock, or an empty string."""
+    """Return why this machine cannot compile the library, or an empty string if it can."""
     return "" if shutil.which("cc") else "there is no C compiler"
 
 
 class WallClock:
-    """The wall clock of the processes started with its environment."""
+    """The wall clock of the processes that are started with `environment`."""
 
     def __init__(self, folder: Path) -> None:
         source, library = folder / "wall_clock.c", folder / "wall_clock.so"
         source.write_text(_SOURCE, encoding="utf-8")
         command = ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"]
-        made = subprocess.run(command, capture_output=True, text=True, check=False)
-        if made.returncode:
-            raise NetboardError(f"the wall clock cannot be compiled: {made.stderr.strip()}")
+        compiler = subprocess.run(command, capture_output=True, text=True, check=False)
+        if compiler.returncode:
+            raise NetboardError(f"cannot compile the wall clock library: {compiler.stderr.strip()}")
         self._file = folder / "wall_clock.shift"
         self._file.write_bytes(struct.pack("<q", 0))
         self.environment = {"LD_PRELOAD": str(library), "NETBOARD_WALL_CLOCK": str(self._file)}
 
     def set(self, seconds: int) -> None:
-        """Set the wall clock ahead of the machine's by this time [s]."""
+        """Set the offset of the wall clock from that of the machine [s]."""
         with self._file.open("r+b") as file:
             file.write(struct.pack("<q", seconds))

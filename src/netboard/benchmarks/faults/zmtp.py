@@ -1,7 +1,7 @@
-"""ZeroMQ's wire protocol, ZMTP 3, just enough to break it: a peer that says whatever it likes over a bare TCP socket.
+"""A minimal client of ZMTP 3, ZeroMQ's wire protocol, over plain TCP sockets, for valid and invalid traffic.
 
-Nothing here uses ZeroMQ, which would refuse to send what is sent here. `streams` makes bytes that break the protocol in
-any way; a `Line` is a peer that keeps to it, up to what its messages say.
+It does not use the ZeroMQ library, which cannot send invalid traffic. A `Connection` follows the protocol and sends any
+message in it; `invalid_streams` generates byte streams that violate the protocol itself.
 """
 
 import random
@@ -13,26 +13,27 @@ from contextlib import suppress
 from typing import TypeAlias
 
 MORE, LONG, COMMAND = 1, 2, 4
-"""Flags of a frame."""
+"""Flags of a ZMTP frame."""
 
 CONNECT_SECONDS = 5.0
-MOST_WAITING = 2**18
-"""Bytes waiting to be sent above which a line accepts no more [bytes]."""
+"""Timeout for a TCP connection [s]."""
+LARGEST_BACKLOG = 2**18
+"""Number of unsent bytes above which a connection accepts no more messages [bytes]."""
 
-Place: TypeAlias = tuple[str, int]
+Address: TypeAlias = tuple[str, int]
 """Address and port."""
 
 Stream: TypeAlias = tuple[bytes, ...]
-"""Parts sent in one connection, in order."""
+"""Byte strings sent in one connection, one after the other."""
 
 
 def greeting(mechanism: bytes = b"NULL", major: int = 3, minor: int = 0) -> bytes:
-    """Return the first 64 bytes of a connection."""
+    """Return the greeting, the first 64 bytes of a connection."""
     return b"\xff" + bytes(8) + b"\x7f" + bytes([major, minor]) + mechanism.ljust(20, b"\0")[:20] + bytes(32)
 
 
 def framed(body: bytes, flags: int = 0) -> bytes:
-    """Return a frame."""
+    """Return a frame with its header."""
     if len(body) < 256:
         return bytes([flags, len(body)]) + body
     return struct.pack(">BQ", flags | LONG, len(body)) + body
@@ -44,7 +45,7 @@ def command(name: bytes, body: bytes = b"") -> bytes:
 
 
 def ready(kind: bytes, identity: bytes = b"") -> bytes:
-    """Return the command that ends a handshake without keys."""
+    """Return the READY command, which ends a handshake with the NULL mechanism."""
     properties = ((b"Socket-Type", kind), (b"Identity", identity))
     body = b"".join(bytes([len(name)]) + name + struct.pack(">I", len(value)) + value for name, value in properties)
     return command(b"READY", body)
@@ -55,23 +56,26 @@ def message(parts: Sequence[bytes]) -> bytes:
     return b"".join(framed(part, MORE * (i + 1 < len(parts))) for i, part in enumerate(parts))
 
 
-class Line:
-    """A connection to a ZeroMQ socket, renewed whenever the peer cuts it."""
+class Connection:
+    """A connection to a ZeroMQ socket that reconnects when the server closes it.
 
-    def __init__(self, place: Place, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
-        self.made = 0
-        self._place = place
+    - `connections`: number of connections made [1].
+    """
+
+    def __init__(self, address: Address, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
+        self.connections = 0
+        self._address = address
         self._handshake = greeting() + ready(kind, identity)
         self._first = b"".join(message([part]) for part in first)
         self._socket: net.socket | None = None
-        self._waiting = b""
+        self._backlog = b""
 
-    def offer(self, *parts: bytes) -> bool:
-        """Queue a message; return False if too much is waiting."""
+    def send(self, *parts: bytes) -> bool:
+        """Queue a message; return False if the backlog is full."""
         self._flush()
-        if len(self._waiting) > MOST_WAITING:
+        if len(self._backlog) > LARGEST_BACKLOG:
             return False
-        self._waiting += message(parts)
+        self._backlog += message(parts)
         self._flush()
         return True
 
@@ -79,146 +83,150 @@ class Line:
         """Close the connection; the next message opens a new one."""
         if self._socket is not None:
             self._socket.close()
-        self._socket, self._waiting = None, b""
+        self._socket, self._backlog = None, b""
 
     def _flush(self) -> None:
         try:
             if self._socket is None:
                 self._socket = self._connect()
-                self._waiting = self._first + self._waiting
-                self.made += 1
+                self._backlog = self._first + self._backlog
+                self.connections += 1
             with suppress(BlockingIOError):
-                while self._waiting:
-                    self._waiting = self._waiting[self._socket.send(self._waiting) :]
+                while self._backlog:
+                    self._backlog = self._backlog[self._socket.send(self._backlog) :]
             with suppress(BlockingIOError):
-                while True:  # what it answers is for nobody
+                while True:  # discard the answers, so that the server can send
                     if not self._socket.recv(65_536):
                         raise ConnectionResetError
         except (ConnectionResetError, BrokenPipeError):
             self.close()
 
     def _connect(self) -> net.socket:
-        """Connect and shake hands; bytes sent before the peer is ready would count as handshake."""
-        socket = net.create_connection(self._place, CONNECT_SECONDS)
+        """Connect and complete the handshake; the server would read earlier bytes as part of it."""
+        socket = net.create_connection(self._address, CONNECT_SECONDS)
         socket.sendall(self._handshake)
-        heard = b""
-        while b"READY" not in heard:
-            heard += (said := socket.recv(4096))
-            if not said:
+        received = b""
+        while b"READY" not in received:
+            data = socket.recv(4096)
+            if not data:
                 raise ConnectionResetError
+            received += data
         socket.setblocking(False)
         return socket
 
 
-def streams(seed: int) -> Iterator[Stream]:
-    """Make what one connection after the other says, in parts with pauses between: none of it is as it should be."""
-    chance = random.Random(seed)
+def invalid_streams(seed: int) -> Iterator[Stream]:
+    """Generate the streams of successive connections; all of them violate the protocol."""
+    rng = random.Random(seed)
     while True:
-        yield chance.choice(_STREAMS)(chance)
+        yield rng.choice(STREAM_KINDS)(rng)
 
 
-def _noise(chance: random.Random) -> bytes:
-    return chance.randbytes(chance.choice((0, 1, 9, 10, 11, 63, 64, 65, 1000, 9000)))
+def _random_bytes(rng: random.Random) -> bytes:
+    return rng.randbytes(rng.choice((0, 1, 9, 10, 11, 63, 64, 65, 1000, 9000)))
 
 
-def _nothing_but_noise(chance: random.Random) -> Stream:
-    return _noise(chance), _noise(chance)
+def _only_random_bytes(rng: random.Random) -> Stream:
+    return _random_bytes(rng), _random_bytes(rng)
 
 
-def _half_greeting(chance: random.Random) -> Stream:
-    return greeting()[: chance.randrange(64)], chance.choice((b"", _noise(chance)))
+def _partial_greeting(rng: random.Random) -> Stream:
+    return greeting()[: rng.randrange(64)], rng.choice((b"", _random_bytes(rng)))
 
 
-def _other_greeting(chance: random.Random) -> Stream:
-    mechanism = chance.choice((b"NULL", b"PLAIN", b"CURVE", b"GSSAPI", b"", b"X" * 20, chance.randbytes(20)))
-    return greeting(mechanism, chance.choice((0, 1, 2, 3, 4, 255)), chance.randrange(4)), _noise(chance)
+def _unusual_greeting(rng: random.Random) -> Stream:
+    mechanism = rng.choice((b"NULL", b"PLAIN", b"CURVE", b"GSSAPI", b"", b"X" * 20, rng.randbytes(20)))
+    return greeting(mechanism, rng.choice((0, 1, 2, 3, 4, 255)), rng.randrange(4)), _random_bytes(rng)
 
 
-def _wrong_ready(chance: random.Random) -> Stream:
-    kind = chance.choice((b"", b"PUB", b"REQ", b"ROUTER", b"PAIR", b"DEALER\0", b"X" * 4000))
-    body = ready(kind, chance.randbytes(chance.choice((0, 1, 255, 256, 5000))))
-    return greeting(), chance.choice((body, body[: chance.randrange(len(body))], _flipped(chance, body)))
+def _invalid_ready(rng: random.Random) -> Stream:
+    kind = rng.choice((b"", b"PUB", b"REQ", b"ROUTER", b"PAIR", b"DEALER\0", b"X" * 4000))
+    body = ready(kind, rng.randbytes(rng.choice((0, 1, 255, 256, 5000))))
+    return greeting(), rng.choice((body, body[: rng.randrange(len(body))], _with_flipped_bits(rng, body)))
 
 
-def _out_of_turn(chance: random.Random) -> Stream:
-    early = chance.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
-    return greeting() + early, _noise(chance)
+def _frame_before_ready(rng: random.Random) -> Stream:
+    early = rng.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
+    return greeting() + early, _random_bytes(rng)
 
 
-def _odd_command(chance: random.Random) -> Stream:
-    name = chance.choice((b"PING", b"PONG", b"ERROR", b"READY", b"HELLO", b"SUBSCRIBE", b"CANCEL", b"", b"X" * 255))
-    return _handshake(chance), command(name, _noise(chance)) + framed(_noise(chance), COMMAND)
+def _unusual_command(rng: random.Random) -> Stream:
+    name = rng.choice((b"PING", b"PONG", b"ERROR", b"READY", b"HELLO", b"SUBSCRIBE", b"CANCEL", b"", b"X" * 255))
+    return _handshake(rng), command(name, _random_bytes(rng)) + framed(_random_bytes(rng), COMMAND)
 
 
-def _endless(chance: random.Random) -> Stream:
-    """Return a frame longer than any limit, or with a length far beyond its content."""
-    size = chance.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
-    return _handshake(chance), struct.pack(">BQ", LONG | chance.choice((0, MORE, COMMAND)), size) + _noise(chance)
+def _excessive_length(rng: random.Random) -> Stream:
+    """Return a frame whose length field exceeds every limit or its content."""
+    size = rng.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
+    return _handshake(rng), struct.pack(">BQ", LONG | rng.choice((0, MORE, COMMAND)), size) + _random_bytes(rng)
 
 
-def _unfinished(chance: random.Random) -> Stream:
-    """Return parts of a message whose last part never comes."""
-    return _handshake(chance), framed(_noise(chance), MORE) * chance.choice((1, 10, 300))
+def _unfinished_message(rng: random.Random) -> Stream:
+    """Return parts of a message without the last part."""
+    return _handshake(rng), framed(_random_bytes(rng), MORE) * rng.choice((1, 10, 300))
 
 
-def _odd_flags(chance: random.Random) -> Stream:
-    return _handshake(chance), b"".join(framed(b"x" * 20, chance.randrange(256)) for _ in range(20))
+def _random_flags(rng: random.Random) -> Stream:
+    return _handshake(rng), b"".join(framed(b"x" * 20, rng.randrange(256)) for _ in range(20))
 
 
-def _flip_anywhere(chance: random.Random) -> Stream:
-    return _handshake(chance), _flipped(chance, message([b"a", b"b" * 300]))
+def _corrupted_message(rng: random.Random) -> Stream:
+    return _handshake(rng), _with_flipped_bits(rng, message([b"a", b"b" * 300]))
 
 
-def _http(chance: random.Random) -> Stream:
-    return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n", b"x: y\r\n" * chance.choice((0, 500))
+def _http(rng: random.Random) -> Stream:
+    return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n", b"x: y\r\n" * rng.choice((0, 500))
 
 
-def _handshake(chance: random.Random) -> bytes:
-    kind = chance.choice((b"DEALER", b"DEALER", b"REQ", b"SUB", b"ROUTER"))
-    return greeting() + ready(kind, chance.choice((b"", b"fuzz", chance.randbytes(8))))
+def _handshake(rng: random.Random) -> bytes:
+    kind = rng.choice((b"DEALER", b"DEALER", b"REQ", b"SUB", b"ROUTER"))
+    return greeting() + ready(kind, rng.choice((b"", b"fuzz", rng.randbytes(8))))
 
 
-def _flipped(chance: random.Random, stream: bytes) -> bytes:
-    spoiled = bytearray(stream)
-    for _ in range(chance.choice((1, 3, 10))):
-        spoiled[chance.randrange(len(spoiled))] ^= 1 << chance.randrange(8)
-    return bytes(spoiled)
+def _with_flipped_bits(rng: random.Random, stream: bytes) -> bytes:
+    corrupted = bytearray(stream)
+    for _ in range(rng.choice((1, 3, 10))):
+        corrupted[rng.randrange(len(corrupted))] ^= 1 << rng.randrange(8)
+    return bytes(corrupted)
 
 
-_STREAMS: tuple[Callable[[random.Random], Stream], ...] = (
-    _nothing_but_noise,
+STREAM_KINDS: tuple[Callable[[random.Random], Stream], ...] = (
+    _only_random_bytes,
     _http,
-    _half_greeting,
-    _other_greeting,
-    _wrong_ready,
-    _out_of_turn,
-    _odd_command,
-    _endless,
-    _unfinished,
-    _odd_flags,
-    _flip_anywhere,
+    _partial_greeting,
+    _unusual_greeting,
+    _invalid_ready,
+    _frame_before_ready,
+    _unusual_command,
+    _excessive_length,
+    _unfinished_message,
+    _random_flags,
+    _corrupted_message,
 )
 
 
-class Talk:
-    """Connections that send streams part by part; the oldest are closed."""
+class StreamSender:
+    """Sends invalid streams part by part over the connections that it is given.
 
-    def __init__(self, kept: int, seed: int) -> None:
-        self._kept = kept
-        self._streams = streams(seed)
+    - `most_open`: number of connections kept open; older ones are closed [1].
+    """
+
+    def __init__(self, most_open: int, seed: int) -> None:
+        self._most_open = most_open
+        self._streams = invalid_streams(seed)
         self._open: deque[tuple[net.socket, deque[bytes]]] = deque()
 
-    def take(self, connection: net.socket) -> None:
-        """Start a stream in a connection."""
+    def add(self, connection: net.socket) -> None:
+        """Start a new stream in a connection."""
         connection.setblocking(False)
         self._open.append((connection, deque(next(self._streams))))
 
-    def turn(self) -> None:
-        """Send the next part in each connection."""
+    def send_next(self) -> None:
+        """Send the next part of each stream."""
         for connection, parts in self._open:
-            with suppress(OSError):  # the other end may have hung up, or take no more
+            with suppress(OSError):  # the server may have closed the connection, or its buffer may be full
                 connection.send(parts.popleft() if parts else b"")
-        while len(self._open) > self._kept:
+        while len(self._open) > self._most_open:
             self._open.popleft()[0].close()
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""A second reader of frames, slow and plain, written from PROTOCOL.md: what is a message, which one, and what is none.
+"""A slow and simple decoder, written from PROTOCOL.md: the test oracle for the codec.
 
-It reads what the message's type hints ask for, byte by byte, and gives up at the first byte that is anything else. It
-shares nothing with the codec but the numbers of `KINDS` and the strings of `CHOICES`. `judge` asks both.
+It reads the values that a message's type hints require, byte by byte, and refuses the frame at the first other byte. It
+shares only the limits of `KINDS` and the strings of `CHOICES` with the codec.
 """
 
 import dataclasses
@@ -16,15 +16,15 @@ from netboard.network.protocol.joining import Refusal
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
 
 LONGEST_REFUSAL = 2048
-"""What is wrong with a frame is sent back to whoever sent it, in so many bytes [1]."""
+"""Largest refusal, which is sent back to the sender of a frame [bytes]."""
 
 
 class Refused(Exception):
-    """The bytes are no message."""
+    """The bytes are not a valid message."""
 
 
-def judge(frame: bytes) -> Message | None:
-    """What the codec makes of a frame, None for a refusal: it must be what the oracle makes of it."""
+def decode_with_both(frame: bytes) -> Message | None:
+    """Decode a frame with the codec, None for a refusal, and assert that the reference decoder agrees."""
     try:
         expected = read_message(frame)
     except Refused:
@@ -41,12 +41,12 @@ def judge(frame: bytes) -> Message | None:
 
 
 def bits(message: Message | None) -> str:
-    """What tells messages apart: with NaN equal to NaN, and -0.0 apart from 0.0."""
+    """Return a text that is equal for identical messages: NaN equals NaN, and -0.0 differs from 0.0."""
     return repr(message)
 
 
 def read_message(frame: bytes) -> Message:
-    """Read a frame that is exactly one message."""
+    """Decode a frame that is exactly one message."""
     reader = Reader(frame)
     length = reader.array((0xDC,))
     number = reader.byte()
@@ -64,13 +64,13 @@ def read_message(frame: bytes) -> Message:
             raise Refused(name)
         values.append(value)
     if reader.at != len(frame):
-        raise Refused("more follows")
+        raise Refused("trailing bytes")
     message: Message = kind.message(*values)
     return message
 
 
 class Reader:
-    """Reads one value after the other."""
+    """Reads the values of a frame one after the other."""
 
     def __init__(self, frame: bytes) -> None:
         self.frame = frame
@@ -89,7 +89,7 @@ class Reader:
         return struct.unpack(form, self.take(struct.calcsize(form)))[0]
 
     def value(self, hint: Any, most_items: int) -> Any:
-        """A value of a type that a field may have."""
+        """Read a value of the type of a field."""
         origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if origin is types.UnionType:
             if self.frame[self.at : self.at + 1] == b"\xc0":
@@ -113,7 +113,7 @@ class Reader:
         return self.count(0x90, 16, {code: form for code, form in {0xDC: ">H", 0xDD: ">I"}.items() if code in wide})
 
     def count(self, short: int, most: int, wide: dict[int, str]) -> int:
-        """The number that a head gives: in its low bits, or after it."""
+        """Read a header's length: in its low bits, or in the bytes after it."""
         head = self.byte()
         if short <= head < short + most:
             return head - short
@@ -128,23 +128,23 @@ class Reader:
             return head - 256 * (head >= 0xE0)
         forms = {0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q", 0xD0: ">b", 0xD1: ">h", 0xD2: ">i", 0xD3: ">q"}
         if head not in forms:
-            raise Refused("no integer")
+            raise Refused("not an integer")
         value: int = self.number(forms[head])
         if value >= 2**63:
-            raise Refused("more than 64 bits with a sign")
+            raise Refused("larger than a signed 64-bit integer")
         return value
 
     def real(self) -> float:
         head = self.byte()
         if head not in (0xCA, 0xCB):
-            raise Refused("no float")
+            raise Refused("not a float")
         value: float = self.number(">f" if head == 0xCA else ">d")
         return value
 
     def truth(self) -> bool:
         head = self.byte()
         if head not in (0xC2, 0xC3):
-            raise Refused("no boolean")
+            raise Refused("not a boolean")
         return head == 0xC3
 
     def text(self) -> str:
@@ -152,7 +152,7 @@ class Reader:
         try:
             return data.decode("utf-8", "strict")
         except UnicodeDecodeError as error:
-            raise Refused("no UTF-8") from error
+            raise Refused("not UTF-8") from error
 
     def data(self) -> bytes:
         return self.take(self.count(0, 0, {0xC4: ">B", 0xC5: ">H", 0xC6: ">I"}))

@@ -1,4 +1,4 @@
-"""Watches the processes under attack: whether they run, and how much memory they use."""
+"""Checks on the processes of a test: that they run, and that their memory does not grow."""
 
 from pathlib import Path
 
@@ -6,24 +6,24 @@ from netboard.base.errors import NetboardError
 from netboard.benchmarks.faults.rigs import Rig
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
-GROWN = 32e6
-"""Largest growth of a process's memory, in bytes [1]."""
+LARGEST_GROWTH = 32e6
+"""Largest growth of a process's resident memory [bytes]."""
 
 
-def look(rig: Rig) -> None:
-    """Raise unless all processes of a rig run."""
+def require_running(rig: Rig) -> None:
+    """Raise an error if a process of a rig has ended."""
     for name, process in rig.running.items():
         if (code := process.poll()) is not None:
             raise NetboardError(f"the {name} ended with exit code {code}:\n{rig.said(name)[-2000:]}")
 
 
 def memory(rig: Rig) -> dict[str, float]:
-    """Return the memory of each process of a rig, in bytes [1]."""
-    return {name: resident(process.pid) for name, process in rig.running.items()}
+    """Return the resident memory of each process of a rig [bytes]."""
+    return {name: resident_memory(process.pid) for name, process in rig.running.items()}
 
 
-def resident(process: int | str = "self") -> float:
-    """Return the resident memory of a process, in bytes [1]; NaN on a system that does not report it."""
+def resident_memory(process: int | str = "self") -> float:
+    """Return the resident_memory memory of a process, in bytes [1]; NaN on a system that does not report it."""
     status = Path("/proc") / str(process) / "status"
     if not status.exists():
         return float("nan")
@@ -32,7 +32,7 @@ def resident(process: int | str = "self") -> float:
 
 
 def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
-    """Tabulate the memory of the processes before and after."""
+    """Tabulate the memory of the processes before and after a test."""
     rows: list[tuple[Value, ...]] = [
         (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
         for process in before
@@ -41,7 +41,13 @@ def memory_part(name: str, title: str, before: dict[str, float], after: dict[str
     return Part(
         name,
         title,
-        ("process", "before [MB]", "after [MB]", "more [MB]"),
+        ("process", "before [MB]", "after [MB]", "growth [MB]"),
         rows,
-        [Verdict("memory stays flat", not most > GROWN, f"at most {most * 1e-6:.1f} MB more")],
+        [
+            Verdict(
+                f"no process grows by more than {LARGEST_GROWTH * 1e-6:g} MB",
+                not most > LARGEST_GROWTH,
+                f"growth of at most {most * 1e-6:.1f} MB",
+            )
+        ],
     )
