@@ -2,8 +2,8 @@
 
 ``echo`` answers frames of a stylus' size with frames of a force's size and does nothing else. ``peer`` wakes every
 millisecond, like an agent, sends one and waits for the answer. ``timer`` wakes every millisecond. They have the
-options, the scheduling, the memory and the garbage collection of netboard's loops, and wait in ZeroMQ itself, which is
-the quickest way there is.
+options, the scheduling, the memory and the garbage collection of netboard's loops, and block in ZeroMQ itself, which is
+the fastest way to wait.
 """
 
 import sys
@@ -35,7 +35,8 @@ ANSWER = bytes(FORCE.size)
 def echo(router: endpoints.Router, authenticator: Authenticator | None, order: Order) -> Order:
     """Answer frames.
 
-    - `order`: ``count``: number of frames [1]; ``greeting``: they are the first ones, whose senders must authenticate.
+    - `order`: ``count``: number of frames [1]; ``greeting``: whether they are the first, whose senders must
+    authenticate.
     """
     if order["greeting"]:
         _greet(router, authenticator, order["count"])
@@ -61,7 +62,7 @@ def _greet(router: endpoints.Router, authenticator: Authenticator | None, count:
 def peer(socket: sockets.Socket, order: Order) -> Order:
     """Wake every millisecond, send a frame, wait for the answer.
 
-    - `order`: ``count``: how often [1]; ``start_ns``: when to begin, by the monotonic clock [ns].
+    - `order`: ``count``: number of frames [1]; ``start_ns``: start time, monotonic clock [ns].
     """
     frame, took = bytes(STYLUS.size), []
     pacer = Pacer(order["start_ns"])
@@ -83,7 +84,7 @@ def timer(order: Order) -> Order:
 
 
 def main(role: str, name: str, file: Path) -> None:
-    """Run one of them.
+    """Run one of the baselines.
 
     - `file`: configuration with the addresses of the sockets and the real-time settings.
     """
@@ -101,7 +102,7 @@ def main(role: str, name: str, file: Path) -> None:
 
 
 def _role(role: str, name: str, config: Config, context: sockets.Context) -> Callable[[Order], Order]:
-    """Return what carries out the orders of a role."""
+    """Return the function that carries out the orders of a role."""
     match role:
         case "echo":
             authenticator = keys.make_authenticator(config.network)

@@ -1,7 +1,7 @@
-"""``netboard bench loop`` and ``netboard bench soak``: how quick and how steady the real thing is, on this machine.
+"""``netboard bench loop`` and ``netboard bench soak``: latency and jitter of real processes on this machine.
 
-Nothing is simulated but the people: server, agents, loggers and displays are the processes that a lab runs, at their
-true cadence. What else the machine was doing shows in the figures; its load is noted.
+Only the participants are simulated: server, agents, loggers and displays are the processes that a lab runs, at their
+real rates. Other load on the machine affects the results; it is noted.
 """
 
 import shutil
@@ -120,7 +120,7 @@ def loop(
 def _crowded(
     crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, tell: Tell, *, skips: bool
 ) -> Iterator[Part]:
-    """Measure with many simulated peers, or with peers that a lab does not have."""
+    """Measure a server with lightweight peers."""
     if dyads:
         found = measure_scale(config, crowd, dyads, seconds, tell)
         yield scale_part(found)
@@ -161,7 +161,7 @@ def _run(
     *,
     force: bool,
 ) -> dict[str, Part]:
-    """Run a study of real processes; what they record and print is removed when all has gone well."""
+    """Run a study of real processes; their recordings and logs are removed if it succeeds."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("what processes use is read from /proc, which this system does not have")
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)

@@ -1,9 +1,9 @@
 """Lightweight peers for many dyads at once: all agents in one process, all loggers and displays in another.
 
 They use the real protocol over real sockets, so that the server does all its work; the peers themselves compute almost
-nothing. An agent sends a sample every millisecond, answers clock probes, and lets the server set its phase; its hand
-moves up and down with the partner's, or rests. A logger acknowledges its records and keeps only the tick jitter.
-Frames are counted from a given time on.
+nothing. An agent sends a sample every millisecond, answers clock probes, and lets the server set its phase; both hands
+move up and down together, or rest. A logger acknowledges its records and keeps only the tick jitter. Frames are
+counted from a given time on.
 """
 
 import struct
@@ -42,7 +42,7 @@ HEIGHT, FREQUENCY = 0.005, 0.5
 """Amplitude and frequency of a moving hand [m, Hz]."""
 
 TAKE_NS = 400_000
-"""Delay between sending a sample and looking for its force [ns]."""
+"""Delay between sending a sample and polling for its force [ns]."""
 
 HELLO_NS = 500_000_000
 LOOK_NS = 2_000_000
@@ -71,7 +71,7 @@ _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 
 def sample_frames(count: int) -> NDArray[Any]:
-    """Return frames of samples, to be filled in field by field and sent as they are in memory."""
+    """Return frames of samples as an array, whose memory is sent."""
     raw = np.zeros((count, fixed.STYLUS.size), np.uint8)
     for row in raw:
         fixed.write(row, *fixed.STYLUS[:2], np.zeros(len(fixed.STYLUS.markers), np.int64))
@@ -104,7 +104,7 @@ class LightAgent:
         sockets.send(self._socket, frame.tobytes())
 
     def take(self, counts: Counter[str]) -> None:
-        """Process what has arrived."""
+        """Process the received frames."""
         while (frame := sockets.receive(self._socket)) is not None:
             if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
                 tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
@@ -146,16 +146,16 @@ class LightDyad:
                 agent.send(z, vz)
 
     def take(self, counts: Counter[str]) -> int:
-        """Process what has arrived for both agents; return the phase delay of the next samples [ns]."""
+        """Process the frames of both agents; return the phase delay of the next samples [ns]."""
         for agent in self._agents:
             agent.take(counts)
         return phase_shift(min(agent.lead_ns for agent in self._agents))
 
 
 def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
-    """Be all agents for a while.
+    """Run all agents for a period.
 
-    - `order`: ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``moving``: their hands move.
+    - `order`: ``from_ns``, ``until_ns``: start of the count, and end [ns]; ``moving``: whether their hands move.
     """
     configs = list(configs)
     frames = sample_frames(len(SIDES) * len(configs)).reshape(len(configs), len(SIDES))
@@ -204,7 +204,7 @@ class LightLogger:
         self._greeted_ns = -HELLO_NS
 
     def look(self, now: int, counts: Counter[str]) -> None:
-        """Process what has arrived."""
+        """Process the received frames."""
         if not self._welcomed and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             sockets.send(self._socket, encode(self._hello))
@@ -259,7 +259,7 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
 
 
 def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
-    """Summarise the timing of all ticks since a moment."""
+    """Summarise the timing of all ticks since a time."""
     late_ns, never, active = [], 0, []
     for logger in loggers:
         rows = np.concatenate([np.empty((0, 3), np.int64), *logger.late])
@@ -271,7 +271,7 @@ def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
 
 
 def main(role: str) -> None:
-    """Be one of the two processes: each order is for other dyads."""
+    """Run one of the two processes: each order has its own dyads."""
     log_to_stderr(role)
     prepared: dict[str, str] | None = None
 

@@ -1,4 +1,4 @@
-"""``netboard bench display``: latency from sending a view to the end of its painting, and the error of what is shown.
+"""``netboard bench display``: latency from sending a view to the end of its painting, and the error of the picture.
 
 A process sends views of a board that both hands move, as the server does. The display's client runs here, in a window
 or offscreen, and every paint is recorded. Both use one clock, so each part of the latency is a difference of two times.
@@ -46,7 +46,7 @@ Frame = tuple[int, int, int, float]
 """Tick of the view, times of its arrival and painting, and drawn height of the right end [1, ns, ns, m]."""
 
 SPARE = 2.0
-"""Time for which views continue after the last noted frame, so that their end is not measured [s]."""
+"""Time for which views continue after the last measured frame [s]."""
 
 LOOK_SECONDS = 0.01
 PATIENCE_NS = 60_000_000_000
@@ -57,10 +57,11 @@ PATIENCE_NS = 60_000_000_000
 class Shown:
     """Views that reached a screen.
 
-    - `sent_to_received`, `received_to_painted`, `between`: for each frame with a view of its own: the two parts of its
-      way; and times from frame to frame [ns].
-    - `painted`: when each frame was painted [ns].
-    - `heights`: where each showed the right end of the board [m].
+    - `sent_to_received`, `received_to_painted`, `between`: for each frame with a new view: the two parts of its
+    latency,
+      and the time since the frame before [ns].
+    - `painted`: time at which each frame was painted [ns].
+    - `heights`: drawn height of the right end of the board [m].
     """
 
     sent_to_received: Times
@@ -80,7 +81,7 @@ def height_at(time_ns: int) -> tuple[float, float]:
 
 
 def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
-    """Be the server's end of the view channel for a while from when somebody looks; return when each tick was sent."""
+    """Publish views for a period, from the first subscriber on; return the time at which each tick was sent."""
     ticks = ceil(1000 / config.network.view_rate_hz) if moving else ALIVE_TICKS
     sent: dict[int, int] = {}
     with sockets.open_context() as context:
@@ -101,13 +102,13 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
 
 
 def serve() -> None:
-    """Do that as a process: the order comes on standard input, the answer goes to standard output, both as JSON."""
+    """Run `send_views` as a process: order on standard input, answer on standard output, both as JSON."""
     order = json.load(sys.stdin)
     json.dump(send_views(parse(order["config"]), order["seconds"], order["moving"]), sys.stdout)
 
 
 def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
-    """Run a display for a while, beside a process that sends it views."""
+    """Run a display for a period, with a process that sends it views."""
     application()
     order = {"config": resolve(config), "seconds": seconds + SPARE, "moving": moving}
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
@@ -122,7 +123,7 @@ def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
 
 
 def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[list[Frame], float, int]:
-    """Run the display and note its frames; return them, the share of a core that it took, and what it dropped."""
+    """Run the display; return its frames, its share of a core, and the number of dropped views."""
     frames: list[Frame] = []
     window = BoardWindow("netboard bench display")
     window.present(config.display)
@@ -151,7 +152,7 @@ def _note(client: DisplayClient, frames: list[Frame]) -> None:
 
 
 def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int) -> Shown:
-    """Take the frames apart; a frame that draws a view again is none of its own."""
+    """Return the latencies of the frames with a new view."""
     own = [b for a, b in pairwise(frames) if b[0] != a[0] and b[0] in sent]
     painted = np.array([frame[2] for frame in frames], np.int64)
     return Shown(
@@ -166,7 +167,7 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
 
 
 def lateness(shown: Shown) -> tuple[float, float]:
-    """Delay that best explains what was painted, by least squares, and the rms distance left at the end [s, m]."""
+    """Return the delay that best explains the drawn positions, by least squares, and the RMS residual [s, m]."""
     truth = np.array([height_at(int(at)) for at in shown.painted])
     off = truth[:, 0] - shown.heights
     return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))
@@ -177,8 +178,8 @@ def main(
 ) -> int:
     """Run the study.
 
-    - `config`: how the window looks; it is shown on this machine's screen, or drawn without one where there is none.
-    - `seconds`: for how long each is measured; None for the usual time [s].
+    - `config`: settings of the window, which is drawn offscreen without a screen.
+    - `seconds`: duration of each measurement; None for the default [s].
     """
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-display"), force=force)
@@ -201,7 +202,7 @@ def study(config: Config, seconds: float, tell: Tell) -> Iterator[Part]:
 
 
 def _way(found: dict[str, Shown]) -> Part:
-    """Return the parts of the way of a view, as a table."""
+    """Return the parts of the latency of a view, as a table."""
     times = {}
     for name, shown in found.items():
         if shown.sent_to_received.size:
@@ -213,7 +214,7 @@ def _way(found: dict[str, Shown]) -> Part:
 
 
 def _sight(found: dict[str, Shown], seconds: float) -> Part:
-    """Return what a participant sees late, and what it costs, as a table."""
+    """Return delay and error of the picture and the cost of painting, as a table."""
     rows: list[tuple[Value, ...]] = []
     for name, shown in found.items():
         delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))

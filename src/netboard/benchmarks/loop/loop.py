@@ -1,11 +1,10 @@
-"""The loop from stylus to force as it is in use, and beside it, in turns, what the transport and a timer alone take.
+"""Sample-to-force latency in real operation, interleaved with an echo over the same transport and with a timer.
 
-In each round netboard plays for a while and is then stopped where it is; an echo over the same sockets, with as many
-peers, in step as the agents are, and with frames of the same size, runs for as long; then a timer. So all of them see
-the same machine. What netboard took is read from its own recording.
+In each round netboard runs for a period and is then suspended. An echo over the same sockets, with the same number of
+peers, the same phases and frames of the same size, runs equally long; then a timer. So all are measured on the machine
+in the same state. Netboard's latency is read from its recording.
 
-Verdicts hold netboard's loop against the echo and its ticks against the timer, both measured in the same run; only the
-last ones are about the machine as well.
+Claims compare the loop with the echo and the ticks with the timer of the same run.
 """
 
 from collections.abc import Callable, Mapping
@@ -43,9 +42,9 @@ GREETINGS = 100
 class Round:
     """A turn of each.
 
-    - `span_ns`: when netboard's turn began and ended, by the monotonic clock [ns].
-    - `echo_ns`: of both peers of the echo: from waking to the answer [ns].
-    - `costs`: of netboard's processes and of those of the echo, by name.
+    - `span_ns`: start and end of netboard's turn, monotonic clock [ns].
+    - `echo_ns`: times from waking to the answer, of both peers of the echo [ns].
+    - `costs`: resource use of netboard's processes and of those of the echo, by name.
     """
 
     span_ns: tuple[int, int]
@@ -56,9 +55,9 @@ class Round:
 
 @dataclass
 class Measured:
-    """Everything that was found: of each round, and of all together.
+    """All measurements: of each round, and of the recording.
 
-    - `ticks`: netboard's recording.
+    - `ticks`: timing of netboard's ticks.
     """
 
     rounds: list[Round]
@@ -80,7 +79,7 @@ class Measured:
 
 
 def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
-    """Measure netboard and the baselines in turns."""
+    """Measure netboard and the baselines, interleaved."""
     own, spare = own_configs(config, folder, 2)
     costs: Costs = {}
     found: list[Round] = []
@@ -108,12 +107,12 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], object]:
-    """Return how a round tells its progress."""
+    """Return the progress callback of a round."""
     return lambda what, done: tell(f"round {number + 1} of {rounds}: {what}", (number + done) / rounds)
 
 
 class Baselines:
-    """An echo with a peer for each agent, and a timer; they sleep until it is their turn."""
+    """An echo with a peer for each agent, and a timer, which sleep between their turns."""
 
     def __init__(self, config: Config, folder: Path, workers: Workers, count: int) -> None:
         (file,) = write_configs([config], folder)
@@ -127,7 +126,7 @@ class Baselines:
         self._exchange(GREETINGS, greeting=True)
 
     def run_echo(self) -> tuple[Times, dict[str, Usage], dict[str, Usage]]:
-        """Run the echo's turn; return the times of both peers [ns], and what all use before and after."""
+        """Run the echo's turn; return the times of both peers [ns], and all resource use before and after."""
         processes = {"echo": self._echo, **self._peers}
         before, found, after = (
             {name: read_usage(worker.process_id) for name, worker in processes.items()},
@@ -175,7 +174,7 @@ def loop_series(found: Measured) -> list[dict[str, Times]]:
 
 
 def ratios_part(found: Measured) -> Part:
-    """Return what netboard takes beside its baselines, in each round: medians and extremes."""
+    """Return the ratios of netboard to its baselines over the rounds: medians and extremes."""
     columns: dict[str, list[float]] = {}
     for one in found.rounds:
         for name, value in _ratios(one, played(found.ticks, [one.span_ns])).items():
@@ -205,9 +204,9 @@ def _ratios(one: Round, ours: Played) -> dict[str, float]:
 
 
 def latency_part(found: Measured, *, real_time: bool) -> Part:
-    """Return the loop beside the echo, and its parts.
+    """Return the latency of the loop, of its parts and of the echo.
 
-    - `real_time`: real-time scheduling was asked for: then the loop should take less than a tick.
+    - `real_time`: whether real-time scheduling was requested; then the loop should take less than a tick.
     """
     took = _together(found.played.took_ns)
     rows = spread_rows(
@@ -228,7 +227,7 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 
 
 def lateness_part(found: Measured) -> Part:
-    """Return how the server's ticks kept their time, beside a timer alone."""
+    """Return the tick jitter of the server and of the timer."""
     named = {"server's ticks": found.played.ticks, "timer alone": found.timer}
     rows: list[tuple[Value, ...]] = [
         (*row, one.late, one.missed, one.missed_of(MANY))

@@ -58,8 +58,8 @@ def passed_over(time_ns: Times) -> int:
 class Played:
     """Timing of a dyad's recording during its measurements.
 
-    - `took_ns`: of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
-    - `parts_ns`: of both sides: ways and waits that a loop is made of [ns].
+    - `took_ns`: sample-to-force latency of each side, once for each sample with a force [ns].
+    - `parts_ns`: parts of the latency, of both sides [ns].
     """
 
     took_ns: dict[str, Times]
@@ -86,7 +86,7 @@ def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
 
 
 def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Return which times lie within some stretches."""
+    """Return which times are within some periods."""
     inside: NDArray[np.bool_] = np.zeros(time_ns.shape, np.bool_)
     for start, end in times:
         inside |= (time_ns >= start) & (time_ns < end)
@@ -94,15 +94,15 @@ def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_
 
 
 def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
-    """Return the ticks that first report a loop; an agent repeats the newest until the next is closed."""
+    """Return the ticks that first report a latency; an agent repeats the newest until the next."""
     new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
     return new
 
 
 def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dict[str, Times]:
-    """Split the loops into their parts, where a sample reports the loop of the one before it, as is usual.
+    """Split the latencies into their parts, if a sample reports the latency of the one before it, as is usual.
 
-    - `closed` (shape (n,)): ticks at which a loop is reported for the first time.
+    - `closed` (shape (n,)): ticks at which a latency is first reported.
     """
     seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
     fresh = np.diff(seq, prepend=-1) == 1

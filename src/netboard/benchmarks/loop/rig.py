@@ -46,7 +46,7 @@ ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phas
 class Stretch:
     """A measurement.
 
-    - `start_ns`, `end_ns`: when, by the monotonic clock [ns].
+    - `start_ns`, `end_ns`: start and end, monotonic clock [ns].
     """
 
     start_ns: int
@@ -56,7 +56,7 @@ class Stretch:
 
 
 class Rig:
-    """The processes of some dyads; on leaving, all are ended."""
+    """The processes of some dyads; leaving the context ends them."""
 
     def __init__(self, configs: Sequence[Config], folder: Path, displays: int) -> None:
         self._folder = folder
@@ -89,7 +89,7 @@ class Rig:
         self._pids[name] = self._launcher.process_id(name)
 
     def play(self) -> None:
-        """Wait until every dyad is in a trial, and has been for a while."""
+        """Wait until every dyad is in a trial and has settled."""
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
@@ -107,7 +107,7 @@ class Rig:
             time.sleep(ANSWER_SECONDS)
 
     def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
-        """Run for a while and return the measured stretch."""
+        """Run for a period and return it."""
         before, start_ns = self.usage(), now_ns()
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
@@ -156,7 +156,7 @@ class Rig:
 
 
 def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
-    """Make configurations for some dyads on this machine, with their own ports and folders."""
+    """Return configurations for some dyads on this machine, with their own ports and folders."""
     ports: set[int] = set()
     while len(ports) < count:
         ports.add(free_port())

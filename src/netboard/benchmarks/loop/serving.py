@@ -1,6 +1,6 @@
-"""Resource use of a server in real operation, for any number of dyads, with peers that need little processor time.
+"""Resource use of a real server for any number of dyads, with lightweight peers.
 
-The server is the process that a lab runs. Two more processes are its peers; their orders say which, and for how long.
+Two more processes are its peers (`netboard.benchmarks.loop.crowd`); their orders say which peers, and for how long.
 """
 
 import os
@@ -48,7 +48,7 @@ class Company:
 class Served:
     """Resource use and timing of a server.
 
-    - `counts`: what its peers got, in a second [Hz].
+    - `counts`: frames received by its peers [Hz].
     - `peers_late_ns`: delay of the samples when the peers sent them [ns].
     """
 
@@ -60,7 +60,7 @@ class Served:
 
 
 class Crowd(Workers):
-    """The two processes that are all peers of a server; on leaving, they are ended."""
+    """The two processes that are all peers of a server; leaving the context ends them."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class Crowd(Workers):
         self._agents, self._watchers = (self.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers"))
 
     def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
-        """Run a server of some dyads, with these as its peers."""
+        """Run a server of some dyads with these peers."""
         configs = own_configs(config, self._folder, dyads)
         files = [str(file) for file in write_configs(configs, self._folder)]
         with Launcher(self._folder, {}) as launcher:

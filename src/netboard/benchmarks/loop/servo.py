@@ -72,9 +72,9 @@ def study(library: str, seconds: float, tell: Tell) -> Iterator[Part]:
 
 
 def lateness_part(found: Mapping[str, Times]) -> Part:
-    """Return how steady the ticks are, each beside the bare tick in the same company.
+    """Return the tick jitter of each variant, compared with the bare tick.
 
-    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): start and end of each tick, by variant [ns].
     """
     off = {name: unsteadiness(times) for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(off))
@@ -87,9 +87,9 @@ def lateness_part(found: Mapping[str, Times]) -> Part:
 
 
 def duration_part(found: Mapping[str, Times]) -> Part:
-    """Return how long the servo thread is held up by a callback.
+    """Return the duration of the callbacks.
 
-    - `found` (shape (n, 2)): when each tick began and ended, by what was measured [ns].
+    - `found` (shape (n, 2)): start and end of each tick, by variant [ns].
     """
     took = {name: times[:, 1] - times[:, 0] for name, times in found.items()}
     rows: list[tuple[Value, ...]] = list(spread_rows(took))
@@ -106,7 +106,7 @@ def duration_part(found: Mapping[str, Times]) -> Part:
 
 
 def unsteadiness(times: Times) -> Times:
-    """Return how far from a tick's length after the one before each tick began [ns]."""
+    """Return the jitter: the deviation of each interval between ticks from a tick [ns]."""
     off: Times = np.abs(np.diff(times[:, 0]) - TICK_NS)
     return off
 
@@ -123,7 +123,7 @@ def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
 
 
 def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
-    """Be that process: let a watched servo run, with an agent's loop beside it."""
+    """Run in that process: a timed servo, and an agent's loop."""
     rig = rig_of(order["library"])
     count = round(order["seconds"] * 1e9) // TICK_NS
     with rig.paused():

@@ -20,14 +20,14 @@ from netboard.task.trials.state_machine import Phase
 
 @dataclass(frozen=True)
 class Case:
-    """Something that may be there or not."""
+    """A part that may be omitted."""
 
     company: Company
     haptics: bool = True
     logger: bool = True
 
     def of(self, config: Config) -> Config:
-        """Return what it makes of a configuration."""
+        """Return a configuration with or without the part."""
         return replace(
             config,
             block=replace(config.block, force="full" if self.haptics else "none"),
@@ -92,7 +92,7 @@ def skips_part(found: dict[str, Served]) -> Part:
 
 
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
-    """Return what follows from the work that was counted."""
+    """Return the claims about the counted work."""
     forces, beats = (found[NO_FORCES].counts.get(what, 0.0) for what in ("forces", "beats"))
     views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
     busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
@@ -110,7 +110,7 @@ def _verdicts(found: dict[str, Served]) -> list[Verdict]:
 # --- inside a tick -------------------------------------------------------------------------------------------------
 
 RUNS, TICKS = 30, 2000
-"""Number of runs, of which the fastest counts, and ticks in each [1]."""
+"""Number of runs, of which the minimum is taken, and ticks in each [1]."""
 
 
 def tick_part(config: Config) -> Part:
@@ -144,8 +144,7 @@ def _with_force(config: Config, force: Literal["environment_only", "none"]) -> C
 def stage_cost(config: Config, phase: Phase) -> float:
     """Time the stage's part of a tick [s].
 
-    - `phase`: in which the trial is, and stays: the board is not level, and the ball at rest is far from target and
-      edge.
+    - `phase`: constant phase of the trial: the board is not level, and the ball rests far from target and edge.
     """
     stage = make_stage(config)
     rows = np.zeros(TICKS, TICK)
@@ -164,5 +163,5 @@ def stage_cost(config: Config, phase: Phase) -> float:
 
 
 def quickest(run: Callable[[], float]) -> float:
-    """Return the least of many runs [s]."""
+    """Return the minimum of many runs [s]."""
     return min(run() for _ in range(RUNS))

@@ -28,7 +28,7 @@ from netboard.task.trials.state_machine import Cause
 SAMPLE_SECONDS = 1.0
 
 WARM_SHARE, WARM_SECONDS = 0.25, 60.0
-"""Memory counts from this share of the run on, or from this time on if it is earlier: rings fill first [1, s]."""
+"""Memory is judged from this share of the run on, or from this time if earlier, when ring buffers are full [1, s]."""
 
 RING_SECONDS = 5.0
 """Length of the server's ring buffer; shorter than usual, so that it is full soon [s]."""
@@ -37,7 +37,7 @@ STRETCHES = 10
 """Number of rows in which a short soak is shown; a longer one is shown minute by minute [1]."""
 
 MOST_LEAK, LEAST_SEEN = 4e6 / 3600, 1e6
-"""Memory is flat if it grows by less than this in a second, or by less than this in all, in bytes [1/s, 1]."""
+"""Largest growth of constant memory, per second or in total, in bytes [1/s, 1]."""
 
 INDEX = 100e6 / 3600
 """A logger keeps an entry of the recording's index for every chunk: it may grow by this in a second, in bytes [1/s]."""
@@ -68,7 +68,7 @@ class Kept:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is missing and it is verified."""
+        """Whether no tick is missing and the recording is verified."""
         return self.verified and self.missing == 0 and self.lost == 0
 
 
@@ -97,7 +97,7 @@ def measure_soak(config: Config, folder: Path, dyads: int, displays: int, second
 
 
 def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> list[dict[str, Usage]]:
-    """Look at all processes every second."""
+    """Read the resource use of all processes every second."""
     samples = [rig.usage()]
     begun = time.monotonic()
     while (done := time.monotonic() - begun) < seconds:
@@ -134,7 +134,7 @@ def read_kept(path: Path) -> Kept:
 
 
 def records_part(kept: Sequence[Kept]) -> Part:
-    """Return what was recorded."""
+    """Return the number of recorded ticks and losses."""
     rows: list[tuple[Value, ...]] = [
         (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
         for number, one in enumerate(kept, start=1)
@@ -150,7 +150,7 @@ def records_part(kept: Sequence[Kept]) -> Part:
 
 
 def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
-    """Return what memory the processes held, and whether it grew."""
+    """Return the memory of all processes and its growth."""
     rows: list[tuple[Value, ...]] = []
     verdicts = []
     for name in samples[0]:
@@ -170,7 +170,7 @@ def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
 
 
 def _flat(name: str, slope: float, seconds: float) -> Verdict:
-    """Judge how memory grew."""
+    """Return the claim that memory does not grow."""
     logger = name.startswith("logger")
     claim = f"memory of the {name} " + ("grows by no more than its index" if logger else "is flat")
     flat = slope < (INDEX if logger else MOST_LEAK) or slope * seconds < LEAST_SEEN
@@ -178,7 +178,7 @@ def _flat(name: str, slope: float, seconds: float) -> Verdict:
 
 
 def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
-    """Return how fast memory grows, by least squares, in bytes [1/s]."""
+    """Return the growth rate of memory by least squares, in bytes [1/s]."""
     return float(np.polyfit(at - at[0], held, 1)[0]) if at.size > 1 else 0.0
 
 
@@ -213,12 +213,12 @@ def minutes_part(kept: Sequence[Kept]) -> Part:
 
 
 def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> Times:
-    """Return all values that belong to times from one moment to another."""
+    """Return all values with times in a period."""
     return np.concatenate([values[(at >= since) & (at < until)] for at, values in series])
 
 
 def steady(what: str, p99: Sequence[float]) -> Verdict:
-    """Hold the last third of some percentiles against the first."""
+    """Compare percentiles of the last third of the run with those of the first."""
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
     claim = f"in the end {what} as promptly as in the beginning, at 99 %"

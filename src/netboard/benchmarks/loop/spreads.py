@@ -24,12 +24,12 @@ EDGES_NS: NDArray[np.float64] = np.geomspace(LEAST_NS, MOST_NS, 1 + PER_DECADE *
 
 
 def in_milliseconds(found: Spread) -> tuple[float, float, float, float]:
-    """Return what a table says of a spread."""
+    """Return the percentiles of durations in milliseconds."""
     return found.p50 * 1e3, found.p99 * 1e3, found.p999 * 1e3, found.largest * 1e3
 
 
 def spread_rows(named: Mapping[str, Times]) -> list[tuple[Value, ...]]:
-    """Return a row for each set of durations: its name, how many there are, `in_milliseconds`."""
+    """Return a row for each set of durations: its name, their number, `in_milliseconds`."""
     return [(name, times.size, *in_milliseconds(spread(times))) for name, times in named.items()]
 
 
@@ -40,14 +40,14 @@ def ratio_row(name: str, above: Times, below: Times) -> tuple[Value, ...]:
 
 
 def histogram(times: Times) -> NDArray[np.int64]:
-    """Count durations between `EDGES_NS`; what is shorter or longer goes to the first or the last bin [1]."""
+    """Count durations between `EDGES_NS`; shorter or longer ones go to the first or the last bin [1]."""
     inside = np.clip(times, LEAST_NS, MOST_NS)
     counts: NDArray[np.int64] = np.histogram(inside, EDGES_NS)[0]
     return counts
 
 
 def histogram_part(named: Mapping[str, Times]) -> Part:
-    """Return the histograms as a table: a row for each bin that any of them fills."""
+    """Return the histograms as a table: a row for each bin that is not empty in all."""
     counts = np.stack([histogram(times) for times in named.values()], axis=1)
     rows: list[tuple[Value, ...]] = [
         (float(EDGES_NS[i] * 1e-6), float(EDGES_NS[i + 1] * 1e-6), *map(int, counts[i]))
@@ -60,7 +60,7 @@ def histogram_part(named: Mapping[str, Times]) -> Part:
 def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
     """Draw histograms over a logarithmic axis, with marks at the percentiles 50, 99 and 99.9.
 
-    - `groups`: durations by name, those of a group over each other [ns].
+    - `groups`: durations by name; each group is drawn in one axes [ns].
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

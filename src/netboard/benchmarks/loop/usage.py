@@ -1,7 +1,7 @@
 """Resource usage of processes: CPU time, run-queue time, context switches and memory by thread, from Linux's /proc.
 
 A thread is of one of three kinds: the loop (a process's first thread), ZeroMQ's I/O, or any other. Times are those of
-the scheduler, to the nanosecond where it tells them (``schedstat``), else to its clock tick.
+the scheduler, to the nanosecond if available (``schedstat``), else to its clock tick.
 """
 
 import os
@@ -24,7 +24,7 @@ class Spent:
     """Usage of threads.
 
     - `seconds`: time on a core [s].
-    - `waited`: time in which they could have run and had no core; 0 where the system does not tell [s].
+    - `waited`: time in the run queue; 0 if the system does not report it [s].
     """
 
     seconds: float = 0.0
@@ -44,9 +44,9 @@ class Spent:
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """A process at one moment.
+    """Usage of a process at one time.
 
-    - `at_ns`: the moment, by the monotonic clock [ns].
+    - `at_ns`: time, monotonic clock [ns].
     """
 
     at_ns: int
@@ -54,7 +54,7 @@ class Usage:
     resident: int
 
     def since(self, before: "Usage") -> dict[str, Spent]:
-        """Return what was spent since an earlier moment, by kind of thread, without threads that have ended."""
+        """Return the usage since an earlier time by kind of thread, without threads that have ended."""
         found = dict.fromkeys(KINDS, Spent())
         for thread, spent in self.threads.items():
             change = spent.plus(before.threads.get(thread, Spent()), -1)
@@ -74,7 +74,7 @@ def total(parts: Iterable[Spent]) -> Spent:
 class Cost:
     """Usage of a process during a measurement.
 
-    - `seconds`: for how long it was measured [s].
+    - `seconds`: duration of the measurement [s].
     """
 
     spent: dict[str, Spent] = field(default_factory=dict)
@@ -97,16 +97,16 @@ def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usa
 
 
 def kind_of(process: int, thread: int, name: str) -> str:
-    """Tell the kind of a thread."""
+    """Return the kind of a thread."""
     if name.startswith(_TRANSPORT_NAME):
         return TRANSPORT
     return LOOP if thread == process else OTHER
 
 
 def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple[str, Spent]:
-    """Read what /proc says of a thread.
+    """Parse the usage of a thread from /proc.
 
-    - `stat`, `schedstat`, `status`: the three files; an empty `schedstat` where the system has none.
+    - `stat`, `schedstat`, `status`: the three files; `schedstat` may be empty.
     """
     head, _, tail = stat.rpartition(")")
     fields = tail.split()
@@ -121,12 +121,12 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
 
 
 def resident_bytes(statm: str, page: int) -> int:
-    """Read how much memory a process holds, in bytes [1]."""
+    """Return the resident memory of a process, in bytes [1]."""
     return int(statm.split()[1]) * page
 
 
 def read_usage(process: int) -> Usage:
-    """Look at a process now."""
+    """Return the present usage of a process."""
     here = Path("/proc") / str(process)
     clock_hz, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
     try:

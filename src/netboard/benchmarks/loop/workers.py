@@ -1,7 +1,7 @@
-"""Processes of a benchmark beside those of netboard: each waits for an order, carries it out, answers, and waits again.
+"""Worker processes of a benchmark: each waits for an order, carries it out, answers, and waits again.
 
 Orders and answers are lines of JSON over pipes, so an idle worker disturbs nothing. It ends when its pipe is closed,
-that is, with the process that started it.
+so with the process that started it.
 """
 
 import json
@@ -15,11 +15,11 @@ from typing import IO, Any
 from netboard.base.errors import NetboardError
 
 END_SECONDS = 5.0
-"""A worker gets this long to end before it is killed [s]."""
+"""Time after which a worker that does not end is killed [s]."""
 
 
 class Worker:
-    """A worker as seen by who gives the orders."""
+    """Handle of a worker process."""
 
     def __init__(self, module: str, *arguments: str, said: Path) -> None:
         self._name = f"{module.rpartition('.')[2]} {' '.join(arguments[:-1])}".strip()
@@ -40,7 +40,7 @@ class Worker:
         return self._process.pid
 
     def order(self, **order: Any) -> None:
-        """Tell it what to do next; its answer is to be taken before the next order."""
+        """Send an order; take its answer before the next order."""
         try:
             _pipe(self._process.stdin).write(json.dumps(order) + "\n")
             _pipe(self._process.stdin).flush()
@@ -56,7 +56,7 @@ class Worker:
         return found
 
     def stop(self) -> None:
-        """End it."""
+        """End the worker."""
         process = self._process
         try:
             process.communicate(timeout=END_SECONDS)
@@ -70,19 +70,19 @@ class Worker:
 
 
 class Workers(ExitStack):
-    """Some workers; on leaving, all are ended."""
+    """Some workers; leaving the context ends them."""
 
     def start(self, name: str, module: str, *arguments: str, folder: Path) -> Worker:
-        """Start one more."""
+        """Start another worker."""
         worker = Worker(module, *arguments, said=folder / f"{name.replace(' ', '-')}.log")
         self.callback(worker.stop)
         return worker
 
 
 def serve(carry_out: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-    """Be a worker: carry out orders until there are no more.
+    """Run a worker: carry out orders until there are no more.
 
-    - `carry_out`: takes an order and returns what was found, both plain data.
+    - `carry_out`: takes an order and returns its result, both plain data.
     """
     for line in sys.stdin:
         sys.stdout.write(json.dumps(carry_out(json.loads(line))) + "\n")
@@ -90,7 +90,7 @@ def serve(carry_out: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
 
 
 def _pipe(stream: IO[str] | None) -> IO[str]:
-    """Return a stream that is there, for it was asked for."""
+    """Return a stream that was requested as a pipe."""
     if stream is None:
         raise ValueError("the worker was started without pipes")
     return stream

@@ -1,6 +1,6 @@
 """``netboard bench recording``: the cost of recording a dyad, and of reading an hour of its recording.
 
-A real session with displays is run first; its recording is the matter of everything after it.
+A real session with displays is run first; everything else uses its recording.
 """
 
 from collections.abc import Iterator
@@ -48,10 +48,10 @@ GROWTH_MB = 64.0
 
 @dataclass(frozen=True)
 class Effort:
-    """The amount of measuring.
+    """How much is measured.
 
-    - `stall_seconds`: how long the logger is treated in each way [s].
-    - `load_seconds`: how long it is fed at each rate [s].
+    - `stall_seconds`: duration of each kind of interference with the logger [s].
+    - `load_seconds`: duration at each rate [s].
     """
 
     ticks: int = HOUR
@@ -66,7 +66,7 @@ QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure everything.
 
-    - `folder`: where everything is written: on the disk that is asked about.
+    - `folder`: folder on the disk under test.
     """
     place, effort = folder.path, QUICK if quick else Effort()
     (place / "session").mkdir(exist_ok=True)

@@ -1,7 +1,7 @@
-"""Cost of each column of the ticks: what the file would save without it, and what it would cost by itself.
+"""Cost of each column of the ticks: the bytes saved without it, and its bytes by itself.
 
-Columns that are equal to others, or follow from them, cost nothing beside those, so the costs of all columns do not add
-up to that of the whole.
+A column that equals others, or follows from them, costs nothing in addition, so the costs of all columns do not add up
+to the total.
 """
 
 from typing import Any
@@ -20,10 +20,10 @@ BATCH = 200
 """Ticks in a batch [1]."""
 
 SAMPLED = 100
-"""Batches whose columns are weighed, spread over the recording [1]."""
+"""Batches whose columns are measured, spread over the recording [1]."""
 
 LISTED_BYTES = 0.05
-"""A column that costs less alone and beside the others is not listed [1]."""
+"""A column that costs less, alone and in addition to the others, is not listed [1]."""
 
 _WORD = 8
 

@@ -1,4 +1,4 @@
-"""Damages a recording in every way a disk can, recovers it, and checks what comes out against what went in."""
+"""Damage to recordings as by a disk, their recovery, and a comparison of the result with the original."""
 
 import hashlib
 import time
@@ -23,7 +23,7 @@ LONGEST_STRETCH = 4096
 class Harm:
     """A damaged copy of a recording.
 
-    - `start`, `stop`: the bytes that are not as they were; a cut reaches to the end [1].
+    - `start`, `stop`: range of the changed bytes; a cut reaches to the end [1].
     """
 
     data: bytes
@@ -35,8 +35,8 @@ class Harm:
 class Found:
     """Result for one damaged file.
 
-    - `lost`: ticks that were in the file before, and are not in the recovered one [1].
-    - `seconds`: how long recovery took [s].
+    - `lost`: ticks of the original file that are not in the recovered one [1].
+    - `seconds`: duration of the recovery [s].
     """
 
     faults: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""A server's end of the log without the rest of a server: feeds a real logger at any multiple of one dyad's rate.
+"""The log port of a server without the rest: feeds a real logger at any multiple of one dyad's rate.
 
-The port, the ring, the batches and the sockets are the server's own. Each millisecond gets what a server gives it: a
-tick, now and then an event, clock probes and frames of two displays; a multiple of the rate has as many of each.
+Port, ring buffer, batches and sockets are those of the server. Each millisecond has the records that a server sends: a
+tick, sometimes an event, clock probes and frames of two displays; a multiple of the rate has a multiple of each.
 """
 
 import shutil

@@ -1,7 +1,7 @@
 """The number of dyads that one logger can record: a real process over real sockets, at increasing rates.
 
-A rate is sustained if nothing is lost, what is not on disk at the end is no more than a flush and a moment hold, and it
-has not grown since the middle. The feeding side must have kept up too, or the rate says nothing about the logger.
+A rate is sustained if nothing is lost, the records that are not on disk at the end are no more than those of a flush
+interval and some slow syncs, and their number has not grown since the middle. The feeder must have kept up, too.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ class Load:
     """Result at one rate.
 
     - `halfway`, `backlog`: records that were not on disk in the middle and at the end, as time at this rate [s].
-    - `feeder_behind`: how far the feeding side fell behind at most [s].
+    - `feeder_behind`: largest delay of the feeder [s].
     """
 
     rate: int

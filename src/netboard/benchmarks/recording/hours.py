@@ -1,7 +1,7 @@
 """An hour of one dyad: a short real recording, repeated, then written and read in the usual ways.
 
-The ticks are those of the session with new numbers and times, and everything else that came with them; so columns,
-noise and rates are true, and only what happens is the same again and again.
+The records are those of the session with new numbers and times, so columns, noise and rates are real; only the course
+of events repeats.
 """
 
 import json
@@ -81,9 +81,9 @@ class Session:
 class Written:
     """Cost of writing a long recording.
 
-    - `seconds`: time that the writer took, without that of making the records [s].
-    - `flushes` (shape (n,)): time of each closing of a chunk with its sync [s].
-    - `grown`: by how much memory grew from the first tenth to the end [B].
+    - `seconds`: time in the writer, without that of preparing the records [s].
+    - `flushes` (shape (n,)): time to close and sync each chunk [s].
+    - `grown`: growth of memory from the first tenth to the end [B].
     """
 
     ticks: int
@@ -94,7 +94,7 @@ class Written:
 
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
-    """Write an hour, with a sync wherever the logger makes one."""
+    """Write an hour, with syncs as by the logger."""
     config = session.config
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
     metadata = provenance(welcome, config, 1, OPENED_NS, 0)
@@ -118,7 +118,7 @@ def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
 
 
 def read_columns(path: Path, names: tuple[str, ...]) -> float:
-    """Return the time to read columns of a recording, all if none is named [s]."""
+    """Return the time to read the named columns of a recording, or all [s]."""
     began = time.perf_counter()
     with Recording(path) as recording:
         recording.columns(*names)
@@ -172,7 +172,7 @@ _HELPERS: dict[str, Any] = {
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the bits of a prediction."""
+    """Return a prediction as integer bits."""
     return np.where(np.isfinite(values), values, values.dtype.type(0)).view(np.int64)
 
 

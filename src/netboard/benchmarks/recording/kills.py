@@ -1,4 +1,4 @@
-"""Kills a real logger while it records at the rate of a session, and checks the remaining file."""
+"""A real logger is killed while it records at the rate of a session, and its file is checked."""
 
 import hashlib
 import signal
@@ -24,8 +24,8 @@ SHORTEST, LONGEST = 0.05, 1.5
 class Killed:
     """Files left by a killed logger.
 
-    - `lost_seconds`: ticks that had been made and were not recovered, as time [s].
-    - `seconds`: how long recovery took [s].
+    - `lost_seconds`: duration of the ticks that were not recovered [s].
+    - `seconds`: duration of the recovery [s].
     """
 
     faults: tuple[str, ...]
@@ -34,9 +34,9 @@ class Killed:
 
 
 def kill_one(folder: Path, log: list[list[bytes]], chance: np.random.Generator) -> Killed:
-    """Feed a logger, kill it, recover what it left, and check it against what it was fed.
+    """Feed a logger, kill it, recover its file, and compare it with the records sent.
 
-    - `log`: the records of each millisecond; long enough not to come round again.
+    - `log`: the records of each millisecond, more than are sent.
     """
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()

@@ -1,7 +1,7 @@
-"""``netboard bench recovery``: cuts, flips, zeros and killed loggers, and what `netboard recover` makes of them.
+"""``netboard bench recovery``: recovery of recordings that were cut, altered, or left by a killed logger.
 
-Each time the source must be as it was, every chunk that was not touched must be there to the bit, what is lost must
-have been said, and the recovered file must prove itself. One exception to that is a fault, and makes the exit code 1.
+In each case the source must be unchanged, every undamaged chunk must be restored to the bit, every loss must be
+reported, and the recovered file must pass the integrity check. Any violation is a fault, with exit code 1.
 """
 
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ COLUMNS = (
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Damage, kill, recover.
 
-    - `folder`: loggers that are killed write there: on the disk that is asked about.
+    - `folder`: folder of the killed loggers, on the disk under test.
     """
     # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
     with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:

@@ -1,6 +1,6 @@
-"""A recording to be damaged: its bytes, and which ticks are in which of its chunks, as the upstream library sees them.
+"""A recording to be damaged: its bytes, and the ticks in each of its chunks, read with the upstream library.
 
-What must be left after damage is worked out from this alone, never by the code that recovers.
+The expected result after damage follows from this alone, independently of the code that recovers.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ SESSION = "5afe5afe5afe5afe"
 class Piece:
     """A chunk of a file.
 
-    - `ticks`: first tick in it, and the one after its last; both 0 without any [1].
+    - `ticks`: its first tick, and the one after its last; both 0 without ticks [1].
     """
 
     start: int
@@ -58,7 +58,7 @@ def movement(count: int) -> NDArray[Any]:
 
 
 def make_specimen(path: Path, count: int) -> Specimen:
-    """Write a recording as a logger does, flushed when it is due."""
+    """Write a recording as a logger does, with its flushes."""
     rows = movement(count)
     config = Config()
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
@@ -80,7 +80,7 @@ def make_specimen(path: Path, count: int) -> Specimen:
 
 
 def _pieces(path: Path) -> tuple[Piece, ...]:
-    """Look where the chunks are, and what is in them."""
+    """Return the chunks of a file and their ticks."""
     found = []
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()

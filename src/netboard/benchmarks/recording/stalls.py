@@ -1,7 +1,7 @@
 """Effect of a slow disk on the server: the real processes of a session while the logger is stopped.
 
-A logger whose disk takes half a second for a sync does nothing meanwhile, and so does one that is stopped for half a
-second: to the server both are the same, and stopping needs no disk of a special kind.
+A logger whose disk takes half a second for a sync is blocked meanwhile, as is one that is stopped (SIGSTOP) for half a
+second. For the server both are the same.
 """
 
 import signal
@@ -26,14 +26,14 @@ TREATMENTS = {"runs": 0.0, "has a disk that stalls for 0.5 s in every second": 0
 SETTLE_SECONDS = 3.0
 REST_SECONDS = 1.0
 ALLOWED_MS = 0.5
-"""Largest increase of the 99th percentile of the lateness over that with a running logger: half a tick [ms]."""
+"""Largest allowed increase of the 99th percentile of the tick jitter: half a tick [ms]."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """A session's recording, and the times of each treatment of its logger.
+    """A session's recording, and the periods of each kind of interference with its logger.
 
-    - `stretches`: when each treatment began and ended, server time [ns].
+    - `stretches`: start and end of each period, server time [ns].
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Watched:
 
 
 def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
-    """Run a session with displays, and stop its logger at times."""
+    """Run a session with displays, and stop its logger in some periods."""
     stretches = {}
     with Rig(folder, ("block.trials=1000",)) as rig:
         tell("starting a session", 0.0)
