@@ -1,8 +1,8 @@
-"""``netboard bench faults``: makes every fault of the table on real processes, and judges what came of it.
+"""``netboard bench faults``: injects every fault of the table into real processes, and checks the reaction.
 
-Faults that need the same site are made in it one after the other; after one that did not end well the next ones get a
-site of their own. What a site leaves behind (recordings, what was handed to the devices, what the processes said) is
-kept in the folder of the results, until everything in it was judged and holds.
+Faults that need the same site are injected into it one after the other; if the site does not recover from one, the next
+ones get a new site. The files of a site (recordings, forces written to the devices, logs) are kept in the folder of the
+results until all checks on them hold.
 """
 
 import shutil
@@ -39,13 +39,13 @@ WELL_S = 90.0
 """Longest time until a trial runs again after a fault [s]."""
 
 NOTICED_S = 0.2
-"""Longest time until the end of a fault is noticed [s]."""
+"""Longest time until the end of a fault is detected [s]."""
 
 CALM_S = 0.5
 """Time after recovery that still belongs to the fault [s]."""
 
 AGAIN = "pauses while a trial was waited for"
-"""Name of the fact that counts the pauses before the fault could be made."""
+"""Name of the number of pauses before the fault could be injected."""
 
 MOST_AGAIN = 3
 """Most repetitions of a case that the machine disturbed [1]."""
@@ -57,9 +57,9 @@ Tell = Callable[[str], object]
 class Outcome:
     """Outcome of a case.
 
-    - `verdicts`: what must hold, and whether it does; empty if the case could not be played.
-    - `disturbed`: why the machine itself had paused the trial just before the fault was made, or nothing.
-    - `again`: how often the case was prepared again because of that [1].
+    - `verdicts`: the checks and their results; empty if the case could not be run.
+    - `disturbed`: reason of a pause by the machine itself just before the fault, or empty.
+    - `again`: number of repetitions because of that [1].
     """
 
     case: Case
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
-    """Make faults and judge them."""
+    """Inject faults and check the reactions."""
     console = Console(highlight=False)
     chosen = choose(names, quick=quick)
     folder = Folder(output or new_folder("faults"), force=force)
@@ -99,7 +99,7 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
         show(console, part)
     held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
     played = sum(not outcome.refusal for outcome in outcomes)
-    console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be played; all in {folder.path}")
+    console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be run; results in {folder.path}")
     console.print(told_again(outcomes))
     return 0 if held == played else 1
 
@@ -108,7 +108,7 @@ def told_again(outcomes: Sequence[Outcome]) -> str:
     """Report how often the machine itself paused a trial before a fault could be made."""
     names = [f"{outcome.case.name} ({outcome.again})" for outcome in outcomes if outcome.again]
     total = sum(outcome.again for outcome in outcomes)
-    told = f"Prepared again, because the machine had paused the trial before the fault was made: {total} times"
+    told = f"Repeated, because the machine had paused the trial before the fault: {total} times"
     return f"{told}: {', '.join(names)}" if names else told
 
 
@@ -125,7 +125,7 @@ def list_cases() -> int:
 
 
 def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
-    """Play cases, grouped by the site that they need."""
+    """Run cases, grouped by the site that they need."""
     together = {
         setup: list(group)
         for setup, group in groupby(sorted(cases, key=attrgetter("setup.name")), lambda case: case.setup)
@@ -148,9 +148,9 @@ def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> It
 
 
 def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
-    """Leave out the cases that are prepared again, because the machine had paused the trial before the fault was made.
+    """Return the outcomes without the cases that must be repeated, because the machine had paused the trial.
 
-    - `again`: how often each case was prepared again so far; counted on.
+    - `again`: number of repetitions of each case, updated.
     """
     kept = []
     for outcome in outcomes:
@@ -163,7 +163,7 @@ def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
 
 
 def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
-    """Play cases in one site, up to the first after which the site does not recover."""
+    """Run cases in one site, up to the first after which the site does not recover."""
     tell(f"{cases[0].name}: starting")
     with open_site(setup, folder, quick=quick) as site:
         windows: list[Window] = []
@@ -204,7 +204,7 @@ def _finished(site: Site, last: Window) -> Window:
 
 
 def make(case: Case, site: Site) -> Window:
-    """Make a fault while a trial runs, and wait until one runs again."""
+    """Inject a fault while a trial runs, and wait until a trial runs again."""
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
@@ -222,7 +222,7 @@ def make(case: Case, site: Site) -> Window:
 
 
 def judge(case: Case, evidence: Evidence) -> Outcome:
-    """Judge a case."""
+    """Check the evidence of a case."""
     verdicts = tuple(check(evidence) for check in case.all_checks)
     found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
     facts = evidence.window.facts
@@ -266,23 +266,23 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
 
 
 def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
-    """Return the figures of an outcome, padded with empty values if the case was not played."""
+    """Return the figures of an outcome, with empty values if the case was not run."""
     return outcome.figures if len(outcome.figures) == count else ("",) * count
 
 
 def _word(outcome: Outcome) -> str:
-    return "not played" if outcome.refusal else "yes" if outcome.holds else "NO"
+    return "not run" if outcome.refusal else "yes" if outcome.holds else "NO"
 
 
 def _verdict(outcome: Outcome) -> Verdict:
-    """Return a case as one checked claim, with what failed or what was found."""
+    """Return a case as one checked claim, with its failures or results."""
     claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
     if outcome.refusal:
-        return Verdict(claim, True, f"not played: {outcome.refusal}")
+        return Verdict(claim, True, f"not run: {outcome.refusal}")
     failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
     if failed:
         return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
-    again = f"; prepared again {outcome.again} times" if outcome.again else ""
+    again = f"; repeated {outcome.again} times" if outcome.again else ""
     return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + again)
 
 

@@ -1,9 +1,8 @@
 """A test case of a fault: the action and the requirement, each as text and as code.
 
-Some things must hold after every fault, and are not repeated in the table: no step of a force larger than the slew
-limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, no recording
-that `netboard check` calls damaged, a trial on again at the end, and nothing of it noticed by another dyad on the same
-server.
+Requirements after every fault are not repeated in the table: no force step above the slew limit, no vertical force
+while a trial is paused, every tick recorded or listed as lost with its cause, no recording that `netboard check` calls
+damaged, a running trial at the end, and no effect on another dyad on the same server.
 """
 
 from dataclasses import dataclass
@@ -35,7 +34,7 @@ RELAYED = Setup(
     settings=("network.clock_bound_ms=100",),
     relayed=(LEFT, RIGHT),
 )
-"""No neighbour: the relays are no real-time processes, and beside two dyads two cores have no time for them."""
+"""No neighbour: the relays are not real-time processes, and two dyads leave them no time on two cores."""
 
 DISTRUSTED = Setup("one dyad, its agents through relays", relayed=(LEFT, RIGHT))
 CABLED = Setup("one dyad, real links", spaces=True)
@@ -48,8 +47,8 @@ SINGLE = Setup("one dyad")
 class Case:
     """One fault.
 
-    - `expected`: what must happen, for people, on top of what must hold after every fault.
-    - `checks`: what must hold, on top of what must hold after every fault.
+    - `expected`: required reaction, as text, in addition to the requirements after every fault.
+    - `checks`: the checks of that reaction.
     """
 
     name: str
@@ -71,7 +70,7 @@ class Case:
 PARTS = {
     "processes": "Processes killed and stopped",
     "links": "Links cut, slow and lossy",
-    "peers": "Peers that do not belong",
+    "peers": "Unauthorised peers",
     "devices": "Devices that fail",
     "machines": "Clocks and disks",
     "attacks": "Peers that send too much",

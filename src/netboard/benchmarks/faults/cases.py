@@ -18,8 +18,8 @@ QUICK = (
     "server-killed",
     "logger-killed",
 )
-"""Cases of the short form: processes, links, peers and devices, in as few sites as possible, for most of the
-time goes into starting them."""
+"""Cases of the short form: processes, links, peers and devices, in few sites, because starting them takes most of the
+time."""
 
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:

@@ -1,8 +1,7 @@
-"""Requirements after a fault: each check is made once with its limits, and applied to the evidence of any case.
+"""Requirements after a fault: each check is a function of the evidence of any case, with its limits.
 
-Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
-fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause
-nobody asked for is excused for the same reason only: because an agent or the server stalled shortly before.
+Times for which the machine suspended the agent are subtracted from measured times; they are gaps in the rows that the
+agent wrote. An unexpected pause is excused for the same reason only: an agent or the server stalled shortly before.
 """
 
 from collections.abc import Callable
@@ -36,19 +35,19 @@ STALE_NS = 8_000_000
 """Age above which a force that is not renewed is examined [ns]."""
 
 DONE_NS = 2_000_000
-"""Delay after the beginning by which an immediate effect must show and messages in transit have arrived [ns]."""
+"""Delay after the start of a fault until immediate effects are visible and messages in transit have arrived [ns]."""
 
 GONE = 0.06
 """Longest time from the first decrease of a force to zero [s]."""
 
 UNDISTURBED_NS = 300_000_000
-"""Time without a pause that a trial must have run before a fault is made [ns]."""
+"""Time without a pause that a trial must have run before a fault [ns]."""
 
 EXCUSED_NS = 150_000_000
 """Longest time after a loop stalled for which a pause is attributed to the stall [ns]."""
 
 WAY_DOWN = 3
-"""Steps in which the slew limit takes the largest force to zero, for an agent that was held up [1]."""
+"""Steps in which the slew limit reduces the largest force to zero, for an agent that was suspended [1]."""
 
 STOPPED_WITHIN = 0.003
 """Longest latency of an emergency stop to the devices [s]."""
@@ -57,7 +56,7 @@ UNKNOWN_TICKS = 20
 """Most ticks after an interruption at which the rendered force may be unknown [1]."""
 
 JUST_BEFORE = 6
-"""Most milliseconds from handing a force to the device to the tick that records it; a sample is 3 ms old [1]."""
+"""Largest delay in ms from writing a force to the tick that records it; a sample is 3 ms old [1]."""
 
 LATELY_NS = 1_000_000_000
 _WORDS = {Severity.SOUND: "complete", Severity.LOSS: "losses", Severity.DAMAGE: "damaged"}
@@ -65,19 +64,19 @@ TICK = TICK_NS * 1e-9
 
 
 def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
-    """Return each time a side's force was not renewed: first for the fault, later perhaps because of the machine."""
+    """Return the periods in which a side's force was not renewed: by the fault, and later perhaps by the machine."""
     return [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
 
 
 @dataclass(frozen=True)
 class Falls:
-    """Check that a stale force begins to fall in time every time, and reaches zero in time the first time."""
+    """Check that a stale force always begins to fall in time, and reaches zero in time after the fault."""
 
     sides: tuple[Side, ...]
     to_zero: bool
 
     def __call__(self, evidence: Evidence) -> Verdict:
-        """Judge."""
+        """Return the result of the check."""
         stale = evidence.limits.stale_after_ms * 1e-3 + TICK
         claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
         claim += f" and is zero {GONE * 1e3:g} ms later" if self.to_zero else ""
@@ -99,7 +98,7 @@ def falls(*sides: Side, to_zero: bool = True) -> Falls:
 
 
 def _before(evidence: Evidence, fade: Fade) -> float:
-    """Return how long before the fault the force was last renewed, because the machine was already late."""
+    """Return the time from the last renewal of the force to the fault, if the machine was already late."""
     return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
 
 
@@ -179,7 +178,7 @@ def rests() -> Check:
 
 
 def whole() -> Check:
-    """Check that the recordings account for every tick: it is there, or listed as lost with its cause."""
+    """Check that the recordings account for every tick: recorded, or listed as lost with its cause."""
 
     def check(evidence: Evidence) -> Verdict:
         return _accounted(evidence.rig)
@@ -188,7 +187,7 @@ def whole() -> Check:
 
 
 def nothing_lost() -> Check:
-    """Check that no tick is lost at all."""
+    """Check that no tick is lost."""
 
     def check(evidence: Evidence) -> Verdict:
         lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
@@ -213,7 +212,7 @@ def _accounted(taken: Taken) -> Verdict:
 
 
 def noted(name: str, *words: str) -> Check:
-    """Check that an event is recorded whose details contain these words."""
+    """Check that an event is recorded with these words in its details."""
 
     def check(evidence: Evidence) -> Verdict:
         claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
@@ -225,9 +224,9 @@ def noted(name: str, *words: str) -> Check:
 
 
 def powerless(side: Side, *, to_the_end: bool) -> Check:
-    """Check that a device that gives no numbers was handed no force to the end, or one that does not answer meanwhile.
+    """Check that no force was written to a device that returned invalid readings, or did not answer.
 
-    The first force may be what tells the agent that its device does not answer.
+    The first force may be the write by which the agent detects that its device does not answer.
     """
 
     def check(evidence: Evidence) -> Verdict:
@@ -272,7 +271,7 @@ def safeguarded(side: Side, guard: Safeguard) -> Check:
 
 
 def rendered_known(side: Side) -> Check:
-    """Check that the recorded force is what the device was handed, and unknown at a few ticks only."""
+    """Check that the recorded force is that written to the device, and unknown at a few ticks only."""
 
     def check(evidence: Evidence) -> Verdict:
         claim = (
@@ -291,7 +290,7 @@ def rendered_known(side: Side) -> Check:
 
 
 def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which forces were handed to a device just before these times, or were its last ones."""
+    """Return whether forces were written to a device just before these times, or were its last ones."""
     newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
     found = np.zeros(times.size, bool)
     for back in range(3 * JUST_BEFORE):  # an agent that was held up makes up for it in a burst
@@ -303,7 +302,7 @@ def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[
 
 
 def shown(station: Side) -> Check:
-    """Check that a display has shown frames at the end."""
+    """Check that a display shows frames at the end."""
 
     def check(evidence: Evidence) -> Verdict:
         painted = evidence.rig.painted_ns[station]
@@ -325,12 +324,12 @@ def told(fact: str, wanted: str) -> Check:
 
 
 def back(evidence: Evidence) -> Verdict:
-    """Check that the fault was made as intended and that everything recovered."""
+    """Check that the fault was injected as intended and that everything recovered."""
     return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
 
 
 def no_damage(evidence: Evidence) -> Verdict:
-    """Check that `netboard check` calls no recording damaged: what is missing is listed."""
+    """Check that `netboard check` calls no recording damaged: missing ticks are listed."""
     claim = "netboard check calls no recording damaged"
     damage = [
         f"{report.path.name}: {finding.text}"
@@ -369,9 +368,9 @@ def _late(ticks: NDArray[Any]) -> str:
 
 
 def disturbed(evidence: Evidence) -> str:
-    """Why the machine itself had paused the trial just before the fault was made, or nothing: then it was not tried.
+    """Return why the machine itself had paused the trial just before the fault, or an empty string.
 
-    A pause for which the machine is not to blame is no excuse: it is judged with the rest.
+    Other pauses are not excused; they are checked with the rest.
     """
     start_ns = evidence.window.start_ns
     just_before = [pause for pause in evidence.rig.pauses if start_ns - UNDISTURBED_NS <= pause.at_ns < start_ns]
@@ -390,7 +389,7 @@ def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
 
 
 def agents_stood_still(pause: Pause, held_up: NDArray[np.int64]) -> bool:
-    """Return whether the machine held an agent up shortly before a pause."""
+    """Return whether the machine suspended an agent shortly before a pause."""
     started, ended = held_up[:, 0], held_up[:, 1]
     return bool(np.any((started < pause.at_ns) & (pause.at_ns < ended + EXCUSED_NS)))
 

@@ -1,8 +1,8 @@
-"""Backend ``tampered``: the virtual device, which writes down what it is handed and can be made to fail while it runs.
+"""Backend ``tampered``: the virtual device, with a trace of all written forces, and faults that can be switched on.
 
-It is no backend of netboard: the harness puts it in the way of its own processes as a plug-in (`install`), as a lab
-would. Every force handed to it goes to a file of its process at once, with the time, so that the file tells what was at
-the motors even if the process is killed. What it does wrong is one byte in another file, read at every reading.
+The benchmark adds it to its processes as a plug-in (`install`), as a lab would. Every force is written to a file of the
+process at once, with the time, so the trace is complete even if the process is killed. The active fault is one byte in
+another file, which is read at every reading.
 
 Options (``agents.<side>.options``): see `Options`.
 """
@@ -32,8 +32,8 @@ from netboard.participants.submovement import Submovement
 NAME = "tampered"
 
 TRACE = np.dtype([("time_ns", "<i8"), ("fx", "<f8"), ("fy", "<f8"), ("fz", "<f8"), ("z", "<f8")])
-"""One row for each force handed to the device: when, the force, and the height read last, or no number if the device
-gives none or is gone [ns, N, N, N, m]."""
+"""One row for each force written to the device: time, force, and the last height, NaN if the device returns none or is
+gone [ns, N, N, N, m]."""
 
 Trick = Literal["none", "nan", "frozen", "jump", "gone"]
 
@@ -53,7 +53,7 @@ class Options:
 
 @final
 class TamperedTouch(Device):
-    """A virtual device that can be tampered with."""
+    """A virtual device whose faults can be switched on."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -69,7 +69,7 @@ class TamperedTouch(Device):
         return self._touch.felt
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Give the hand submovements to make."""
+        """Begin submovements of the hand."""
         self._touch.command(moves)
 
     def live(self, now_ns: int) -> None:
@@ -137,18 +137,18 @@ def play_trick(folder: Path, side: Side, trick: Trick) -> None:
 
 
 def trace_file(folder: Path, side: Side, process_id: int) -> Path:
-    """Return the file that traces the device of a process."""
+    """Return the file of the forces written by a process."""
     return folder / f"{side}-{process_id}.trace"
 
 
 def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
-    """Read what was handed to all devices of a side: a trace for each agent that was started, the first one first."""
+    """Read the forces written to the devices of a side: a trace for each agent, in the order of their starts."""
     traces = [read_trace(path) for path in folder.glob(f"{side}-*.trace")]
     return sorted((trace for trace in traces if trace.size), key=lambda trace: int(trace["time_ns"][0]))
 
 
 def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
-    """Read what a device was handed, up to now if its agent still runs.
+    """Read the forces written to a device, up to now if its agent still runs.
 
     - `newest`: number of newest forces; None for all [1].
     """
@@ -160,7 +160,7 @@ def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
 
 
 def install(folder: Path) -> dict[str, str]:
-    """Create a folder that adds this backend to a process as a plug-in."""
+    """Create a folder with a plug-in that adds this backend to a process."""
     info = folder / "netboard_faults-0.dist-info"
     info.mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: netboard-faults\nVersion: 0\n", encoding="utf-8")

@@ -1,11 +1,10 @@
 """Measurements of a fault, from the forces written to the devices and the recordings: arrays in, numbers out.
 
-What the devices were handed is a row for each force (`netboard.benchmarks.faults.devices.TRACE`), in the agent's
-process, whatever became of the network. While forces are fresh no two in a row are equal, because a hand is never at
-rest to the last bit; a force that stays the same is one that has not been renewed. So the time of the last fresh force
-is read from the device itself, and so is all that follows from it.
+The trace of a device has a row for each written force (`netboard.benchmarks.faults.devices.TRACE`), independent of the
+network. Consecutive renewed forces always differ, because a hand is never at rest to the last bit; equal forces have
+not been renewed. So the time of the last renewed force follows from the trace alone.
 
-All times are of one monotonic clock, that of the machine all processes run on.
+All times are of the monotonic clock of the one machine.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +21,7 @@ from netboard.network.protocol.records import EventRecord
 from netboard.task.trials.state_machine import Cause, Phase
 
 HELD_UP_NS = 20_000_000
-"""Shortest standstill of a 1 kHz loop that counts as held up [ns]."""
+"""Shortest stall of a 1 kHz loop that counts as a suspension [ns]."""
 
 
 SOON_NS = 1_000_000_000
@@ -33,12 +32,12 @@ SOON_NS = 1_000_000_000
 class Fade:
     """Course of the vertical force while it was not renewed.
 
-    - `last_ns`: when the last fresh force was at the device [ns].
+    - `last_ns`: time of the last renewed force at the device [ns].
     - `force`: that force [N].
-    - `held`: how much later it was handed over for the last time [s].
-    - `begun`: how much later there was another one; not a number without any [s].
-    - `zero`: how much later it was zero; not a number if it was not soon [s].
-    - `held_up`: for how much of this time the machine had held the agent up [s].
+    - `held`: delay until it was written for the last time [s].
+    - `begun`: delay until another force was written; NaN without one [s].
+    - `zero`: delay until the force was zero; NaN if it was not soon [s].
+    - `held_up`: duration for which the machine suspended the agent meanwhile [s].
     """
 
     last_ns: int
@@ -55,9 +54,9 @@ class Fade:
 
 
 def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
-    """Find every time the vertical force was not renewed.
+    """Return all periods in which the vertical force was not renewed.
 
-    - `longer_ns`: only where it took longer than this until there was another force [ns].
+    - `longer_ns`: minimum duration until another force [ns].
     """
     forces, times = trace["fz"], trace["time_ns"]
     found = []
@@ -87,8 +86,8 @@ def _runs(values: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
 class Step:
     """A change of force from one row to the next.
 
-    - `at_ns`: when [ns].
-    - `size`: how large, all three axes together [N].
+    - `at_ns`: time [ns].
+    - `size`: norm over the three axes [N].
     """
 
     at_ns: int
@@ -97,10 +96,10 @@ class Step:
 
 
 def largest_step(trace: NDArray[Any], slew: float) -> Step:
-    """Find the change of force that is largest relative to the slew limit.
+    """Return the change of force that is largest relative to the slew limit.
 
-    The chain limits a force some time before it is at the device, but after the one before it was. So the time it may
-    have reckoned with is at most that from two rows before; and never more than `LONGEST_STEP_NS`.
+    The chain limits a force some time before it is written, but after the one before it was. So the time step of the
+    chain is at most that from two rows before, and at most `LONGEST_STEP_NS`.
     """
     if trace.size < 3:
         return Step(0, 0.0, 0.0)
@@ -114,7 +113,7 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
 
 
 def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
-    """Find where the force was cut to zero faster than the slew limit, as the safety chain does after a fault."""
+    """Return where the force was cut to zero faster than the slew limit, as the safety chain does after a fault."""
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]], axis=1)
     cut = np.flatnonzero(np.all(force[1:] == 0.0, axis=1) & np.any(force[:-1] != 0.0, axis=1)) + 1
     found = (largest_step(trace[max(0, row - 2) : row + 1], slew) for row in cut.tolist())
@@ -128,7 +127,7 @@ def without_cut(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
 
 
 def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> NDArray[np.int64]:
-    """Return when a loop stood still for longer than this."""
+    """Return the stalls of a loop that exceed a duration."""
     rows = np.flatnonzero(np.diff(times_ns) > longer_ns)
     return np.stack([times_ns[rows], times_ns[rows + 1]], axis=1)
 
@@ -137,7 +136,7 @@ def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> 
 class Pause:
     """A pause of a trial, caused by a fault.
 
-    - `at_ns`: when [ns].
+    - `at_ns`: time [ns].
     """
 
     at_ns: int
@@ -153,7 +152,7 @@ class Pause:
 
 
 def pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[Pause]:
-    """Find the pauses that faults have made in one session."""
+    """Return the pauses of one session that were caused by faults."""
     told = [(event.tick, event.details.get("notice", "")) for event in events if event.name == Cause.FAULT.name.lower()]
     found = []
     for row in np.flatnonzero(ticks["event"] == Cause.FAULT).tolist():

@@ -1,7 +1,7 @@
-"""Brings together what there is to judge a fault by: what the devices were handed, and what was recorded.
+"""Collection of the evidence of a fault: the forces written to the devices, and the recordings.
 
-An unfinished part is recovered first, as a lab would do it. A fault is judged by the time from just before it was made
-to when everything was well again; that every tick is accounted for is judged over whole sessions.
+An unfinished part is recovered first, as a lab would do it. A fault is checked in the period from just before it to the
+recovery; that every tick is accounted for is checked over whole sessions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,8 +33,8 @@ BEFORE_NS = 5_000_000
 class Window:
     """Time window of a fault.
 
-    - `start_ns`, `stop_ns`: just before it was made, and when everything was well again [ns].
-    - `trouble`: why it was not made as meant, or nothing became well again; empty if neither.
+    - `start_ns`, `stop_ns`: just before the fault, and after the recovery [ns].
+    - `trouble`: why the fault was not injected as intended, or there was no recovery; else empty.
     """
 
     start_ns: int
@@ -47,7 +47,7 @@ class Window:
 class Taken:
     """All recordings of one dyad.
 
-    - `painted_ns`: when each station's display has painted a frame [ns].
+    - `painted_ns`: times at which each station's display painted a frame [ns].
     """
 
     ticks: NDArray[Any]
@@ -60,10 +60,10 @@ class Taken:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything by which a fault is judged.
+    """All evidence of a fault.
 
-    - `traces`: what each device of each side was handed in that time.
-    - `stalls` (shape (k, 2)): from when to when an agent did nothing, in the whole run of the site [ns].
+    - `traces`: forces written to each device of each side in that time.
+    - `stalls` (shape (k, 2)): start and end of the stalls of an agent, in the whole run of the site [ns].
     """
 
     window: Window
@@ -95,7 +95,7 @@ class Evidence:
 
     @property
     def held_up(self) -> NDArray[np.int64]:
-        """When an agent did nothing for long, shape (k, 2) [ns]."""
+        """Start and end of long stalls of an agent, shape (k, 2) [ns]."""
         return _stalls(self.traces)
 
     def _within(self, time_ns: int) -> bool:

@@ -1,7 +1,7 @@
-"""Actions on a site: each function returns the action, which is called with a site while a trial is running.
+"""Actions that inject faults: each function returns the action, which is called with a site while a trial runs.
 
-What is done is undone again where it can be, and whatever cannot recover by itself is started anew, as an operator
-would. What is worth noting beside the recordings is returned.
+An action is undone if possible, and a process that cannot recover by itself is restarted, as by an operator. An action
+returns facts that are not in the recordings.
 """
 
 import os
@@ -46,7 +46,7 @@ SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
 def _for_a_while(
     begin: Callable[[Site], object], end: Callable[[Site], object], seconds: float, quick: float | None = None
 ) -> Act:
-    """Return an act that begins something, and ends it after a while, `quick` in the short form [s]."""
+    """Return an action with a start and an end after a duration, `quick` in the short form [s]."""
 
     def act(site: Site) -> Facts:
         begin(site)
@@ -61,7 +61,7 @@ def _for_a_while(
 
 
 def stand_still(process: str, seconds: float) -> Act:
-    """Return an act that suspends a process for a while [s]."""
+    """Return an action that suspends a process for a duration [s]."""
     return _for_a_while(
         lambda site: site.rig.send_signal(process, signal.SIGSTOP),
         lambda site: site.rig.send_signal(process, signal.SIGCONT),
@@ -70,7 +70,7 @@ def stand_still(process: str, seconds: float) -> Act:
 
 
 def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act:
-    """Return an act that kills a process and restarts it later [s]."""
+    """Return an action that kills a process and restarts it later [s]."""
 
     def act(site: Site) -> Facts:
         site.rig.kill(process)
@@ -106,7 +106,7 @@ def kill_with_peer_frozen(site: Site) -> Facts:
 
 
 def together(*acts: Act) -> Act:
-    """Return an act that performs several acts at the same time."""
+    """Return an action that performs several acts at the same time."""
 
     def act(site: Site) -> Facts:
         with ThreadPoolExecutor(len(acts)) as workers:
@@ -120,7 +120,7 @@ def together(*acts: Act) -> Act:
 
 
 def hold(process: str, seconds: float, quick: float | None = None) -> Act:
-    """Return an act that holds all bytes on a process's line for a while [s]."""
+    """Return an action that holds all bytes on a process's line for a duration [s]."""
     return _for_a_while(
         lambda site: site.relays[process].hold(),
         lambda site: site.relays[process].mend(),
@@ -129,12 +129,12 @@ def hold(process: str, seconds: float, quick: float | None = None) -> Act:
 
 
 def cut(process: str, seconds: float) -> Act:
-    """Return an act that resets a process's connections and refuses new ones for a while [s]."""
+    """Return an action that resets a process's connections and refuses new ones for a duration [s]."""
     return _for_a_while(lambda site: site.relays[process].cut(), lambda site: site.relays[process].mend(), seconds)
 
 
 def swallow(process: str, seconds: float) -> Act:
-    """Return an act that resets a process's connections and accepts new ones that pass nothing for a while [s]."""
+    """Return an action that resets a process's connections and accepts new, blocked ones for a duration [s]."""
 
     def begin(site: Site) -> None:
         _reset(site.relays[process])
@@ -144,14 +144,14 @@ def swallow(process: str, seconds: float) -> Act:
 
 
 def blow(process: str, up: Weather = FAIR, down: Weather = FAIR) -> Act:
-    """Return an act that degrades a process's line for 3 s, or 1 s in the short form."""
+    """Return an action that degrades a process's line for 3 s, or 1 s in the short form."""
     return _for_a_while(
         lambda site: site.relays[process].weather(up, down), lambda site: site.relays[process].weather(), 3.0, 1.0
     )
 
 
 def double(process: str) -> Act:
-    """Return an act that resets a process's connections and duplicates the new ones for 2 s."""
+    """Return an action that resets a process's connections and duplicates the new ones for 2 s."""
 
     def duplicate(site: Site, on: bool) -> None:
         site.relays[process].double(on)
@@ -168,7 +168,7 @@ def _reset(line: Relay) -> None:
 
 
 def distrust(process: str, weather: Weather) -> Act:
-    """Return an act that restarts an agent over a line too slow for the clock bound that arming needs."""
+    """Return an action that restarts an agent over a line too slow for the clock bound that arming needs."""
 
     def act(site: Site) -> Facts:
         site.relays[process].weather(weather, weather)
@@ -182,7 +182,7 @@ def distrust(process: str, weather: Weather) -> Act:
 
 
 def pull_cable(process: str, seconds: float) -> Act:
-    """Return an act that sets a station's real link down for a while [s]."""
+    """Return an action that sets a station's real link down for a duration [s]."""
     side = side_of(process)
     return _for_a_while(lambda site: _cables(site).pull(side), lambda site: _cables(site).plug(side), seconds)
 
@@ -213,7 +213,7 @@ def second_agent(site: Site) -> Facts:
 
 
 def say(*frames: bytes) -> Act:
-    """Return an act that sends frames to the motion channel as a stranger and notes the answer to each."""
+    """Return an action that sends frames to the motion channel as a stranger and notes the answer to each."""
 
     def act(site: Site) -> Facts:
         answers: dict[str, None] = {}
@@ -231,7 +231,7 @@ def say(*frames: bytes) -> Act:
 
 
 def speak_other_version(site: Site) -> Facts:
-    """Greet as an agent with another protocol version, then send samples."""
+    """Send `Hello` as an agent with another protocol version, then samples."""
     return say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE))(site)
 
 
@@ -241,7 +241,7 @@ def _words(frame: bytes | None) -> str:
 
 
 def flood(site: Site) -> Facts:
-    """Send nonsense and greetings on every channel at full rate, and keep opening connections."""
+    """Send invalid frames and `Hello` on every channel at full rate, and keep opening connections."""
     sent = connections = 0
     frames = (b"nonsense", b"\xc1" * 2000, encode(STRANGER), encode(SAMPLE), encode(replace(STRANGER, side="")))
     seconds = QUICK_FLOOD_SECONDS if site.quick else FLOOD_SECONDS
@@ -277,7 +277,7 @@ def _reach(site: Site) -> channels.Addresses:
 
 
 def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
-    """Return an act that makes an agent's device fail for a while [s]."""
+    """Return an action that makes an agent's device fail for a duration [s]."""
     side = side_of(process)
     return _for_a_while(
         lambda site: play_trick(site.rig.folder, side, what),
@@ -287,7 +287,7 @@ def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
 
 
 def trick_and_restart(process: str, what: Trick) -> Act:
-    """Return an act that makes an agent's device fail and restarts the agent with a working one."""
+    """Return an action that makes an agent's device fail and restarts the agent with a working one."""
 
     def act(site: Site) -> Facts:
         play_trick(site.rig.folder, side_of(process), what)
@@ -317,7 +317,7 @@ def stop_in_an_emergency(site: Site) -> Facts:
 
 
 def set_wall_clock(*seconds: int) -> Act:
-    """Return an act that sets the wall clock of all processes to one time after the other [s]."""
+    """Return an action that sets the wall clock of all processes to several times in turn [s]."""
 
     def act(site: Site) -> Facts:
         if site.clock is None:
@@ -331,7 +331,7 @@ def set_wall_clock(*seconds: int) -> Act:
 
 
 def fill_disk(left: int) -> Act:
-    """Return an act that fills the recordings' disk up to a remainder [bytes] and starts another logger elsewhere."""
+    """Return an action that fills the recordings' disk up to a remainder [bytes] and starts a logger elsewhere."""
 
     def act(site: Site) -> Facts:
         place = Path(site.rig.config.recording.directory)
@@ -350,7 +350,7 @@ def remove_directory(site: Site) -> Facts:
 
 
 def _next_logger(site: Site) -> Facts:
-    """Wait until the logger has given up, note how, and start the next one with another folder."""
+    """Wait until the logger has ended, note why, and start the next one with another folder."""
     began = now_ns()
     code = site.rig.wait("logger")
     seconds = (now_ns() - began) * 1e-9

@@ -1,4 +1,4 @@
-"""Faults of the links between the agents and the server: through relays, and by pulling real cables."""
+"""Faults of the links between agents and server: by relays, and by pulling real (virtual Ethernet) cables."""
 
 from netboard.base.config import SIDES
 from netboard.benchmarks.faults.case import (
@@ -60,7 +60,7 @@ def _blown_each_way(name: str, done: str, expected: str, check: Check, weather: 
 LINKS = (
     _missed(
         "line-held-20ms",
-        "nothing passes between an agent and the server for 20 ms, and all of it comes later",
+        "the link between an agent and the server holds all bytes for 20 ms",
         hold(LEFT, 0.02),
     ),
     _gone("line-held-200ms", "the same for 200 ms", hold(LEFT, 0.2)),
@@ -84,7 +84,7 @@ LINKS = (
         "doubled",
         "an agent's connections are reset, and made twice for 2 s: the server gets every byte twice",
         double(LEFT),
-        "one of the two gets the seat; ",
+        "one of the two is accepted; ",
     ),
     _blown_each_way(
         "delay-1ms",
@@ -112,7 +112,7 @@ LINKS = (
     _blown_each_way("jitter-20ms", "up to 20 ms each way, at random", _ANY, either(*OUTAGE), Weather(jitter=0.02)),
     _blown_each_way(
         "loss",
-        "stalls of 200 ms, as TCP makes of lost packets, twice a second on average",
+        "stalls of 200 ms, as by TCP retransmission, twice a second on average",
         _ANY,
         either(*OUTAGE),
         Weather(stalls=1.0),
@@ -126,7 +126,7 @@ LINKS = (
     ),
     _case(
         "clock-unknown",
-        "an agent is started again over a line of 5 ms each way: its clock cannot be known to 0.5 ms",
+        "an agent is restarted over a line with 5 ms each way: its clock offset cannot be known to 0.5 ms",
         "its device is not armed, and the server says why, until the line is better",
         distrust(LEFT, Weather(0.005)),
         *(paused("left agent"), told("waiting for", "the left agent's clock")),

@@ -1,8 +1,8 @@
-"""Real links between stations and server: network namespaces on this machine, joined by pairs of virtual cables.
+"""Real links between stations and server: network namespaces on this machine, joined by virtual Ethernet pairs.
 
-Each station is alone in a namespace, with its own address. The server and the process that entered `Spaces` are in a
-third one, away from the machine's own network. To pull a cable, its interface is set down: the kernels on both
-sides behave as they would with a real one. Needs the right to make namespaces; `refusal` tells.
+Each station has a namespace with its own address. The server and the process that entered `Spaces` are in a third one,
+separate from the machine's network. To pull a cable, its interface is set down: the kernels on both sides behave as
+with a real cable. This requires the right to create namespaces (`refusal`).
 """
 
 import ctypes
@@ -54,7 +54,7 @@ class Spaces:
         self._stack.close()
 
     def way(self, side: Side, port: int) -> Way:
-        """Return how a process at a station reaches the server at a port."""
+        """Return the connection of a process at a station to a port of the server."""
         return Way(SERVER, port, ("ip", "netns", "exec", self._names[side]))
 
     def pull(self, side: Side) -> None:

@@ -1,4 +1,4 @@
-"""Faults of peers that do not belong, of devices, of clocks and of disks."""
+"""Faults of unauthorised peers, of devices, of clocks and of disks."""
 
 from netboard.benchmarks.faults.case import (
     CLOCKED,
@@ -68,26 +68,26 @@ PEERS = (
     ),
     _peer(
         "no-hello",
-        "samples from somebody who has not said hello, as of an agent of another session",
+        "samples without a `Hello`, as from an agent of another session",
         _REFUSED,
         say(encode(SAMPLE)),
         *(noted("refused", "say hello first"), told("answer", "say hello first")),
     ),
     _peer(
         "flood",
-        "nonsense, greetings and samples on every channel as fast as they go, and connections that are no ZeroMQ",
+        "invalid frames, `Hello` and samples on every channel at full rate, and connections that do not speak ZeroMQ",
         _REFUSED,
         flood,
         *(noted("refused"), told("flood", "frames")),
     ),
 )
-"""Cases of peers that do not belong to the session."""
+"""Cases of unauthorised peers."""
 
 DEVICES = (
     Case(
         "emergency-stop",
         "devices",
-        "an operator stops in an emergency, and releases and resumes 1 s later",
+        "an operator triggers the emergency stop, and releases and resumes 1 s later",
         f"no device has a force until released; {PAUSED} when an operator resumes",
         SINGLE,
         stop_in_an_emergency,
@@ -96,7 +96,7 @@ DEVICES = (
     Case(
         "device-nan",
         "devices",
-        "a device gives positions that are no numbers; then its agent is started again",
+        "a device returns NaN positions; then its agent is restarted",
         f"its force is zero at once, and stays so; {PAUSED}",
         DYAD,
         trick_and_restart(LEFT, "nan"),
@@ -106,7 +106,7 @@ DEVICES = (
     Case(
         "device-frozen",
         "devices",
-        "a device gives the same reading again and again for 1 s",
+        "a device repeats the same reading for 1 s",
         PAUSED,
         DYAD,
         trick(LEFT, "frozen"),
@@ -124,7 +124,7 @@ DEVICES = (
     Case(
         "device-gone",
         "devices",
-        "a device is pulled out, and put in again after 2 s",
+        "a device is unplugged, and plugged in again after 2 s",
         f"the agent tries to set zero force, says so, and leaves until the device is back; {PAUSED}",
         DYAD,
         trick(LEFT, "gone", 2.0),
@@ -138,7 +138,7 @@ MACHINES = (
     Case(
         "wall-clock",
         "machines",
-        "the wall clock of all processes is set 1 h forward, 2 h back, 10 years forward, and right again",
+        "the wall clock of all processes is set 1 h forward, 2 h back, 10 years forward, and back",
         GOES_ON,
         CLOCKED,
         set_wall_clock(3600, -3600, 315_360_000),

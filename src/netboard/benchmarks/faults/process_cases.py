@@ -1,4 +1,4 @@
-"""Faults of processes: killed and started again, and stopped for a while, each of the four kinds."""
+"""Faults of processes of all four kinds: killed and restarted, or suspended."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def _case(name: str, setup: Setup, done: str, expected: str, act: Act, *checks: 
 
 
 def _stopped(process: str, name: str, seconds: float, setup: Setup, expected: str, *checks: Check) -> Case:
-    """Return a case that suspends a process for a while [s]."""
+    """Return a case that suspends a process for a duration [s]."""
     time = f"{seconds:g} s" if seconds >= 1.0 else f"{seconds * 1e3:g} ms"
     done = f"SIGSTOP of {_ARTICLES[process]} {name} for {time}"
     act = stand_still(process, seconds)
@@ -54,7 +54,7 @@ PROCESSES = (
     _case(
         "agent-killed",
         DYAD,
-        "kill -9 of an agent, started again after 1 s",
+        "kill -9 of an agent, restarted after 1 s",
         PAUSED,
         kill(LEFT),
         *(paused("left agent"), noted("agent_joined", "left")),
@@ -65,7 +65,7 @@ PROCESSES = (
     _case(
         "server-killed",
         SERVED,
-        "kill -9 of the server, started again after 1 s",
+        "kill -9 of the server, restarted after 1 s",
         FALLS + "a new session with a recording of its own; the old one is whole up to its last records",
         kill(SERVER),
         *(falls(*SIDES), noted("session_started")),
@@ -73,8 +73,8 @@ PROCESSES = (
     _case(
         "other-session",
         SERVED,
-        "an agent stands still while the server is killed and started again, and wakes in a session that is over",
-        "it is given no force before it belongs to the new session; the right force falls in time",
+        "an agent is suspended while the server is killed and restarted, and resumes in a session that has ended",
+        "it gets no force before it has joined the new session; the right force falls in time",
         kill_with_peer_frozen,
         *(falls("right"), noted("session_started"), noted("agent_joined", "left")),
     ),
@@ -84,11 +84,11 @@ PROCESSES = (
     ),
     _stopped(SERVER, "server", 1.0, SERVED, FALLS + PAUSED, falls(*SIDES), *_STOOD_STILL),
     _stopped(SERVER, "server", 10.0, SERVED, FALLS + PAUSED, falls(*SIDES), *_STOOD_STILL),
-    _case("logger-killed", LOGGED, "kill -9 of the logger, started again after 1 s", GOES_ON, kill(LOGGER), *UNNOTICED),
+    _case("logger-killed", LOGGED, "kill -9 of the logger, restarted after 1 s", GOES_ON, kill(LOGGER), *UNNOTICED),
     _case(
         "logger-away-60s",
         LOGGED,
-        "kill -9 of the logger, started again after 60 s; the ring holds 3 s",
+        "kill -9 of the logger, restarted after 60 s; the ring holds 3 s",
         _SPILLS,
         kill(LOGGER, 60.0, 6.0),
         *(*UNNOTICED, noted("log_spilling"), noted("logger_joined")),
@@ -105,7 +105,7 @@ PROCESSES = (
     _stopped(LOGGER, "logger", 1.0, LOGGED, GOES_ON, *UNNOTICED),
     # Alone: after other cases the spill may not have been taken yet, and would not begin anew.
     replace(_stopped(LOGGER, "logger", 10.0, LOGGED, _SPILLS, *UNNOTICED, noted("log_spilling")), alone=True),
-    _case("display-killed", SHOWN, "kill -9 of a display, started again after 1 s", _SHOWN, kill(DISPLAY), *_UNSEEN),
+    _case("display-killed", SHOWN, "kill -9 of a display, restarted after 1 s", _SHOWN, kill(DISPLAY), *_UNSEEN),
     _stopped(DISPLAY, "display", 0.05, SHOWN, _SHOWN, *_UNSEEN),
     _stopped(DISPLAY, "display", 1.0, SHOWN, _SHOWN, *_UNSEEN),
     _stopped(DISPLAY, "display", 10.0, SHOWN, _SHOWN, *_UNSEEN),

@@ -1,9 +1,8 @@
 """A TCP relay: the line between one peer and the server, all channels of it, in a thread of its own.
 
-It delays, jitters, throttles and stalls what passes; it can hold everything (a pulled plug: connections stay, nothing
-comes through, all of it comes later), cut (connections are reset, new ones too, until it is mended), and double
-connections (the server gets the same bytes twice). Bytes keep their order, as TCP keeps it: what is late holds up what
-follows. It understands nothing of what passes.
+It delays, jitters, throttles and stalls bytes. It can hold all bytes (a pulled plug: connections stay, and the bytes
+arrive later), cut (existing and new connections are reset until `mend`), and duplicate connections (the server receives
+the same bytes twice). Bytes keep their order, as in TCP: late bytes delay all that follow. It does not parse them.
 """
 
 import logging
@@ -33,7 +32,7 @@ STALL_NS = 200_000_000
 
 CHUNK_BYTES = 65_536
 MOST_BYTES = 2**20
-"""Bytes in transit above which the relay takes no more from a sender [bytes]."""
+"""Bytes in transit above which the relay does not read from a sender [bytes]."""
 
 CONNECT_SECONDS = 1.0
 PRIORITY = 45
@@ -47,9 +46,9 @@ _RESET = struct.pack("ii", 1, 0)
 class Weather:
     """Treatment of the bytes in one direction.
 
-    - `delay`: time every byte takes [s].
-    - `jitter`: largest time on top of it, even chances [s].
-    - `stalls`: how often everything stands still for 200 ms, as after a lost packet, on average [Hz].
+    - `delay`: delay of every byte [s].
+    - `jitter`: upper limit of an additional, uniformly distributed delay [s].
+    - `stalls`: mean rate of stalls of 200 ms, as after a lost packet [Hz].
     """
 
     delay: float = 0.0
@@ -88,7 +87,7 @@ class Flow:
         return self.ended and not self._queue
 
     def take(self, weather: Weather, now: int) -> None:
-        """Read what the source has sent."""
+        """Read from the source."""
         data = self.source.recv(CHUNK_BYTES)
         if data:
             self._queue.append((self._arrival(weather, len(data), now), data))
@@ -97,7 +96,7 @@ class Flow:
             self.ended = True
 
     def give(self, now: int) -> None:
-        """Release what is due, as far as the sink takes it."""
+        """Send the bytes that are due, as far as the sink accepts them."""
         while self._queue and self._queue[0][0] <= now:
             due, data = self._queue.popleft()
             try:
@@ -138,7 +137,7 @@ class Connection:
 
 
 class Relay:
-    """The line of one peer; it listens on this machine, at as many ports from `port` on as it has targets."""
+    """The line of one peer, which listens at one port for each target, from `port` on."""
 
     def __init__(self, targets: Sequence[Place]) -> None:
         self.port = free_port()
@@ -245,7 +244,7 @@ class Relay:
         self._connections.append(connection)
 
     def _serve(self, connection: Connection, readable: set[net.socket]) -> None:
-        """Pass bytes on in both directions; when one end closes, close the other."""
+        """Forward bytes in both directions; when one end closes, close the other."""
         if self._holding:
             return
         over = False
@@ -289,7 +288,7 @@ def _reset(socket: net.socket) -> None:
 
 
 def _hurry() -> None:
-    """Ask for real-time priority for this thread."""
+    """Request real-time priority for this thread."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError as error:

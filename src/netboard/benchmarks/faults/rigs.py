@@ -1,7 +1,7 @@
 """A dyad of real processes on this machine that can be killed, stopped, or connected through a relay.
 
-A rig is a context manager: on leaving, it ends all its processes, the stopped ones too. The output of each process goes
-to a file of its name in the rig's folder. Two rigs may share a server, which then belongs to the first.
+A rig is a context manager: leaving it ends all its processes, suspended ones too. The output of each process goes to a
+file of its name in the rig's folder. Two rigs may share a server, which then belongs to the first.
 """
 
 import os
@@ -34,7 +34,7 @@ ACTIVE = ("levelling", "running", "holding")
 """Lasting phases in which forces are rendered."""
 
 FELT_ROWS = 50
-"""Different forces in a row at both devices from which a trial counts as felt [1]."""
+"""Number of different consecutive forces from which forces count as rendered [1]."""
 
 
 def _paused(status: Status) -> int:
@@ -54,7 +54,7 @@ class Way:
 class Rig:
     """The processes of one dyad.
 
-    - `ways`: who does not get to the server as the configuration has it, by name of the process.
+    - `ways`: connections that differ from the configuration, by name of the process.
 
     - `running`: the processes that have been started and not ended, by name.
     """
@@ -149,7 +149,7 @@ class Rig:
         )
 
     def _lost_server(self) -> bool:
-        """Return whether this rig's server has ended unasked."""
+        """Return whether this rig's server has ended unexpectedly."""
         return "server" in self.running and self.running["server"].poll() is not None
 
     def do(self, command: str) -> None:
@@ -160,12 +160,12 @@ class Rig:
             raise NetboardError(f"{command}: refused: {reply.reason}")
 
     def ask_to_end(self) -> None:
-        """Ask the server to end the session; the link may lose its answer."""
+        """Command the end of the session; the answer may be lost on the link."""
         self.until(lambda status: True)
         self.operator.command("end")
 
     def until_felt(self, seconds: float = PATIENCE) -> Status:
-        """Wait until a trial is on and both hands feel it; for a rig with tampered devices."""
+        """Wait until forces are rendered in a trial to both hands; for a rig with tampered devices."""
 
         def felt(status: Status) -> bool:
             self._look_after()
@@ -174,7 +174,7 @@ class Rig:
         return self.until(felt, seconds)
 
     def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
-        """Wait until both hands have felt a trial without a pause for this long [s]; return the pauses before."""
+        """Wait until forces have been rendered for this duration without a pause [s]; return the pauses before."""
         pauses = 0
         end = time.monotonic() + patience
         while True:
@@ -194,7 +194,7 @@ class Rig:
                 raise NetboardError(f"the {name} has ended: {self._last_words(name)}")
 
     def _feels(self, side: Side) -> bool:
-        """Return whether the device of a side is handed changing forces."""
+        """Return whether changing forces are written to the device of a side."""
         agent = self.running[f"{side} agent"].pid
         forces = read_trace(trace_file(self.folder, side, agent), FELT_ROWS)["fz"].tolist()
         return len(forces) == FELT_ROWS and 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4

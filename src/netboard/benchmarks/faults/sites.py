@@ -1,8 +1,8 @@
 """Test site of a fault: a rig, and what else the fault needs.
 
-That may be a relay on a peer's line, real links between stations, a wall clock that can be set, a small disk, a second
-dyad on the same server to be looked at for what it notices. Which of these there are is a `Setup`; cases that need the
-same one can be played one after another in one site.
+That may be a relay on a peer's line, real links between stations, an adjustable wall clock, a small disk, or a second
+dyad on the same server that must not be affected. A `Setup` lists these parts; cases with the same setup can run in one
+site.
 """
 
 import subprocess
@@ -24,9 +24,9 @@ PACE = (
     *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
     *("safety.arm_time=0.2", "virtual.resolution=0", "virtual.friction=0"),
 )
-"""Trials that begin at once and never end the block, felt in full from the beginning, so that there is a force to judge
-at any time; and hands that nothing holds at rest, read in no steps, so that no two fresh forces are equal. No limit of
-the safety chain is changed."""
+"""Trials that start at once and never end the block, with full forces from the beginning, so there is always a force to
+check; hands without friction and encoder steps, so consecutive renewed forces differ. No limit of the safety chain is
+changed."""
 
 START_S = 300.0
 """Timeout for a site to start, including kernel compilation [s]."""
@@ -42,8 +42,8 @@ DISK_BYTES = 300_000_000
 class Setup:
     """Parts of a site.
 
-    - `neighbour`: a second dyad is on the same server, unless it is to be quick.
-    - `follow`: the logger goes on with the next session of the server.
+    - `neighbour`: a second dyad on the same server, except in the short form.
+    - `follow`: whether the logger continues with the next session of the server.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Site:
         return [self.rig] if self.neighbour is None else [self.rig, self.neighbour]
 
     def start(self) -> None:
-        """Start everything and wait until a trial is on."""
+        """Start everything and wait until a trial runs."""
         self.start_again("server")
         for rig in self.rigs:
             rig.start("logger", *self._logger())
@@ -94,7 +94,7 @@ class Site:
             rig.until_felt(START_S)
 
     def start_again(self, process: str) -> None:
-        """Restart a process of the harmed dyad, or the server of all dyads."""
+        """Restart a process of the affected dyad, or the server of all dyads."""
         match process.split():
             case ["server"]:
                 others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
@@ -132,7 +132,7 @@ class Site:
 
 @contextmanager
 def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
-    """Create a site in which nothing runs yet."""
+    """Create a site without running processes."""
     (folder / "a").mkdir(parents=True)
     settings, environment = tampered((folder / "a").resolve())
     with ExitStack() as stack:
