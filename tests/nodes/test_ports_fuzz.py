@@ -35,7 +35,7 @@ TIME_STEPS_NS = (0, 0, 0, 1, MS, MS, 20 * MS, 60 * MS, 600 * MS, 3 * SECOND)
 INTEGERS = (0, 1, -1, 5, 1000, 2**40, 2**60, 2**63 - 1, -(2**63))
 
 
-def plausible(rng: random.Random, now_ns: int) -> Message:
+def well_formed_message(rng: random.Random, now_ns: int) -> Message:
     """Return a well-formed message, whose contents may be valid or not."""
 
     def number() -> int:
@@ -70,7 +70,7 @@ def random_messages(rng: random.Random, clock: FakeClock) -> Iterator[tuple[byte
     malformed = MalformedFrames(valid_frames(rng.randrange(1000)), rng.randrange(1000))
     while True:
         clock.now_ns += rng.choice(TIME_STEPS_NS)
-        message = next(malformed) if rng.random() < 0.3 else plausible(rng, clock.now_ns)
+        message = next(malformed) if rng.random() < 0.3 else well_formed_message(rng, clock.now_ns)
         yield rng.choice(PEERS), message
 
 

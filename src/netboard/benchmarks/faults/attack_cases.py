@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -69,9 +69,7 @@ def attack(name: str) -> Act:
         time.sleep(span / 4)
         quiet = before_ns, now_ns()
         on_sink = _attack_sink(name, site, span)
-        with _attacker(name, site, span) as process:
-            _begin(process)
-            on_server = _finish(process, name, span)
+        on_server = _run_attacker(name, site, span)
         after_ns = now_ns()
         time.sleep(span / 4)
         return _facts(on_server, on_sink, quiet, (after_ns, now_ns()))
@@ -90,11 +88,13 @@ def join_during(name: str) -> Act:
         time.sleep(max(0.0, span - (now_ns() - before_ns) * 1e-9))
         quiet = before_ns, now_ns()
         on_sink = _attack_sink(name, site, span)
-        with _attacker(name, site, span) as process:
-            _begin(process)
+        during: list[float] = []
+
+        def join_in_attack() -> None:
             time.sleep(span / 3)
-            during = [_join(site) for _ in range(joins)]
-            on_server = _finish(process, name, span)
+            during.extend(_join(site) for _ in range(joins))
+
+        on_server = _run_attacker(name, site, span, meanwhile=join_in_attack)
         slowest = {"join without": f"{max(without):.3f}", "join with": f"{max(during):.3f}"}
         return {**_facts(on_server, on_sink, quiet, (quiet[1], quiet[1])), **slowest}
 
@@ -105,20 +105,28 @@ def _attack_sink(name: str, site: Site, seconds: float) -> dict[str, int]:
     """Run an attacker on a sink for a duration [s]; return its counts and times."""
     with _start("sink", str(site.rig.file)) as sink:
         assert sink.stdin is not None
-        port = _read_line(sink, "sink")
-        with _attacker(name, site, seconds, port) as process:
-            _begin(process)
-            counts = _finish(process, name, seconds)
+        counts = _run_attacker(name, site, seconds, _read_line(sink, "sink"))
         sink.stdin.close()
     return counts
 
 
-def _attacker(name: str, site: Site, seconds: float, *port: str) -> "subprocess.Popen[str]":
-    """Start an attacker for a duration [s], and wait until it is ready."""
-    process = _start("attackers", name, str(site.rig.file), str(site.rig.folder / GUESTS), str(seconds), *port)
-    if _read_line(process, name) != "ready":
-        raise NetboardError(f"the attacker {name} did not report that it is ready")
-    return process
+def _run_attacker(
+    name: str, site: Site, seconds: float, *port: str, meanwhile: Callable[[], object] = lambda: None
+) -> dict[str, int]:
+    """Run an attacker for a duration [s] on the server, or on another port; return its counts and times."""
+    arguments = (name, str(site.rig.file), str(site.rig.folder / GUESTS), str(seconds), *port)
+    with _start("attackers", *arguments) as process:
+        _read_line(process, f"attacker {name}")
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+        meanwhile()
+        try:
+            output, _ = process.communicate(timeout=seconds + FINISH_S)
+            return dict(json.loads(output))
+        except (subprocess.TimeoutExpired, ValueError) as error:
+            process.kill()
+            raise NetboardError(f"the attacker {name} did not report its counts: {error}") from error
 
 
 def _start(module: str, *arguments: str) -> "subprocess.Popen[str]":
@@ -128,28 +136,13 @@ def _start(module: str, *arguments: str) -> "subprocess.Popen[str]":
 
 
 def _read_line(process: "subprocess.Popen[str]", name: str) -> str:
-    """Return the next line that a process prints."""
+    """Return the first line that a process prints, once it is ready."""
     assert process.stdout is not None
     line = process.stdout.readline()
     if not line:
         process.kill()
-        raise NetboardError(f"the process {name!r} exited before it was ready")
+        raise NetboardError(f"the process of the {name} exited before it was ready")
     return line.strip()
-
-
-def _begin(process: "subprocess.Popen[str]") -> None:
-    assert process.stdin is not None
-    process.stdin.write("go\n")
-    process.stdin.flush()
-
-
-def _finish(process: "subprocess.Popen[str]", name: str, seconds: float) -> dict[str, int]:
-    try:
-        output, _ = process.communicate(timeout=seconds + FINISH_S)
-        return dict(json.loads(output))
-    except (subprocess.TimeoutExpired, ValueError) as error:
-        process.kill()
-        raise NetboardError(f"the attacker {name} did not report its counts: {error}") from error
 
 
 def _facts(on_server: dict[str, int], on_sink: dict[str, int], *quiet: tuple[int, int]) -> dict[str, str]:

@@ -43,19 +43,25 @@ BATCH = 25
 CHURN_HZ = 100
 """Rate of connections of a peer that connects and leaves repeatedly [Hz]."""
 
-NAME = "attacker:1"
-FAR_FUTURE_NS = 2**60
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
-ROUTER_CHANNELS = (channels.MOTION, channels.LOG, channels.CONTROL)
+CLIENTS = {
+    channels.MOTION: sockets.motion_agent,
+    channels.LOG: sockets.log_client,
+    channels.CONTROL: sockets.control_client,
+}
+"""Function that connects to each channel."""
 
 
 def hello(role: str, side: str = "", pairs: int = 0) -> Hello:
     """Return a greeting whose `pairs` details fill the size limit of the message."""
     room = (KINDS[1].most_bytes - 200) // max(pairs, 1) - 10
-    return Hello(role, side, PROTOCOL_VERSION, NAME, "0", {f"{number:05}": "x" * room for number in range(pairs)})
+    details = {f"{number:05}": "x" * room for number in range(pairs)}
+    return Hello(role, side, PROTOCOL_VERSION, "attacker:1", "0", details)
 
 
-FRAMES = Frames("left", ((FAR_FUTURE_NS, FAR_FUTURE_NS, FAR_FUTURE_NS),) * MOST_SHOWN, 0)
+FRAMES = Frames("left", ((2**60,) * 3,) * MOST_SHOWN, 0)
+"""The longest report of a display, with times in the far future [ns]."""
+
 ROLE_MESSAGES: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...]] = {
     "display": (
         (channels.CONTROL, "display.left", [hello("display", "left", 32)], [FRAMES]),
@@ -131,16 +137,15 @@ def flood_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack
     refused = hello("listener", pairs=32)
     frames = [encode(message) for message in (FRAMES, STYLUS, refused, LogRequest(0), StatusRequest())]
     frames += [b"\xc1" * 4000, b"\xdc" + b"\x01" * 4000]
-    makers = (sockets.motion_agent, sockets.log_client, sockets.control_client)
     addresses = channels.addresses(config.network)
     short = [frame for frame in frames if len(frame) <= sockets.LARGEST_SAMPLE]  # a longer one closes the connection
     connections = [
         Connection(
-            maker(context, addresses.reach(channel), f"stranger-{number}"),
+            connect(context, addresses.reach(channel), f"stranger-{number}"),
             [],
             short if channel == channels.MOTION else frames,
         )
-        for channel, maker in zip(ROUTER_CHANNELS, makers, strict=True)
+        for channel, connect in CLIENTS.items()
         for number in range(3)
     ]
     return _flood(connections, stop)
@@ -212,9 +217,7 @@ def _client(
     """Connect with a peer's key if authentication is on, and return the socket."""
     credentials = keys.credentials(folder, key) if keys.encrypted(config.network) else None
     endpoint = channels.addresses(config.network, credentials).reach(channel)
-    if channel == channels.MOTION:
-        return sockets.motion_agent(context, endpoint, name)
-    return (sockets.log_client if channel == channels.LOG else sockets.control_client)(context, endpoint, name)
+    return CLIENTS[channel](context, endpoint, name)
 
 
 def _lower_priority() -> None:

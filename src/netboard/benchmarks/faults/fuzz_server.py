@@ -83,7 +83,7 @@ def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECO
         (path,) = rig.finish()
     yield _sockets_part(take([path]).events, [*agents, *others], non_zmq)
     yield _trial_part(rig, path, (before_period, fuzzed_period, after_period))
-    yield memory_part("server-memory", "Memory of the processes connected to the fuzzed server", before, after)
+    yield memory_part("server-memory", "Memory of the server and its peers", before, after)
 
 
 def _period(name: str, act: Callable[[], object]) -> Period:

@@ -30,7 +30,6 @@ from netboard.stage.view import View
 FORCE = 0.1
 """Commanded force of every device, small enough to arm the device with it [N]."""
 
-SESSION = "f" * 32
 BATCH_TICKS = 10
 """Ticks per batch for the logger, and steps between batches [1]."""
 
@@ -100,7 +99,7 @@ class HostileServer:
     def _welcome_to_block(self, number: int) -> bytes:
         """Return the welcome that announces a block to the peers."""
         block = replace(self._config.block, number=number, blocks=BLOCK_COUNT)
-        return encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
+        return encode(Welcome("f" * 32, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
 
     def _receive(self, channel: str) -> None:
         router = self._routers[channel]

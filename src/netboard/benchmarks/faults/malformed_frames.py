@@ -178,22 +178,13 @@ class MalformedFrames:
     def _mutate_item(self, holder: Any) -> None:
         """Corrupt a list or a map in one place."""
         rng = self._rng
-        unusual = rng.choice(
-            (
-                self._unusual_value,
-                self._unusual_value,
-                self._unusual_value,
-                self._from_another_message,
-                self._nested,
-                self._oversized,
-            )
-        )()
+        sources = (*[self._unusual_value] * 3, self._from_another_message, self._nested, self._oversized)
+        unusual = rng.choice(sources)()
         if isinstance(holder, dict):
             holder[rng.choice(("", "x", 1, *holder))] = unusual
             return
-        at = rng.randrange(len(holder) + 1) or rng.randrange(
-            len(holder) + 1
-        )  # rarely 0, which is the kind of a message
+        # Item 0 is drawn less often: it may be the kind of the message, and the codec stops at an unknown kind.
+        at = rng.randrange(len(holder) + 1) or rng.randrange(len(holder) + 1)
         match rng.randrange(16):
             case 0:
                 holder.insert(at, unusual)
@@ -202,9 +193,8 @@ class MalformedFrames:
             case 2:
                 holder[at : at + 1] *= rng.choice((2, 3, 20))
             case 3 if len(holder) < 40:
-                holder += [copy.deepcopy(item) for item in holder[at : at + 1] if not _children(item)] * rng.choice(
-                    REPETITIONS
-                )
+                simple = [item for item in holder[at : at + 1] if not _children(item)]
+                holder += simple * rng.choice(REPETITIONS)
             case 4:
                 holder[1:] = rng.sample(holder[1:], len(holder[1:]))
             case _:

@@ -23,7 +23,7 @@ def memory(rig: Rig) -> dict[str, float]:
 
 
 def resident_memory(process: int | str = "self") -> float:
-    """Return the resident_memory memory of a process, in bytes [1]; NaN on a system that does not report it."""
+    """Return the resident memory of a process [bytes]; NaN on a system without /proc."""
     status = Path("/proc") / str(process) / "status"
     if not status.exists():
         return float("nan")

@@ -20,9 +20,6 @@ CONNECT_SECONDS = 5.0
 LARGEST_BACKLOG = 2**18
 """Number of unsent bytes above which a connection accepts no more messages [bytes]."""
 
-Address: TypeAlias = tuple[str, int]
-"""Address and port."""
-
 Stream: TypeAlias = tuple[bytes, ...]
 """Byte strings sent in one connection, one after the other."""
 
@@ -52,7 +49,7 @@ def ready(kind: bytes, identity: bytes = b"") -> bytes:
 
 
 def message(parts: Sequence[bytes]) -> bytes:
-    """Return a message of several parts."""
+    """Return a message of one or more parts."""
     return b"".join(framed(part, MORE * (i + 1 < len(parts))) for i, part in enumerate(parts))
 
 
@@ -62,7 +59,9 @@ class Connection:
     - `connections`: number of connections made [1].
     """
 
-    def __init__(self, address: Address, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
+    def __init__(
+        self, address: tuple[str, int], kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()
+    ) -> None:
         self.connections = 0
         self._address = address
         self._handshake = greeting() + ready(kind, identity)
