@@ -1,4 +1,4 @@
-"""Makes ``tests/*.py`` importable, lets no test of properties fail by the clock, and prints the seed of slow tests."""
+"""Makes ``tests/*.py`` importable, sets Hypothesis without deadlines, and prints the seed of slow tests."""
 
 import gc
 from collections.abc import Generator

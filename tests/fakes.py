@@ -1,4 +1,4 @@
-"""Small real implementations of what surrounds netboard: a clock, what an operator asks, and a log channel."""
+"""Small real implementations of netboard's surroundings: a clock, an operator, and a log channel."""
 
 import random
 from collections import deque

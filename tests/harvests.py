@@ -1,4 +1,4 @@
-"""Harvests for the tests: measured here and now, with the paths in memory, and studies that are the same."""
+"""Extraction of measures for tests, with the paths in memory, and comparisons of studies."""
 
 from collections.abc import Sequence
 from dataclasses import replace

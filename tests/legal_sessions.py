@@ -1,4 +1,4 @@
-"""Sessions in memory that break no rule: simulated participants, a server, and an operator who does what is allowed.
+"""Valid sessions in memory: simulated participants, a server, and an operator who sends allowed commands.
 
 A session is the trial machine, the attempts with its journal, and the log channel's records in the order in which a
 server makes them. The records become files as a logger writes them: whole, or in parts where a logger was restarted.

@@ -1,4 +1,4 @@
-"""A stand-in for the vendor's libHD, compiled from tests/devices/fake_libhd.c, and what governs it."""
+"""A stand-in for the vendor's libHD, compiled from tests/devices/fake_libhd.c, and its controls."""
 
 import atexit
 import ctypes

@@ -1,4 +1,4 @@
-"""Studies made up of numbers with all that is measured beyond the paper, and with paths."""
+"""Synthetic studies with all measures beyond the paper, and with paths."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

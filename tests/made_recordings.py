@@ -1,4 +1,4 @@
-"""Recordings made by hand: what is in them is known."""
+"""Synthetic recordings with known content."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Studies made up of numbers: recordings whose tables are written by hand, joined as measured ones are."""
+"""Synthetic studies: tables of recordings written by hand, joined as measured ones are."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A short rehearsed block as rows, and files made of it: sound, or damaged in one way."""
+"""A short rehearsed block as rows, and files made of it: sound, or with one kind of damage."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

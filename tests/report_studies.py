@@ -1,4 +1,4 @@
-"""Studies that are made up, row by row, for reports."""
+"""Synthetic studies for reports, row by row."""
 
 import hashlib
 from collections.abc import Mapping, Sequence

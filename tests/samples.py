@@ -1,4 +1,4 @@
-"""Recordings to test with: rows of random bits, records of every kind, and a file made of them."""
+"""Recordings for tests: rows of random bits, records of every kind, and a file of them."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""A server that does nothing but write a journal: it goes through a session as a random source of choices has it."""
+"""A model of a server that only writes a journal, driven by random choices through a session."""
 
 import random
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Where the channels are."""
+"""Addresses of the channels."""
 
 from netboard.base.tables.rig import Network
 from netboard.network.transport import authenticator, channels

@@ -1,4 +1,4 @@
-"""The pacer's arithmetic, with a clock of the test's own."""
+"""The pacer's arithmetic with a simulated clock."""
 
 from typing import Any
 

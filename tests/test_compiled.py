@@ -1,4 +1,4 @@
-"""Kept kernels are never older than their source, and each is its own."""
+"""Cached kernels are never older than their source, and are kept apart."""
 
 import ast
 import os

@@ -1,4 +1,4 @@
-"""The configuration: what is right is read to the last bit, what is wrong is named with table, key and remedy."""
+"""The configuration: valid values are read exactly, errors name table, key and remedy."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""A made-up word of the configuration fails loudly wherever a word is turned into a computation."""
+"""An unknown word in the configuration fails wherever it selects a computation."""
 
 import os
 import subprocess

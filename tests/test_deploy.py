@@ -1,4 +1,4 @@
-"""What is in deploy/ is true: it parses, names commands that there are, and lets nobody in who need not be."""
+"""The files in deploy/ parse, name existing commands, and grant no unneeded access."""
 
 import configparser
 import os

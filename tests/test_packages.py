@@ -1,4 +1,4 @@
-"""What is packaged is what is there."""
+"""The package list equals the tree."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""What a process does when it is asked to stop, and what it says of the system."""
+"""Process behaviour when asked to stop, and reports about the system."""
 
 import contextlib
 import errno

@@ -1,4 +1,4 @@
-"""The README says first what to type; the glossary has every word."""
+"""The README begins with the commands; the glossary has every term."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Refusals are counted whole, and told of without a flood of words."""
+"""Refusals are counted completely, and reported at a limited rate."""
 
 from netboard.network.transport.refusal_count import (
     LOOK_NS,

@@ -1,4 +1,4 @@
-"""The command ``netboard simulate``, as a lab uses it: files in, files out, and what it says."""
+"""The command ``netboard simulate``: input files, output files, and messages."""
 
 import json
 from pathlib import Path

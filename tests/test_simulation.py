@@ -1,4 +1,4 @@
-"""Simulation against the truth: scipy's DOP853 of equations written out here, with hands that nobody sampled."""
+"""Simulation against scipy's DOP853 on independent equations with continuous hands."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

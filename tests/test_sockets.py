@@ -1,4 +1,4 @@
-"""The sockets' options, and what they do on a real loopback."""
+"""Socket options, and their effect on a real loopback."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Tables on a terminal: whatever is in them, rows can be told apart at any width."""
+"""Tables on a terminal: rows are distinguishable for any content and width."""
 
 from io import StringIO
 

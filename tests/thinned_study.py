@@ -1,4 +1,4 @@
-"""Small made-up studies that lack things: conditions, dyads, trials, successes, measures, movements, paths."""
+"""Small synthetic studies with missing parts: conditions, dyads, trials, successes, measures, movements, paths."""
 
 from collections.abc import Sequence
 from dataclasses import replace

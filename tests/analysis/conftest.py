@@ -1,4 +1,4 @@
-"""What the tests of the analysis share: the same drawn examples each time, and the recordings of a small study."""
+"""Shared fixtures of the analysis tests: the same drawn examples each time, and the recordings of a small study."""
 
 from collections.abc import Generator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Every public function of the analysis has its evidence, and every mark says something that exists."""
+"""Every public function of the analysis has a mark with its evidence, and every mark is valid."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""Readings are named, checked and complete, and only those that change a measure change what is measured."""
+"""Settings are named, checked and complete, and change only the measures that depend on them."""
 
 from dataclasses import fields, replace
 

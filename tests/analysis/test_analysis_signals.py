@@ -1,4 +1,4 @@
-"""Filters against their closed form and against the textbook's form of them; derivatives, holes and other rates."""
+"""Filters against closed forms and textbook forms; derivatives, gaps and other sampling rates."""
 
 import numpy as np
 import pytest

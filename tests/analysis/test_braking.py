@@ -1,4 +1,4 @@
-"""First braking movements of trials that are made of known movements of the board."""
+"""First braking movements of synthetic trials with known movements of the board."""
 
 import numpy as np
 import pytest

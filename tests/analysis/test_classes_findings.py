@@ -1,4 +1,4 @@
-"""Shares of the classes of movement by hand, and which average is set."""
+"""Shares of the classes of movement, computed by hand, and the setting of the average."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Virtual studies: the measures of an analysis of their recordings, equal tables however computed, and clear errors."""
+"""Virtual studies: measures equal those of recordings, tables do not depend on the workers, and errors are clear."""
 
 import shutil
 from collections.abc import Iterator

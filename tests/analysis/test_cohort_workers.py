@@ -1,4 +1,4 @@
-"""Tasks in processes: one that dies is tried again, and then it is an error that keeps finished work."""
+"""Tasks in processes: a task whose process dies is repeated; a second time it is an error that keeps finished work."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""A hold is the trial state machine's, sample by sample; what a recording says of a success is used or reported."""
+"""The hold is that of the trial state machine, sample by sample; recorded successes are used or reported."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Differences between two conditions, dyad by dyad, against the parts they are made of and other libraries."""
+"""Differences between two conditions within dyads, against other libraries and direct computation."""
 
 import gc
 

@@ -1,4 +1,4 @@
-"""Delays between two hands of which everything is known, by the closed form of minimum-jerk movements."""
+"""Delays between two hands in synthetic minimum-jerk movements, against their closed form."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Mean paths by hand: mirrored trials, means of dyads, quantiles of trials, and how far they go."""
+"""Mean paths, computed by hand: mirrored trials, means of dyads, quantiles of trials, and ranges."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""A real Dask cluster measures the same tables, and what it lacks is said before anything is begun."""
+"""A real Dask cluster computes the same tables, and missing libraries are reported before it starts."""
 
 from collections.abc import Iterator
 from importlib import import_module

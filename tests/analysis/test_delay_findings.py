@@ -1,4 +1,4 @@
-"""Delays by hand: of which unit an interval is, with and without a sign, and what one peak for both makes of them."""
+"""Delays, computed by hand: units of intervals, signs, and the common peak."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Dyads beside their participants: every point and every count by hand."""
+"""Dyads compared with their participants: every point and count, computed by hand."""
 
 import numpy as np
 import pytest

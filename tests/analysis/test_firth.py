@@ -1,4 +1,4 @@
-"""Firth's penalised likelihood beside brglm2, closed forms, and what a condition without events must give."""
+"""Firth's penalised likelihood against brglm2, closed forms, and conditions without events."""
 
 import json
 from pathlib import Path

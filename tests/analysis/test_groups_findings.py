@@ -1,4 +1,4 @@
-"""Conditions in their order, the unit of replication, and the time that is set."""
+"""Order of conditions, the unit of replication, and the setting of the time."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""Influence in made-up dyads in which it is known who answers whom, and how."""
+"""Influence in synthetic dyads with known leaders and delays."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Influence of one signal on another, against another library, closed forms and signals without any."""
+"""Influence of one signal on another, against another library, closed forms and independent signals."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Forces of two hands taken apart, and their work, against closed forms and the simulated scene."""
+"""Decomposition of the forces of two hands, and their work, against closed forms and the simulated scene."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Who was first, by hand: signs, the index, mirrored studies, and seats that were changed."""
+"""Leadership, computed by hand: signs, the index, mirrored studies, and exchanged seats."""
 
 import numpy as np
 import pytest

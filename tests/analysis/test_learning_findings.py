@@ -1,4 +1,4 @@
-"""First and last trials, learning curves and groups of trials, all countable by hand."""
+"""First and last trials, learning curves and groups of trials, computed by hand."""
 
 import numpy as np
 import pytest

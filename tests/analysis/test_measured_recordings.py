@@ -1,4 +1,4 @@
-"""What is measured of a recording, beside the server's own numbers and beside the pure functions called by hand."""
+"""Measures of a recording, compared with the server's values and with direct calls of the pure functions."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Whoever measures, and whatever was kept, the tables are the same; what cannot be measured is said in one line."""
+"""The tables do not depend on workers or cache; a recording that cannot be measured is reported in one line."""
 
 import pickle
 import shutil

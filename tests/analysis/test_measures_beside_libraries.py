@@ -1,4 +1,4 @@
-"""The measures beside what other libraries have for the same thing."""
+"""The measures, compared with implementations in other libraries."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""Results are kept by bytes, readings and code: what changes one of them is measured anew, and nothing else is."""
+"""The cache is keyed by bytes, settings and code: what changes one of them is measured again, and nothing else."""
 
 import os
 import time

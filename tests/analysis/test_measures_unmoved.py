@@ -1,4 +1,4 @@
-"""What must not move a measure: time, left and right, units, constants, the rate, the order; and what must add up."""
+"""Invariances of the measures: time, left and right, units, constants, sampling rate and order; and sums."""
 
 from dataclasses import astuple, replace
 

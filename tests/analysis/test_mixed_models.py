@@ -1,4 +1,4 @@
-"""Models of a study, against closed forms, likelihoods and covariances written out, and other ways into statsmodels."""
+"""Models of a study, against closed forms, explicit likelihoods and covariances, and statsmodels."""
 
 import re
 import subprocess

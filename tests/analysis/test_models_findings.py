@@ -1,4 +1,4 @@
-"""Models of a study: their terms are the results, and what cannot be fitted says why."""
+"""Models of a study: their terms are the results, and a model that cannot be fitted reports why."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The pictures of the further measures show what was found: read back from what is drawn, not from pixels."""
+"""The figures of the further measures show the results, read back from the drawn artists."""
 
 import re
 from collections.abc import Callable

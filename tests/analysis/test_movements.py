@@ -1,4 +1,4 @@
-"""Classes of movement: every case by hand, and what must not matter."""
+"""Classes of movement: every case by hand, and invariances."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Whatever a study lacks, its tables, figures and report are there, and every attempt is accounted for."""
+"""Studies with missing parts: tables, figures and report exist, and every attempt is accounted for."""
 
 from dataclasses import replace
 from pathlib import Path

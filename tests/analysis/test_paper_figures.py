@@ -1,4 +1,4 @@
-"""The paper's pictures show what was found: read back from what is drawn, not from pixels."""
+"""The paper's figures show the results, read back from the drawn artists."""
 
 import re
 from collections.abc import Callable, Iterator

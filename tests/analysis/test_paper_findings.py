@@ -1,4 +1,4 @@
-"""A study beside the paper: what the paper says, what stands beside it, and what is said of the two."""
+"""Comparison of a study with the paper: the paper's values, the study's, and the results."""
 
 from math import isnan
 

@@ -1,4 +1,4 @@
-"""The passive partner, against closed forms and the whole scene integrated by another library."""
+"""The passive partner, against closed forms and the scene integrated by another library."""
 
 from itertools import pairwise
 

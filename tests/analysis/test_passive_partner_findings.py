@@ -1,4 +1,4 @@
-"""The passive partner by hand: an effect, a passive effect, and the share of the one in the other."""
+"""The passive partner, computed by hand: an effect, a passive effect, and their ratio."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Numbers of peaks: known ones, scipy's, and what must not matter."""
+"""Numbers of peaks: known ones, scipy's, and invariances."""
 
 import numpy as np
 import pytest

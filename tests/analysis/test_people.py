@@ -1,4 +1,4 @@
-"""A row for each performer in each condition, and nobody's trials in another one's row."""
+"""One row for each performer in each condition, from that performer's trials only."""
 
 from dataclasses import replace
 

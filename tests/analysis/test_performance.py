@@ -1,4 +1,4 @@
-"""Performance over trials: by hand, by loops, and what must hold of any numbers."""
+"""Performance over trials: by hand, by loops, and properties for any numbers."""
 
 import statistics
 

@@ -1,4 +1,4 @@
-"""What was recorded, counted by hand, and a drift that is known."""
+"""The quality of recordings, counted by hand, and a known clock drift."""
 
 import numpy as np
 import pytest

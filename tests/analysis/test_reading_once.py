@@ -1,4 +1,4 @@
-"""A recording is read once for its columns and its verdicts, and both are what they are when read apart."""
+"""A recording is read once for columns and checks, with the same results as when read twice."""
 
 from pathlib import Path
 

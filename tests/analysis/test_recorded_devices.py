@@ -1,4 +1,4 @@
-"""What a recording says of its devices: what was identified, then the figures of the model, else nothing."""
+"""Device mechanics from a recording: identified values, else those of the model, else none."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any

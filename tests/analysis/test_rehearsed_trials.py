@@ -1,4 +1,4 @@
-"""All measures of trials that simulated people do: what the server says, and what must not matter, of real ticks."""
+"""All measures of rehearsed trials: agreement with the server, and invariances on real ticks."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""The report of a study is one sound page that needs nothing else, and leaves nothing out."""
+"""The report of a study is one valid, self-contained and complete page."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""The summary says what the numbers say, and takes them from what a study really has."""
+"""The sentences of the summary agree with the numbers and exist only for data of the study."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Numbers, names and commands in a report are written as they are meant."""
+"""Numbers, names and commands in a report are formatted correctly."""
 
 import math
 import shutil

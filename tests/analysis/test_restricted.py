@@ -1,4 +1,4 @@
-"""Restricted likelihoods: against matrices of all trials written out, closed forms, and another library."""
+"""Restricted likelihoods, against explicit matrices of all trials, closed forms, and another library."""
 
 import warnings
 from typing import Any

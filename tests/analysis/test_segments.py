@@ -1,4 +1,4 @@
-"""Movements of the board: known ones are found, with their limits, and what must not matter does not."""
+"""Known movements of the board are found with their limits; invariances."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Paths on disk are those that were put there, to the bit, and a study that reads them there is the same."""
+"""Paths are stored on disk to the bit, and a study that reads them from disk is the same."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Intervals, tests and effects, against enumeration, other libraries and published numbers."""
+"""Intervals, tests and effect sizes, against enumeration, other libraries and published numbers."""
 
 from itertools import combinations, product
 from math import comb

@@ -1,4 +1,4 @@
-"""Variances and ellipses of strategies by hand, and what the readings make of them."""
+"""Variances and ellipses of strategies, computed by hand, with each setting."""
 
 import numpy as np
 import pytest

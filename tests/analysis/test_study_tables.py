@@ -1,4 +1,4 @@
-"""A study is its recordings in the order of its plan, less what is excluded, and every exclusion is told."""
+"""A study is its recordings in the order of its plan without the excluded ones, and every exclusion is listed."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""How well a trial went, against rolls and movements whose answers are known."""
+"""Task performance in a trial, against synthetic movements with known results."""
 
 from dataclasses import astuple
 from itertools import groupby

@@ -1,4 +1,4 @@
-"""The sheet of a trial shows what the tables say of it."""
+"""The figure of a trial shows the values of the tables."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Many simulations at once: the numbers of the strict step to roundoff, for every kind of scene."""
+"""Batches of simulations: the results of the strict step to rounding, for every kind of scene."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What becomes of the outcomes of cases: which count, and which are prepared again."""
+"""Outcomes of fault cases: which count, and which are repeated."""
 
 from collections import Counter
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The table of faults, and how what came of them is put together."""
+"""The table of faults, and the tables of their outcomes."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What must hold after a fault, on evidence made up for it."""
+"""The requirements after a fault, on synthetic evidence."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The bench of the display: what it makes of frames, and one short run with a process that sends views."""
+"""The benchmark of the display: statistics of frames, and a short run with a process that sends views."""
 
 from dataclasses import replace
 

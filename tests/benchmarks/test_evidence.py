@@ -1,4 +1,4 @@
-"""What is read from what a device was handed, on forces made up for it."""
+"""Measurements on traces of device forces, with synthetic forces."""
 
 from collections.abc import Callable
 

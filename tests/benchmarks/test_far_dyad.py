@@ -1,4 +1,4 @@
-"""The simulated service far from its hands: it agrees with the eigenvalues, and so do releases with the remedies."""
+"""The simulated distant dyad agrees with the eigenvalues, and so do releases with the remedies."""
 
 from dataclasses import replace
 

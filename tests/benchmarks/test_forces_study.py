@@ -1,4 +1,4 @@
-"""The study of the force conditions: its short form, whose verdicts must all hold."""
+"""The short form of the study of force conditions, in which all claims hold."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Peers that cost little still speak the protocol: their frames are those of the codec, they answer as peers must."""
+"""Lightweight peers follow the protocol: their frames are those of the codec, and they answer as required."""
 
 from collections import Counter
 from typing import TypeVar

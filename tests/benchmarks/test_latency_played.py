@@ -1,4 +1,4 @@
-"""What a recording says of loops and ticks, from recordings made up so that it is known."""
+"""Latencies and deadline misses read from synthetic recordings."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The study of the servo callback: what it makes of times, and that it runs over any libHD."""
+"""The study of the servo callback: its statistics, and a run over any libHD."""
 
 import json
 import re

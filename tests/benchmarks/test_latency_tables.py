@@ -1,4 +1,4 @@
-"""What follows from figures: ratios, verdicts, what breaks, what grows."""
+"""Tables of the loop benchmarks: ratios, claims, failures and growth."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What /proc says of processes, read from texts and from this very process."""
+"""Resource use from /proc, parsed from texts and read from this process."""
 
 import os
 import sys

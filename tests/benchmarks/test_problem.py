@@ -1,4 +1,4 @@
-"""The test problem is what it says, and what is taken for the truth is true."""
+"""The test problem has the stated properties, and its reference solutions are correct."""
 
 from math import cos, sin
 

@@ -1,4 +1,4 @@
-"""The relay over real sockets: what passes, and what does not."""
+"""The relay over real sockets: delays, holds, cuts and duplicates."""
 
 import socket
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""The study of stability in short: theory against runs, hard scenes, odd hands, a little soak, and what it writes."""
+"""The short form of the stability study: theory against runs, hard scenes, invalid samples, soak, and files."""
 
 import csv
 import json

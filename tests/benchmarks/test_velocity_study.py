@@ -1,4 +1,4 @@
-"""The study of velocity estimators: its loop against known limits, its linear systems against the real ones, files."""
+"""The study of velocity estimators: known limits, linear systems against the estimators, and files."""
 
 import json
 from pathlib import Path

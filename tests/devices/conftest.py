@@ -1,4 +1,4 @@
-"""What the tests of OpenHaptics share: a fake of the vendor's library, and devices over it."""
+"""Shared fixtures of the OpenHaptics tests: a fake of the vendor's library, and devices over it."""
 
 from collections.abc import Iterator
 

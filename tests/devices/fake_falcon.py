@@ -1,4 +1,4 @@
-"""A Falcon on a USB bus that does not exist, at pyusb's own backend interface: all of pyusb above it is the real one.
+"""A simulated Falcon at pyusb's backend interface, below the real pyusb.
 
 `Falcon` is the device: an FTDI chip with its requests and packets, behind it the loader, and the program once that has
 been loaded, which speaks byte by byte. `Bus` is what pyusb talks to. Where a real Falcon would do nothing, because it

@@ -1,4 +1,4 @@
-"""What stands in for the module ``hid`` of hidapi: the part of its interface that is used, and caps that report."""
+"""A stand-in for the module ``hid`` of hidapi: the part of its interface that is used, with simulated devices."""
 
 from collections import deque
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the tests of the tools share: milliseconds that pass when they are waited for, and devices to be had at once."""
+"""Simulated time and devices for the tests of the device tools."""
 
 from dataclasses import replace
 

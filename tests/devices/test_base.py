@@ -1,4 +1,4 @@
-"""The rules of `Device` that hold for every backend, on one that fails."""
+"""The rules of `Device` that hold for every backend, on a backend that fails."""
 
 from dataclasses import replace
 

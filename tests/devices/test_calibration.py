@@ -1,4 +1,4 @@
-"""From where a stylus was held to a placement."""
+"""From measured stylus positions to a placement."""
 
 from math import inf
 

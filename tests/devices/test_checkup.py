@@ -1,4 +1,4 @@
-"""What a device's readings tell of it."""
+"""The device check-up on simulated readings."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The agent's own copy of the coupling."""
+"""The virtual coupling computed in the agent."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Moving a device without a server: through the safety chain, and with zero force on every way out."""
+"""Moving a device without a server: through the safety chain, and with zero force on every exit path."""
 
 from math import nan
 

@@ -1,4 +1,4 @@
-"""The backend of the Falcon, with all of pyusb on a bus that does not exist: contract, protocol, and what breaks."""
+"""The Falcon backend on a simulated USB bus with the real pyusb: contract, protocol, and faults."""
 
 import contextlib
 from collections.abc import Callable, Iterator

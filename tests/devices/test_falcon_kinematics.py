@@ -1,4 +1,4 @@
-"""The Falcon's geometry: both ways, its derivative, and that no energy comes from nowhere."""
+"""The Falcon's kinematics: forward, inverse, Jacobian, and conservation of energy."""
 
 from itertools import product
 from math import degrees, hypot, isnan

@@ -1,4 +1,4 @@
-"""Heat by its closed form, and lateness on a line."""
+"""Motor temperature against its closed form, and delayed readings on a line."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The vendor's ABI, typed in a second time from its reference: sizes, functions, constants; what is said without it."""
+"""The vendor's ABI, transcribed a second time from its reference: sizes, functions, constants; errors without it."""
 
 import ctypes
 import locale

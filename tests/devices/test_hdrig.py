@@ -1,4 +1,4 @@
-"""Coming and going: what is left behind, in which order a device is let go, and two devices of one process."""
+"""Opening and closing OpenHaptics devices: release order, remaining state, and two devices in one process."""
 
 import subprocess
 import sys

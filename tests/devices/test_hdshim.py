@@ -1,4 +1,4 @@
-"""The servo in C: compiled when it is wanted, and what is said where it cannot be."""
+"""The servo in C: compiled on demand, with clear errors if that is impossible."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Identification finds what a virtual device was configured with, held and not held."""
+"""Identification finds the configured parameters of a virtual device, held and free."""
 
 import numpy as np
 import pytest

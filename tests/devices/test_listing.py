@@ -1,4 +1,4 @@
-"""Which devices there are, on machines that are made up."""
+"""The list of devices on simulated machines."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The mouse as a device: the contract, the closed form of its path, and a hand that yields."""
+"""The mouse as a device: the contract, the closed form of its motion, and a compliant hand."""
 
 from collections import deque
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Devices of OpenHaptics over a fake of the vendor's library: the contract, and what the library may do to us."""
+"""OpenHaptics devices over a fake of the vendor's library: the contract, and library faults."""
 
 import logging
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Passivity control: what it may owe, what it leaves alone, and that a delayed spring dies away with it."""
+"""Passivity control: its energy bound, unaffected motions, and the decay of a delayed spring."""
 
 from collections import deque
 

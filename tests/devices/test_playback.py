@@ -1,4 +1,4 @@
-"""The recorded stylus: the contract, files and what is wrong with them, and that it moves as it did."""
+"""The recorded stylus: the contract, files and their errors, and the same movement."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Profiles of devices: as files, and as what they make of a device's readings."""
+"""Device profiles: as files, and applied to a device's readings."""
 
 from dataclasses import replace
 from pathlib import Path

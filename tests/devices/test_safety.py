@@ -1,4 +1,4 @@
-"""The safety chain: each rule in a scene of its own, then every rule at once on any sequence of inputs."""
+"""The safety chain: each rule by itself, then all rules for any sequence of inputs."""
 
 from dataclasses import replace
 from math import hypot, inf, isfinite, log, nan

@@ -1,4 +1,4 @@
-"""The SpaceMouse: the contract, its reports, how a push moves the stylus, and what breaks."""
+"""The SpaceMouse: the contract, its reports, the movement of the stylus, and faults."""
 
 import sys
 from collections.abc import Callable

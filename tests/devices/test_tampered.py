@@ -1,4 +1,4 @@
-"""The device that can be tampered with: a device like any other, until it is told to fail."""
+"""The tampered device behaves like the virtual device until a fault is switched on."""
 
 import os
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The virtual device: the contract, and that it behaves like what it stands for."""
+"""The virtual device: the contract, and the behaviour of the modelled hardware."""
 
 from dataclasses import replace
 

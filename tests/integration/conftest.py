@@ -1,4 +1,4 @@
-"""What the tests with clients in another language share."""
+"""Shared fixtures of the tests with clients in another language."""
 
 import shutil
 from pathlib import Path

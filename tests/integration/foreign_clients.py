@@ -1,4 +1,4 @@
-"""The clients in JavaScript: where they are, and what they need."""
+"""The JavaScript clients: location and requirements."""
 
 import shutil
 import subprocess

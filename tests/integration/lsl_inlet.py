@@ -1,4 +1,4 @@
-"""What a recorder of the Lab Streaming Layer does, as a process: take all streams until a marker has come some times.
+"""A recorder of Lab Streaming Layer streams as a process, which ends after a number of markers.
 
 Usage: lsl_inlet.py NAME FILE MARKER TIMES SECONDS; writes samples, stamps and the streams' own words to FILE.
 """

@@ -1,4 +1,4 @@
-"""Runs a command of netboard in a process whose monotonic clock is wrong.
+"""Runs a command of netboard in a process with a wrong monotonic clock.
 
     python skewed.py TOLD OFFSET_NS PPM SINCE_NS STEP_NS python -m netboard.services.cli agent --side left ...
 

@@ -1,4 +1,4 @@
-"""Real processes whose clocks are set wrong, run fast or slow and are stepped, and a link that is slower one way.
+"""Real processes with wrong, fast, slow and stepped clocks, and an asymmetric link.
 
 All run on one machine, so that the truth is known: its own clock, and how the others differ from it.
 """

@@ -1,4 +1,4 @@
-"""A server with keys, and everybody who does not belong: each wrong thing is tried on it, refused, told and recorded.
+"""A server with keys refuses every kind of unauthorised peer, and reports and records it.
 
 One session is played; the attempts are made while a trial runs in it, and the tests look at what came of them.
 """

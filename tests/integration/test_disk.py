@@ -1,4 +1,4 @@
-"""The lossless log of a real session whose disk fails, or whose logger is away for long."""
+"""The lossless log of a real session whose disk fails, or whose logger is absent for long."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""The fault harness in short: a choice of its cases on real processes, and everything that must hold after each.
+"""The short form of the fault benchmark: some cases on real processes, with all their checks.
 
 Cases that do not need a site of their own are played in one, one after the other, with the agents' lines through
 relays: so few processes are started.

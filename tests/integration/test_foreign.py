@@ -1,4 +1,4 @@
-"""Clients in another language among ours: an agent and a display in JavaScript, written from PROTOCOL.md alone.
+"""Clients in another language: an agent and a display in JavaScript, written from PROTOCOL.md alone.
 
 Node.js and npm must be there; the two packages that the clients need are fetched once, into build/foreign.
 """

@@ -1,4 +1,4 @@
-"""The benchmarks of the loop, in miniature: real processes play, are measured, and what was found is written."""
+"""The short form of the loop benchmarks: real processes, measured, with tables and files."""
 
 import json
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""Real sessions in which everybody comes twice, leaves and comes back: `netboard check` calls no recording damaged."""
+"""Real sessions in which all peers connect, leave and return: `netboard check` finds no damage."""
 
 import signal
 from collections.abc import Callable, Iterator, Sequence

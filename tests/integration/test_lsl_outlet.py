@@ -1,4 +1,4 @@
-"""Streams of the Lab Streaming Layer from real processes: what a recorder takes is what the recording has."""
+"""Lab Streaming Layer streams from real processes equal the recording."""
 
 import json
 import os

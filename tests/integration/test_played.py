@@ -1,4 +1,4 @@
-"""A game that is played: real processes, a simulated partner on the right, and on the left a script with a mouse.
+"""A played session: real processes, a simulated partner on the right, and a scripted mouse on the left.
 
 The left display lives in this process, without a screen. The script looks at the views that the station is sent, as its
 player would, and moves the mouse over the window by Qt's own events. It is a plain controller of the ball: it turns the

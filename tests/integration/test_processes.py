@@ -1,4 +1,4 @@
-"""Real processes on real sockets: a session from start to verified recording, and what goes wrong in between."""
+"""Real processes on real sockets: a session from start to verified recording, and its faults."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""A session of real processes, recorded, and played again to real displays, consoles and clients: they cannot tell."""
+"""A recorded session is replayed to real displays, consoles and clients as if live."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A session of a study on real processes: its form, its blocks, its files; and its server killed again and again."""
+"""A session of a study on real processes: form, blocks, files; and its server killed repeatedly."""
 
 import json
 import random

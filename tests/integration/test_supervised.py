@@ -1,4 +1,4 @@
-"""What systemd hears of the real processes: ready when their loop runs, alive while it does, stopping when told to."""
+"""systemd notifications of real processes: ready, watchdog, stopping."""
 
 import os
 import signal

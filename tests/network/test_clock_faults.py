@@ -1,4 +1,4 @@
-"""What happens to clocks and links, and that the true offset stays within the bound all the same."""
+"""Faults of clocks and links: the true offset stays within the bound."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""The codec: what goes in comes out, and whatever comes in gives a message or a WireError."""
+"""The codec: round trips, and a message or a WireError for any bytes."""
 
 import dataclasses
 import typing

@@ -1,4 +1,4 @@
-"""The fixed form: the same messages as the codec's, and nothing else."""
+"""The fixed form: the same messages as the codec's, and no others."""
 
 from dataclasses import astuple
 

@@ -1,4 +1,4 @@
-"""PROTOCOL.md is true and enough: its tables are up to date, and a client written from its text alone makes the frames.
+"""PROTOCOL.md is correct and sufficient: its tables are current, and a client written from its text makes the frames.
 
 The packer below is such a client: it knows MessagePack, and of the protocol only what the tables say.
 """

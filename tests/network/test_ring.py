@@ -1,4 +1,4 @@
-"""The lossless log over a link that is not: every record arrives once and in order, or is counted as lost."""
+"""The lossless log over a lossy link: every record arrives once and in order, or is counted as lost."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Simulated clocks and links, of which the truth is known, for the tests of the clock estimate."""
+"""Simulated clocks and links with known offsets, for the tests of the clock estimate."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""A link in memory that drops, repeats and reorders, as told by a random generator."""
+"""A link in memory that drops, repeats and reorders at random."""
 
 import random
 from collections import deque

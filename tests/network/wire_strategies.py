@@ -1,4 +1,4 @@
-"""Hypothesis strategies for every message, made from its type hints alone: the codec has no part in them."""
+"""Hypothesis strategies for every message, made from its type hints, independent of the codec."""
 
 import dataclasses
 import types

@@ -1,4 +1,4 @@
-"""The server's end of a channel in memory, as `ends.Router` is to the ports."""
+"""The server's end of a channel in memory, with the interface of `endpoints.Router`."""
 
 from collections import deque
 

@@ -1,4 +1,4 @@
-"""A log port with its fake socket, a clock and a spill, and what peers of it do."""
+"""A log port with a fake socket, a clock and a spill, and its peers."""
 
 import time
 from collections.abc import Callable, Sequence

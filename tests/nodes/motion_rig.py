@@ -1,4 +1,4 @@
-"""A motion port with a router of its own, and whoever talks to it, in one process and under a time of the test's."""
+"""A motion port with a fake router and its peers, in one process and in simulated time."""
 
 from collections.abc import Callable
 from typing import Any

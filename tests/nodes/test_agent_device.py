@@ -1,4 +1,4 @@
-"""The agent and its device: pulled out and put in again, stopped by a button, held by consent."""
+"""The agent and its device: unplugged and plugged in again, stopped by a button, enabled by a button."""
 
 import gc
 import sys

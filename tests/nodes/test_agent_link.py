@@ -1,4 +1,4 @@
-"""The agent's end of the motion channel: what counts as fresh."""
+"""The agent's end of the motion channel: which messages count as new."""
 
 from collections.abc import Iterator
 from dataclasses import astuple, replace

@@ -1,4 +1,4 @@
-"""The alarm: emergency stops, and what trips a device's safety is told once."""
+"""Emergency stops; each trip of a device's safety chain is reported once."""
 
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import AGAIN_NS, RELEASE, STOP, WORDS, EmergencyStop

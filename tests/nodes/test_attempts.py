@@ -1,4 +1,4 @@
-"""The attempts of a session, with the real state machine and a journal on a real disk: it says what was done.
+"""The attempts of a session, with the real state machine and a journal on a real disk.
 
 Board and ball are put where they end a trial; whatever else happens, happens by commands at random.
 """

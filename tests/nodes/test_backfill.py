@@ -1,4 +1,4 @@
-"""What was rendered while a link was cut: the agent remembers it, the server asks for it, and the ticks have it."""
+"""Forces rendered while a link was cut: the agent keeps them, the server requests them, and the ticks contain them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""The blocks of a session, made ready before its first tick."""
+"""The blocks of a session, prepared before its first tick."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The control channel: operators command, displays report, nobody does what is not theirs."""
+"""The control channel: operators send commands, displays send reports, and other messages are refused."""
 
 from dataclasses import replace
 

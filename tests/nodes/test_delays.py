@@ -1,4 +1,4 @@
-"""The watch over the loops of both hands: what is stable, and what is done beyond half of it."""
+"""Round trips of both hands: the largest stable delay, and the reaction beyond half of it."""
 
 from dataclasses import replace
 from math import isnan

@@ -1,4 +1,4 @@
-"""The event_log of a session: nothing is recorded before it is open, and nothing of that is lost."""
+"""The event log of a session: records before it is open are kept and not lost."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Ticks of a session with nobody there: computed together, and the same as one by one."""
+"""Ticks of an idle session are computed together, with the same result as one by one."""
 
 from collections.abc import Iterator
 from dataclasses import replace

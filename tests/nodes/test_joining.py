@@ -1,4 +1,4 @@
-"""A peer that says hello gets in, however slow its link or its server is and whoever else talks."""
+"""A peer that sends `Hello` is admitted, however slow its link or its server, and whatever others send."""
 
 from collections import deque
 from pathlib import Path

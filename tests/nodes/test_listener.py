@@ -1,4 +1,4 @@
-"""Whoever listens to the log, at a real port in memory: what it hears, what it knows it has missed, what time it is."""
+"""A subscriber of the log at a real port in memory: its records, its known losses, and its clock."""
 
 from pathlib import Path
 from typing import Any

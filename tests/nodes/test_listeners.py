@@ -1,4 +1,4 @@
-"""Subscribers of the log: they hear what is recorded, and whatever they do, the loggers never notice."""
+"""Subscribers of the log receive the records, and never affect the loggers."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The lossless log from the server's side: cursors, loggers that come and go, the spill, clocks, the end."""
+"""The server's end of the lossless log: cursors, loggers that connect and leave, the spill, clocks, the end."""
 
 import math
 from collections.abc import Iterator

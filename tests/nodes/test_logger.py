@@ -1,4 +1,4 @@
-"""The logger against a server in memory: over a bad line, after a restart, behind a ring that is too short."""
+"""The logger with a server in memory: over a lossy link, after a restart, with a ring that is too short."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""The motion channel: who may register for a side, which sample counts, what is answered."""
+"""The motion channel: registration for a side, which samples count, and answers."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""The operator's end of the control channel: it comes back to a server that has not answered for long."""
+"""The operator's end of the control channel: it reconnects to a server that has not answered for long."""
 
 from dataclasses import replace
 

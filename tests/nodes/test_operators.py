@@ -1,4 +1,4 @@
-"""The operators' operators: whose commands count, and what becomes of each."""
+"""Several operators: whose commands are accepted, and their results."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The streams of the Lab Streaming Layer: what is sent when, with whose time; the layer itself is one in memory."""
+"""Lab Streaming Layer streams: which values are sent when, and with which time; the layer is a fake in memory."""
 
 import json
 from typing import Any

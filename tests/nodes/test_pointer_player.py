@@ -1,4 +1,4 @@
-"""What stands in the agent for a player at the display: pointers in, forces out, over real sockets."""
+"""The stylus source of a player at the display: pointers in, forces out, over real sockets."""
 
 import math
 import time

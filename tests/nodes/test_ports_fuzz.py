@@ -1,4 +1,4 @@
-"""The server's ports handle any message from any peer at any time, and what they report can be recorded."""
+"""The server's ports handle any message from any peer at any time, and their reports can be recorded."""
 
 import random
 from collections.abc import Callable, Iterator

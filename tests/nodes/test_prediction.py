@@ -1,4 +1,4 @@
-"""What the doctor predicts: loops with a closed form, intervals by the Poisson distribution, a short exchange."""
+"""The doctor's predictions: loops with a closed form, Poisson intervals, a short exchange."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Clock probes as the ports record them: `netboard check` finds no damage, whoever comes, leaves and returns."""
+"""Recorded clock probes: `netboard check` finds no damage, whichever peers connect, leave and return."""
 
 from collections.abc import Callable
 from dataclasses import replace

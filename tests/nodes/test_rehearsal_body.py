@@ -1,4 +1,4 @@
-"""The hand of a rehearsal is the virtual device in an agent that is punctual, on rigid cables and on others."""
+"""The hand of a rehearsal equals the virtual device of a punctual agent, with rigid and compliant cables."""
 
 from dataclasses import replace
 

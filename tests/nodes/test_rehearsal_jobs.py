@@ -1,4 +1,4 @@
-"""Blocks are rehearsed by one function: who takes part follows from the dyad, what comes of it not from how."""
+"""Blocks are rehearsed by one function: participants follow from the dyad, and results do not depend on the workers."""
 
 from dataclasses import replace
 from pathlib import Path

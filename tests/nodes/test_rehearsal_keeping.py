@@ -1,4 +1,4 @@
-"""A rehearsed block is a recording like any other: it verifies, tells its events, and says what it is."""
+"""A rehearsed block is a valid recording: it verifies, has its events, and is marked as rehearsed."""
 
 from dataclasses import replace
 from pathlib import Path

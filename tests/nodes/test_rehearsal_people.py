@@ -1,4 +1,4 @@
-"""People differ, stay who they are, and see no more than they may."""
+"""Simulated participants differ, stay the same over blocks, and see no more than they may."""
 
 from dataclasses import asdict, fields, replace
 

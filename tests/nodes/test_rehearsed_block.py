@@ -1,4 +1,4 @@
-"""A block with simulated people: the same bits in any pieces, done at human speed, by whoever is said to do it."""
+"""A block with simulated participants: the same bits in pieces of any size, at human speed, by the named performers."""
 
 from dataclasses import replace
 from typing import Any

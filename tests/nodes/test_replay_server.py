@@ -1,4 +1,4 @@
-"""A recording on real sockets: what is shown, what is answered, who is refused."""
+"""A recording served on real sockets: views, answers, and refusals."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-"""A robot partner fills its part of a tick's row as an agent would, and plays."""
+"""A robot partner fills its part of a tick's row as an agent would."""
 
 from dataclasses import replace
 

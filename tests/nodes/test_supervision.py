@@ -1,4 +1,4 @@
-"""The watch over a block: when it starts, pauses and goes on."""
+"""The supervision of a block: start, pause and resume."""
 
 from itertools import count, islice
 

@@ -1,4 +1,4 @@
-"""The doctor reads /proc, /sys and /dev: here of machines that are made up."""
+"""The doctor's checks of /proc, /sys and /dev on simulated machines."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Deadlines: when a tick may be done, how many are due, and what becomes of them after a standstill."""
+"""Deadlines: the earliest time of a tick, the number of due ticks, and skipped ticks after a stall."""
 
 import pytest
 

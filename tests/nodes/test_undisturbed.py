@@ -1,4 +1,4 @@
-"""The undisturbed tick in one compiled call, beside the same steps one by one: same rows, same forces, to the bit."""
+"""The undisturbed tick in one compiled call equals the single steps: same rows, same forces, to the bit."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Peers that send too much on the motion channel: they hold up no sample and no greeting, and are counted whole."""
+"""Peers that flood the motion channel delay no sample and no `Hello`, and are counted completely."""
 
 from collections.abc import Iterator
 from dataclasses import replace

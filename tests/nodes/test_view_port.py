@@ -1,4 +1,4 @@
-"""What stations are sent of the ticks: in turn, only when somebody looks, and only what is new."""
+"""Views for the stations: in turn, only for subscribers, and only new ones."""
 
 from collections.abc import Iterator
 

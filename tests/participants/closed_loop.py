@@ -1,4 +1,4 @@
-"""A block without network or clock: simulated people, their devices, the safety chain and the stage, in one thread.
+"""A block without network or clock: simulated participants, devices, safety chain and stage, in one thread.
 
 The delays of the real system are put in by hand: a stylus reading is used, and a force rendered, one tick later; views
 leave at 120 Hz and are seen 5 ms later. As in the real system nothing is felt before the block starts, and it starts

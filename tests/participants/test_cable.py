@@ -1,4 +1,4 @@
-"""Cables against closed forms: what they give, how they advance_hand, and that nothing makes them unstable."""
+"""Compliant cables against closed forms: static stretch, dynamics, and stability."""
 
 from dataclasses import replace
 

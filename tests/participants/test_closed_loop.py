@@ -1,4 +1,4 @@
-"""People, hands, devices, safety chain and stage together: the task can be done, at human speed."""
+"""Participants, hands, devices, safety chain and stage together complete the task at human speed."""
 
 import numpy as np
 import pytest

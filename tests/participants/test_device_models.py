@@ -1,4 +1,4 @@
-"""The models: the default is the Touch of old, what is written wins, and every number can be written as well."""
+"""The device models: the default is the Touch, and each value can be overridden."""
 
 from dataclasses import replace
 from typing import get_args, get_type_hints

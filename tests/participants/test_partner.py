@@ -1,4 +1,4 @@
-"""What one's own force says of the partner, against the statics of the scene."""
+"""The partner's height inferred from one's own force, against the statics of the scene."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The passive partner of the analysis, beside a dyad simulated end to end in which one hand never acts.
+"""The passive partner of the analysis, compared with a simulated dyad in which one hand never acts.
 
 The whole model has the board's motion, the device with its friction, encoder and cables, the safety chain and the
 coupling; the right hand is an arm that holds its stylus, and no more.

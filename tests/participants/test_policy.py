@@ -1,4 +1,4 @@
-"""A policy says in the recording who it was: the same words, and the same SHA-256, wherever it runs."""
+"""The identity of a policy in the recording: the same text and SHA-256 wherever it runs."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Nothing younger than the delay is perceived, and noise has its deviation and its correlation time."""
+"""Perception: no input younger than the delay, and noise with its deviation and correlation time."""
 
 from math import isnan, nan
 

@@ -1,4 +1,4 @@
-"""The equations of motion derived anew with sympy, and the kernels' own text run on the same symbols.
+"""The equations of motion derived with sympy, and the kernels' source run on the same symbols.
 
 Run without compilation (``NUMBA_DISABLE_JIT=1 python derivation.py``), the kernels are plain Python, and take symbols
 as they take numbers. What they return is put into Lagrange's equations, derived here from the energies alone, and every

@@ -1,4 +1,4 @@
-"""The scene's equations once more, written independently of the kernels (numpy, libm, no shared code).
+"""The equations of the scene, written independently of the kernels (numpy, libm, no shared code).
 
 The paper's as printed. Lagrange's by d'Alembert instead: every ball keeps its own coordinate, its acceleration is
 written with the geometry's Jacobian, and a linear system of all coordinates is solved. States are those of the kernels.

@@ -1,4 +1,4 @@
-"""Whatever scene is accepted, with whatever smooth hands: it stays finite, mirrors itself, and its energy balances."""
+"""Any accepted scene with any smooth hands: finite states, mirror symmetry, and balanced energy."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""How scenes are stepped: what is chosen, what is turned down, and that what is chosen holds."""
+"""The choice of an integration method: chosen and refused methods, and stability of the choice."""
 
 import math
 import re

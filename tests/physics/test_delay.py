@@ -1,4 +1,4 @@
-"""The exact loop over a delay, against tables that were made without this code, rules of thumb, and limits."""
+"""The exact loop with delay, against independent tables, rules of thumb, and limits."""
 
 import math
 from dataclasses import replace

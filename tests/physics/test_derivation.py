@@ -1,4 +1,4 @@
-"""The kernels' text, run on symbols, against the equations derived anew (see ``derivation.py``)."""
+"""The kernels' source, run on symbols, against the derived equations (``derivation.py``)."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The energy of a scene, and the flows that change it: they balance at every instant, and along trajectories."""
+"""Energy of a scene and its flows: balanced at every instant, and along trajectories."""
 
 from typing import Any
 

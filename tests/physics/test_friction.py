@@ -1,4 +1,4 @@
-"""Friction of a ball: each law by itself, and balls that come to rest, against closed forms."""
+"""Friction of a ball: each law by itself, and decelerating balls, against closed forms."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""The styluses between their samples, and the drives they make."""
+"""Extrapolation of the styluses between samples, and the resulting drives."""
 
 import math
 from typing import Any

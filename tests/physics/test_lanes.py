@@ -1,4 +1,4 @@
-"""Lanes compute what floats do, to the bit, and go where they are put."""
+"""Vector lanes compute the same as floats, to the bit, and are stored in their places."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The scene's matrix against differences of its equations."""
+"""The matrix of a scene against finite differences of its equations."""
 
 from typing import Any
 

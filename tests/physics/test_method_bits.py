@@ -1,4 +1,4 @@
-"""Every classical method gives the same bits however and wherever it is run."""
+"""Every classical method gives the same bits on any processor and in any process."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The equations: against independent ones, closed forms, symmetry, and what a scene does without."""
+"""The equations: against independent ones, closed forms, symmetry, and simpler scenes."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Lagrange's equations against MuJoCo, which builds its own from a description of the bodies.
+"""The Lagrangian equations against MuJoCo, which derives its own from a description of the bodies.
 
 Each scene is a board on a slide and a hinge, a ball on a slide along the board, and a coupling that is an actuator
 between a site on the board and the world. Both sides take the same Runge-Kutta steps with the hands where they are at

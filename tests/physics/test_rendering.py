@@ -1,4 +1,4 @@
-"""What of the force is rendered: the printed numbers, the sum of the parts, and the board at rest itself."""
+"""The rendered part of the force: printed values, the sum of the parts, and the board at rest."""
 
 import math
 from dataclasses import replace

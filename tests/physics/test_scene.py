@@ -1,4 +1,4 @@
-"""A configuration as numbers and parts for the kernels."""
+"""A configuration packed as constants and parts for the kernels."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The theory of stability against the kernels it is about, and against the full equations."""
+"""The stability theory against the kernels and the full equations."""
 
 import math
 from collections.abc import Iterator

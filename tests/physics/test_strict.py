@@ -1,4 +1,4 @@
-"""The kernels give the same bits however and wherever they are run, and hold no more than a scene needs."""
+"""The kernels give the same bits on any processor, and contain only what a scene needs."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Arithmetic on states: what numba compiles does what the plain functions do, to the bit."""
+"""Arithmetic on states: compiled functions equal the plain ones, to the bit."""
 
 import math
 from typing import Any

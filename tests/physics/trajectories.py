@@ -1,4 +1,4 @@
-"""Scenes of the kernels, and steps along them, as the tests here need them."""
+"""Scenes of the kernels, and steps along them, for the tests."""
 
 from itertools import pairwise
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""Recordings of a dyad's session: a dyadic block, and one with both hands; any bits, attempts of every end, a hole."""
+"""Recordings of a dyad's session: a dyadic and a bimanual block, random bits, all outcomes, and a gap."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

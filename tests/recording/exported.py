@@ -1,4 +1,4 @@
-"""A recording with everything an export can trip over: any bits, attempts of every end, odd texts, a hole."""
+"""A recording with difficult content for exports: random bits, all outcomes, unusual texts, and a gap."""
 
 from pathlib import Path
 

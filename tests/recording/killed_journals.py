@@ -1,4 +1,4 @@
-"""Kills a process that keeps a journal, at random moments, again and again, and looks at what is left.
+"""Kills a process that writes a journal at random times, repeatedly, and checks the remaining file.
 
 Run as a program, in a process without threads of its own: it forks a server for each round, and prints what it found.
 Every round goes on with the journal that the one before left behind.

@@ -1,4 +1,4 @@
-"""A session as it would be timed, with stalls that are known: rules of the manual, written out anew.
+"""Synthetic timing of a session with known stalls, from the rules of the manual.
 
 Agents read a stylus each millisecond and make up for what they missed; a tick begins when both samples are there, at
 most half a millisecond before its deadline, and at the deadline otherwise. Processes do nothing within their stalls,

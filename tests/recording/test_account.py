@@ -1,4 +1,4 @@
-"""The account of a session: what is there, what is lost and why, and above all what nobody can explain."""
+"""The account of a session: present ticks, lost ticks with their causes, and unexplained losses."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""Ticks without a sample are filled in with what the agents told later, whichever way they are read."""
+"""Ticks without a sample are filled in from the agents' later reports, with every way of reading."""
 
 from pathlib import Path
 from typing import Any

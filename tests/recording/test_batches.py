@@ -1,4 +1,4 @@
-"""Ticks in batches of columns: to the bit, whatever they hold; and what is kept to find them."""
+"""Ticks in batches of columns: equal to the bit for any content, and their index."""
 
 import json
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""A choice of the recovery campaign: cuts, changed bytes, zeros, and loggers killed over real sockets."""
+"""Some cases of the recovery benchmark: cuts, changed bytes, zeros, and killed loggers over real sockets."""
 
 import os
 from itertools import islice

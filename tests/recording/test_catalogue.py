@@ -1,4 +1,4 @@
-"""The catalogue of a folder says what each file is, whatever is wrong with it."""
+"""The catalogue of a folder describes each file, damaged ones too."""
 
 from dataclasses import replace
 from datetime import date

@@ -1,4 +1,4 @@
-"""A recording proves itself: damaged in each way, it is found out, and what is missing with a word is no damage."""
+"""Integrity checks: every kind of damage is found, and reported losses are not damage."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Clocks that run evenly pass, and their drift comes out; whatever no clock does is found out."""
+"""Regular clocks pass with their drift; impossible clocks are found."""
 
 from dataclasses import replace
 

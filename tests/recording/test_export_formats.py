@@ -1,4 +1,4 @@
-"""The files are read by other libraries, to the bit; and a result is whole, or not there."""
+"""Exported files are read by other libraries, to the bit, and are complete or absent."""
 
 import csv
 import json

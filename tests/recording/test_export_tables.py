@@ -1,4 +1,4 @@
-"""What is exported: attempts and times of known rows, and a dictionary of every column."""
+"""Exported attempts and times of known rows, and a dictionary of every column."""
 
 import csv
 import json

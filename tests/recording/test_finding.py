@@ -1,4 +1,4 @@
-"""Which recordings are meant."""
+"""Selection of the recordings that a command names."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""FORMAT.md is true: its tables are up to date, its keys are the file's, and its snippet runs."""
+"""FORMAT.md is correct: its tables are current, its keys are those of the file, and its snippet runs."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""A disk that fills up, a real one where mounting is permitted: what was written is a whole recording all the same."""
+"""A full disk (a real one if mounting is permitted): the written part is a complete recording."""
 
 import os
 import shutil

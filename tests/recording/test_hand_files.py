@@ -1,4 +1,4 @@
-"""Files of hands: what is read, what is refused and in which words; files of results: written whole or not at all."""
+"""Files of hands: accepted and refused content with messages; result files are complete or absent."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tables of others become recordings that say what is in the tables, and our own become what they were made of."""
+"""Tables of other systems become recordings with the same content, and exports become their recordings again."""
 
 import csv
 import hashlib

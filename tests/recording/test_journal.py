@@ -1,4 +1,4 @@
-"""The journal's file: what is said to be on disk is, whatever the disk does, whoever is killed, wherever it is cut."""
+"""The journal's file: reported entries are on disk through disk faults, kills and cuts."""
 
 import errno
 import json

@@ -1,4 +1,4 @@
-"""Attempts of a recording are judged as the server has judged them."""
+"""Quality flags of a recording's attempts equal those of the server."""
 
 from pathlib import Path
 

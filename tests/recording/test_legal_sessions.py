@@ -1,4 +1,4 @@
-"""Whatever a session may do by its rules, its recordings are not called damaged; what contradicts them still is."""
+"""Recordings of all valid sessions are not called damaged; contradictions still are."""
 
 import random
 from collections.abc import Callable

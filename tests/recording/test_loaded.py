@@ -1,4 +1,4 @@
-"""What there is to see and to know at each position of a recording, and what is marked in it."""
+"""The view, the information and the marks at each position of a recording."""
 
 from dataclasses import replace
 

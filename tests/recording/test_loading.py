@@ -1,4 +1,4 @@
-"""From a file to what can be played."""
+"""Loading a file for replay."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The study of a manifest becomes recordings, or everything that is wrong is said before any is made."""
+"""The study of a manifest becomes recordings, or all its errors are reported before any is written."""
 
 import os
 import signal

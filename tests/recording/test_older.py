@@ -1,4 +1,4 @@
-"""Recordings of every format there has been are read, to the bit and for ever."""
+"""Recordings of every earlier format are read, to the bit."""
 
 import hashlib
 import json

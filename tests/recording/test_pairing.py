@@ -1,4 +1,4 @@
-"""Two recordings on one time line."""
+"""Two recordings on a common time line."""
 
 from itertools import accumulate
 

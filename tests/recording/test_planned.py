@@ -1,4 +1,4 @@
-"""A block of a study is held against the plan that its journal names, made again."""
+"""A block of a study is compared with the plan that its journal names."""
 
 import hashlib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Reading: everything comes back to the bit, and what is not a sound recording is refused with what to do."""
+"""Reading: all content is equal to the bit, and invalid files are refused with advice."""
 
 from contextlib import closing
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Recovery: cut anywhere, flipped anywhere, killed at any moment: every whole chunk is saved, the source untouched."""
+"""Recovery after cuts, changed bytes and kills: every complete chunk is saved, the source unchanged."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What can be asked of a replay, and how it says no."""
+"""Commands of a replay, and their refusals."""
 
 from contextlib import suppress
 

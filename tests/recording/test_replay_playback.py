@@ -1,4 +1,4 @@
-"""The arithmetic of a replay."""
+"""The position arithmetic of a replay."""
 
 import math
 

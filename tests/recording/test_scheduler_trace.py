@@ -1,4 +1,4 @@
-"""What ran instead of the server: a piece of a real trace of the kernel, from a demo with another program in the way.
+"""Processes that ran instead of the server, from a real kernel trace with an interfering program.
 
 A program with SCHED_FIFO priority 75 took core 1, the server's, for 4 ms every half second. Its process was 13823.
 """

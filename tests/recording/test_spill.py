@@ -1,4 +1,4 @@
-"""The spill: what is put in comes out again, in order, whatever the disk does; and nobody waits for it."""
+"""The spill: all records are returned in order through disk faults, and no caller waits."""
 
 import os
 import stat

@@ -1,4 +1,4 @@
-"""A spill of several blocks becomes a recording of each, as a logger would have written them."""
+"""A spill of several blocks becomes one recording for each, as a logger would write them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The summary against streams whose every number is known beforehand."""
+"""The summary of streams with known numbers."""
 
 import math
 

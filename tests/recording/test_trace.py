@@ -1,4 +1,4 @@
-"""Causes of stutter: sessions in which the cause is known, and what the trace says of them."""
+"""Causes of stutter: sessions with known causes, and the causes found by the trace."""
 
 import json
 from pathlib import Path

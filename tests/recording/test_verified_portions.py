@@ -1,4 +1,4 @@
-"""One walk through portions of any size sees what a look at all ticks at once sees."""
+"""Verification in portions of any size gives the result of all ticks at once."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What PlotJuggler's and Foxglove's loaders ask of a file, by their rules; and that the upstream library reads it."""
+"""The requirements of PlotJuggler's and Foxglove's loaders, and reading with the upstream library."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The recorded hands again: with nothing changed to the bit, with changes as closed forms and other parts say."""
+"""The recorded hands with other parameters: identical without changes, else as closed forms and other parts predict."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Writing: nothing is overwritten, chunks stay small, durable means on disk, and upstream MCAP reads it all."""
+"""Writing: nothing is overwritten, chunks stay small, records are durable, and upstream MCAP reads all."""
 
 import io
 import json

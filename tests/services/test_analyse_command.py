@@ -1,4 +1,4 @@
-"""`netboard analyse`: a new folder with everything in it, the same tables however they were made, or one clear line."""
+"""`netboard analyse`: a complete new folder, tables independent of the workers, or a one-line error."""
 
 import csv
 import importlib.util

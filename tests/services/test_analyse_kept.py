@@ -1,4 +1,4 @@
-"""What was analysed before is written again to the byte, and never in the place of other data, settings or code."""
+"""A cached analysis is written again to the byte, and never for other data, settings or code."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""The commands check, sessions and whatif, as a person or a script asks them."""
+"""The commands check, sessions and whatif, for people and for scripts."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The command: what it accepts, what it answers, and that it loads no more than it was asked for."""
+"""The command line: accepted arguments, answers, and no unneeded imports."""
 
 import inspect
 import os

@@ -1,4 +1,4 @@
-"""A study of one's own, with factors between dyads, between blocks and within blocks: every one is in every output."""
+"""A study with factors between dyads, between blocks and within blocks: each factor is in every output."""
 
 import csv
 import json

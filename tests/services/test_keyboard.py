@@ -1,4 +1,4 @@
-"""Keys of a terminal (here a pseudo-terminal), whole and in pieces, as a terminal hands them on when it gets to it."""
+"""Keys of a terminal (a pseudo-terminal), complete and in pieces."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""``netboard plan``: what is shown, what is refused."""
+"""``netboard plan``: output and refusals."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Every table that a command prints, on narrow and wide terminals: no row is like another because something was cut."""
+"""Every printed table, on narrow and wide terminals: rows stay distinguishable when cells are cut."""
 
 import ast
 import json

@@ -1,4 +1,4 @@
-"""``netboard session rehearse`` plans a dyad's blocks and does them."""
+"""``netboard session rehearse`` plans and rehearses a dyad's blocks."""
 
 import json
 

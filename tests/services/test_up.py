@@ -1,4 +1,4 @@
-"""What `netboard up` starts on a machine, and in which order it all ends."""
+"""`netboard up`: the processes it starts on a machine, and the order in which they end."""
 
 import logging
 from pathlib import Path

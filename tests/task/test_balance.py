@@ -1,4 +1,4 @@
-"""Plans are counted anew: what meets is shown, what does not is refused."""
+"""The balance of plans, counted independently: pairings are shown, unbalanced plans are refused."""
 
 import pytest
 from hypothesis import given, settings

@@ -1,4 +1,4 @@
-"""The blocks of a dyad follow from the study; a trial run has fewer of them."""
+"""The blocks of a dyad follow from the study; a trial run has fewer."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What could bias is spread evenly."""
+"""Possible sources of bias are counterbalanced."""
 
 from collections import Counter
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""The trial machine: its table, and what it senses."""
+"""The trial state machine: its table and its inputs."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The order of blocks as people write it."""
+"""The order of blocks in a study file."""
 
 import pytest
 from hypothesis import example, given, settings

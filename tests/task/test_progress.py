@@ -1,4 +1,4 @@
-"""Where a session stands, whatever has happened and wherever its journal was cut."""
+"""The progress of a session from its journal, after any events and cut anywhere."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The quality of attempts: every word of the rules, in any portions of ticks, and from one release to the next."""
+"""Quality rules of attempts: each flag, in portions of any size, and from one release to the next."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The study file: what is right reads back, what is wrong is named with table, key and remedy."""
+"""The study file: valid files are read, errors name table, key and remedy."""
 
 import re
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""Forces of another session: which are taken, and when they are felt."""
+"""The unrelated force condition: which recorded forces are used, and when they are rendered."""
 
 from typing import Any
 

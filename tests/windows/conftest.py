@@ -1,4 +1,4 @@
-"""What the tests of windows share: Qt without a screen, a window, and a server for it."""
+"""Shared fixtures of the window tests: Qt without a screen, a window, and a server for it."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The widget puts the right colours in the right places, and paints only what is new."""
+"""The widget paints the right colours in the right places, and only new pictures."""
 
 import gc
 import sys

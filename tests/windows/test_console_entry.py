@@ -1,4 +1,4 @@
-"""The session's form: what it takes for an answer."""
+"""The session's form: accepted answers."""
 
 import json
 from dataclasses import fields, replace

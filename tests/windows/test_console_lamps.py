@@ -1,4 +1,4 @@
-"""Lamps, words and commands: from a status to what the operator reads. No Qt."""
+"""Lamps, texts and commands of the console for each status, without Qt."""
 
 import math
 from dataclasses import replace

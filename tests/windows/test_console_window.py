@@ -1,4 +1,4 @@
-"""The window against a server on a real socket: keys, refusals, the emergency stop, notes, the form, silence."""
+"""The console with a server on a real socket: keys, refusals, emergency stop, notes, form, silence."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The display's client against a small server over real sockets on this machine."""
+"""The display's client with a small server over real sockets."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The count of frames adds up."""
+"""The frame counts add up."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""What a player sees of the own hand: a function of the own stylus, the own pointer and the own force alone."""
+"""A player's view of the own hand depends on the own stylus, pointer and force only."""
 
 from dataclasses import replace
 

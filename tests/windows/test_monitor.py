@@ -1,4 +1,4 @@
-"""The window that shows a device live."""
+"""The live window of a device."""
 
 from pathlib import Path
 

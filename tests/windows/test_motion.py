@@ -1,4 +1,4 @@
-"""What is drawn between the views: as far as the newest ones carry, and never beyond a phase."""
+"""Pictures between views: extrapolation from the newest views, never beyond a phase."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The picture is a function of the view: its geometry, its symmetry, its words, and what cannot be in it."""
+"""The picture as a function of the view: geometry, symmetry, texts, and absent content."""
 
 import math
 from dataclasses import replace

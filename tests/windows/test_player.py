@@ -1,4 +1,4 @@
-"""The player shows what the participant saw, and obeys keys, clicks and drags."""
+"""The replay window shows the participant's views, and reacts to keys, clicks and drags."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A played display with its agent's ends of the two channels, over real sockets, and what comes to the screen."""
+"""A played display with its agent's ends of the two channels, over real sockets, and its pictures."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""True size, chosen screens, and the card that measures a pixel."""
+"""True size, chosen screens, and the calibration with a card."""
 
 from dataclasses import replace
 

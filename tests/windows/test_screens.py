@@ -1,4 +1,4 @@
-"""What a participant reads when, in every state of a trial and between blocks."""
+"""The texts that a participant reads in every state of a trial and between blocks."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A display at work, by hand: frames at refreshes, pictures between views, markers with the frames that show them."""
+"""A display in operation: frames at refreshes, pictures between views, and markers with their frames."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What happened between two views is told once, in order, whatever views there are of it."""
+"""Events between two views are reported once and in order."""
 
 from dataclasses import replace
 

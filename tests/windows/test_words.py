@@ -1,4 +1,4 @@
-"""Every language has every word, with the same things to fill in; what is wrong with a list is said with its key."""
+"""Every language has every text with the same placeholders; errors name the key."""
 
 import string
 from dataclasses import fields, replace
