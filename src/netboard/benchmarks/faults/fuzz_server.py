@@ -1,4 +1,4 @@
-"""Malformed messages for a real server during a trial: what is refused, and whether the trial is disturbed.
+"""Malformed messages for a real server during a trial: counts of refusals, and the effect on the trial.
 
 The agents' devices log the forces that they are sent, and the session is recorded, so that any effect can be measured.
 """
