@@ -51,7 +51,7 @@ def test_what_cannot_be_played_here_is_said(tmp_path) -> None:
     (outcome,) = play_all([case], tmp_path, True, lambda _: None)
     assert (outcome.refusal, outcome.verdicts) == ("not here", ())
     (part,) = parts_of([outcome])
-    assert part.rows[0][-1] == "not played"
+    assert part.rows[0][-1] == "not run"
     assert "not here" in part.verdicts[0].found
 
 

@@ -29,7 +29,7 @@ from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Cause
 
 TIMEOUT_NS = 1_000_000_000
-"""Sample timeout, so long that no sample is stale [ns]."""
+"""Sample timeout, long enough that no sample is stale [ns]."""
 
 READY = 10
 """Ticks until both devices are armed and the trial runs, with a margin [1]."""

@@ -1,4 +1,4 @@
-"""``netboard bench display``: latency from sending a view to the end of its painting, and the error of the picture.
+"""``netboard bench display``: latency from sending a view to the end of its painting, and the error of the drawn board.
 
 A process sends views of a board that both hands move, as the server does. The display's client runs here, in a window
 or offscreen, and every paint is recorded. Both use one clock, so each part of the latency is a difference of two times.
@@ -214,7 +214,7 @@ def _way(found: dict[str, Shown]) -> Part:
 
 
 def _sight(found: dict[str, Shown], seconds: float) -> Part:
-    """Return delay and error of the picture and the cost of painting, as a table."""
+    """Return delay and error of the drawn board and the cost of painting, as a table."""
     rows: list[tuple[Value, ...]] = []
     for name, shown in found.items():
         delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
