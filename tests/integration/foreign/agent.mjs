@@ -81,10 +81,10 @@ function steerBy(lead) {
 }
 
 function rendered(message, received) {
-  if (message.is === "Beat") message.arm ? safety.arm(received) : safety.disarm();
+  if (message.is === "Heartbeat") message.arm ? safety.arm(received) : safety.disarm();
   safety.hear(message.is === "Force" ? message.force : 0, received);
   const from = message.stylus_seq;
-  if (message.is === "Beat" || from <= session.rendered_seq || seq - from > REMEMBERED) return;
+  if (message.is === "Heartbeat" || from <= session.rendered_seq || seq - from > REMEMBERED) return;
   session.rendered_seq = from;
   session.loop_ns = now() - stamps[Number(from % REMEMBERED)];
 }
@@ -115,7 +115,7 @@ async function listen() {
   for await (const [message, received] of link.messages()) {
     if (message.is === "Welcome") {
       if (message.session !== session.id) session = newSession(message.session);
-    } else if (link.welcome !== null && (message.is === "Force" || message.is === "Beat")) {
+    } else if (link.welcome !== null && (message.is === "Force" || message.is === "Heartbeat")) {
       hear(message, received);
     }
   }

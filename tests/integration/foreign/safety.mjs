@@ -1,6 +1,6 @@
 // What stands between a force from the server and a device (PROTOCOL.md, sections 5 and 6): trusts nobody.
 //
-// Armed only by a `Beat` that allows it, force comes by a ramp; one that is not finite is none, one that is too large is
+// Armed only by a `Heartbeat`, the force rises along a ramp; one that is not finite is none, one that is too large is
 // clamped, one that changes too fast is followed slowly; without news it fades, and then the device is disarmed.
 
 export const Bits = { ARMED: 1, RAMPING: 2, CLAMPED: 4, SLEWED: 8, STALE: 16, NOT_FINITE: 64 };

@@ -17,7 +17,7 @@ const TABLES = `
  10 Stylus seq:int stamp_ns:int x:float y:float z:float vx:float vy:float vz:float buttons:int safeguards:int
            rendered:float force_tick:int force_sent_ns:int force_received_ns:int sent_ns:int loop_ns:int
  11 Force tick:int sent_ns:int stylus_seq:int force:float lead_ns:int
- 12 Beat tick:int sent_ns:int stylus_seq:int lead_ns:int arm:bool
+ 12 Heartbeat tick:int sent_ns:int stylus_seq:int lead_ns:int arm:bool
  13 Point tick:int sent_ns:int stylus_seq:int stamp_ns:int z:float vz:float k:float c:float lead_ns:int
  14 BackfillRequest first:int stop:int
  15 Backfill first:int next:int rows:bin
