@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.errors import RecordingError
 from netboard.base.tables.rig import Recording as Settings
 from netboard.base.tick import TICK
+from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Gap
 from netboard.recording.recovery.recover import Report, recover, recovered_path
@@ -169,6 +170,26 @@ def test_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:
             for file in (old_file, new_file)
         )
         assert sorted(old_messages) == sorted(new_messages)
+
+
+def test_a_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole: Path) -> None:
+    with Recording(whole) as sound:
+        numbers = {"opened_log_ns": sound.metadata, "record": {"record": str(sound.first_record)}, "log_ns": sound.end}
+    for key, values in numbers.items():
+        head = len(key).to_bytes(4, "little") + key.encode() + len(values[key]).to_bytes(4, "little")
+        broken = bytearray(whole.read_bytes())
+        broken[broken.index(head) + len(head)] = 0
+        (tmp_path / "broken.mcap").write_bytes(broken)
+        with pytest.raises(RecordingError, match=rf"{key}: found .* expected a whole number\); run: netboard recover"):
+            Recording(tmp_path / "broken.mcap")
+        ticks, report = recovered_ticks(tmp_path, bytes(broken))
+        assert ticks == ROWS["tick"].tolist()
+        assert [part.reason for part in report.damage] == [f"metadata: {key} is not a number"]
+        with Recording(report.output) as recovered:
+            assert recovered.events()
+        if key == "opened_log_ns":
+            with pytest.raises(RecordingError, match="lost its opened_log_ns when it was damaged"):
+                runs_of([report.output])
 
 
 def test_a_lost_configuration_is_said(tmp_path: Path, whole: Path) -> None:

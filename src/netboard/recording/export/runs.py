@@ -19,6 +19,9 @@ from netboard.recording.files.reader import Recording
 Letter = Literal["A", "B"]
 """Participant of a dyad."""
 
+_NEEDED = ("session", "block", "part", "opened_log_ns", "netboard")
+"""Metadata that a run needs; a recovered recording may have lost some."""
+
 MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
 """Manufacturer of each backend's devices."""
 
@@ -56,6 +59,8 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
         with Recording(path) as recording:
             if not recording.counts["/ticks"]:
                 raise RecordingError(f"{path}: has no ticks, so there is nothing to export; leave it out")
+            if lost := [name for name in _NEEDED if name not in recording.metadata]:
+                raise RecordingError(f"{path}: lost its {', '.join(lost)} when it was damaged; leave it out")
             config = parse(recording.config_text, f"{path} (its configuration)")
             opened = int(recording.metadata["opened_log_ns"])
             who = config.session.dyad, config.session.name

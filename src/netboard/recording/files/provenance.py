@@ -9,6 +9,7 @@ import json
 import os
 import platform
 import re
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -35,6 +36,13 @@ METADATA_END = "netboard.end"
 METADATA_RECOVERY = "netboard.recovery"
 """Metadata record of a recovered file."""
 
+_NUMBERS = {
+    METADATA: ("opened_log_ns",),
+    METADATA_FIRST: ("record",),
+    METADATA_END: ("log_ns", "records", "lost", "next_record"),
+}
+"""Metadata that are read as whole numbers. MCAP stores no checksum of a metadata record."""
+
 LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
 """Library name in the header of recordings."""
 
@@ -44,6 +52,11 @@ _PACKAGES = ("numpy", "numba", "llvmlite", "pyzmq", "msgpack", "mcap", "zstandar
 def config_sha256(text: bytes) -> str:
     """Return the SHA-256 hash of a resolved configuration, in hexadecimal."""
     return hashlib.sha256(text).hexdigest()
+
+
+def damaged_numbers(name: str, values: Mapping[str, str]) -> list[str]:
+    """Return the keys in a metadata record whose value should be a whole number and is not."""
+    return [key for key in _NUMBERS.get(name, ()) if not values.get(key, "0").isdecimal()]
 
 
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:

@@ -30,6 +30,7 @@ from netboard.recording.files.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
     config_sha256,
+    damaged_numbers,
 )
 from netboard.recording.format import older
 from netboard.recording.format.backfill import Backfilled
@@ -95,6 +96,12 @@ class Recording:
         records = self._file.metadata
         if self._file.profile != PROFILE or METADATA not in records:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
+        for name, values in records.items():
+            for key in damaged_numbers(name, values):
+                raise RecordingError(
+                    f"{self.path}: is damaged (metadata {name}, {key}: found {values[key]!r}, expected a whole "
+                    f"number); run: netboard recover {self.path}"
+                )
         self.metadata = records[METADATA]
         self.end = records.get(METADATA_END, {})
         self.recovery = records.get(METADATA_RECOVERY, {})

@@ -31,6 +31,7 @@ from netboard.recording.files.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
     config_sha256,
+    damaged_numbers,
 )
 from netboard.recording.format import older
 from netboard.recording.format.batches import Layout, TickStream
@@ -109,7 +110,8 @@ def recover(path: Path, output: Path | None = None) -> Report:
             raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
         chunks = list(_find_chunks(data))
         metadata, config, damage, finished = _survey(data, chunks)
-        found = metadata.setdefault(METADATA, {"session": "unknown"})
+        found = metadata.setdefault(METADATA, {})
+        found.setdefault("session", "unknown")
         version = found.get("format", "")
         if version.isdecimal() and version not in _RECOVERABLE:
             raise RecordingError(
@@ -192,7 +194,9 @@ def _survey(
             opcode, body = record
             if opcode == Opcode.METADATA:
                 named = Metadata.read(ReadDataStream(BytesIO(body)))
-                metadata[named.name] = dict(named.metadata)
+                bad = damaged_numbers(named.name, named.metadata)
+                metadata[named.name] = {key: value for key, value in named.metadata.items() if key not in bad}
+                damage += [Damage(position, len(body), f"metadata: {key} is not a number") for key in bad]
             elif opcode == Opcode.ATTACHMENT:
                 attachment = Attachment.read(ReadDataStream(BytesIO(body)))
                 config = attachment if attachment.name == CONFIG_NAME else config
