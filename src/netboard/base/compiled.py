@@ -24,6 +24,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 from numba.core import cgutils, types
+from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic, overload
 
 P = ParamSpec("P")
@@ -128,14 +129,23 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         Of scalars, arrays and records, in numba's subset of Python; it also runs as it stands, with
         NUMBA_DISABLE_JIT=1.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(_named_by_closure(function))
-    return compiled
+    return _compiled(function, **STRICT)
 
 
 def waiting(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that may sleep: as `kernel` does, and other threads of Python run meanwhile."""
-    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, **STRICT)(_named_by_closure(function))
-    return compiled
+    return _compiled(function, nogil=True, **STRICT)
+
+
+def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    """Compile a function once for all integers: Numba would compile it for each constant with which it is called."""
+    compiled: Any = numba.njit(cache=True, **options)(_named_by_closure(function))
+    if isinstance(compiled, Dispatcher):  # not if the compiler is switched off
+        template = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: template(
+            [types.unliteral(one) for one in args], {name: types.unliteral(one) for name, one in kws.items()}
+        )
+    return cast("Callable[P, R]", compiled)
 
 
 def _named_by_closure(function: Callable[P, R]) -> Callable[P, R]:
@@ -155,8 +165,7 @@ def _named_by_closure(function: Callable[P, R]) -> Callable[P, R]:
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function into every kernel that calls it, so that dead code is removed there."""
-    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(_named_by_closure(function))
-    return compiled
+    return _compiled(function, **INLINED)
 
 
 def fast(function: Callable[P, R]) -> Callable[P, R]:
@@ -167,8 +176,7 @@ def fast(function: Callable[P, R]) -> Callable[P, R]:
     function : callable
         As for `kernel`. Kernels that it calls stay strict, except those from `relaxed`.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(_named_by_closure(function))
-    return compiled
+    return _compiled(function, **FAST)
 
 
 _CHOICES: dict[Any, Callable[..., object]] = {}

@@ -210,7 +210,7 @@ def _aim(s: Any, plan: Any, when: float, bound: float) -> float:
         if share >= 1.0:
             s["aim"] = min(max(s["aim"] + plan[i, 2], -bound), bound)
         else:
-            plan[kept] = plan[i]
+            plan[kept, 0], plan[kept, 1], plan[kept, 2] = plan[i, 0], plan[i, 1], plan[i, 2]
             kept += 1
     s["moves"] = kept
     return float(min(max(wanted, -bound), bound))
