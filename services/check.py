@@ -38,8 +38,9 @@ def check(
     Each file has one result. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import MofNCompleteColumn
 
+    from netboard.base.bars import progress_bars
     from netboard.recording.integrity.checking import check as check_file
     from netboard.recording.integrity.report_text import as_data, in_total, in_words
     from netboard.recording.integrity.severity import EXIT_CODES, Report
@@ -48,9 +49,8 @@ def check(
     console = Console(highlight=False)
     reports: list[Report] = []
     began = time.perf_counter()
-    bar = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[ticks]}"))
     screen = Console(stderr=True, highlight=False)
-    with Progress(*bar, TimeElapsedColumn(), console=screen, transient=True) as progress:
+    with progress_bars(screen, MofNCompleteColumn(), "{task.fields[ticks]}") as progress:
         task = progress.add_task("recordings", total=len(files), ticks="")
         read = 0
 

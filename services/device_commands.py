@@ -11,9 +11,9 @@ from typing import Any
 
 from rich.console import Console
 from rich.live import Live
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from netboard.base import clock
+from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
@@ -255,11 +255,10 @@ def _print_json(values: Mapping[str, Any]) -> None:
 @contextmanager
 def _bar(quiet: bool) -> Iterator[Callable[[str], Callable[[float], None]]]:
     """Show a progress bar; yield a function that makes a progress callback for a named part."""
-    columns = (TextColumn("{task.description:12}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
+    with progress_bars(console, shown=not quiet) as progress:
 
         def part(name: str) -> Callable[[float], None]:
-            task = progress.add_task(name, total=1.0)
+            task = progress.add_task(f"{name:12}", total=1.0)
             return lambda done: progress.update(task, completed=done)
 
         yield part

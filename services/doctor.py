@@ -23,20 +23,19 @@ def doctor(
     """Check whether this computer is fit for a session, and say how to fix what is not."""
     settings = load(config, overrides)
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from netboard.base.bars import progress_bars
     from netboard.devices.setup.words import findings_table
     from netboard.nodes.doctor import report as examination
     from netboard.recording.files.provenance import doctor_report_path
 
     console = Console(highlight=False)
-    columns = (TextColumn("{task.description:20}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with progress_bars(console) as progress:
         task = progress.add_task("", total=1.0)
         report = examination.examine(
             settings,
             examination.QUICK if quick else examination.THOROUGH,
-            lambda what, done: progress.update(task, description=what, completed=done),
+            lambda what, done: progress.update(task, description=f"{what:20}", completed=done),
         )
     console.print(findings_table("This computer", report.findings))
     console.print(report.summary)

@@ -117,11 +117,11 @@ def telling() -> Iterator[Callable[[str, int, int], None]]:
     """Show a progress bar on stderr, if that is a terminal; yield its callback (current step, done, total)."""
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import TaskProgressColumn
 
-    screen = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
+    from netboard.base.bars import progress_bars
+
+    with progress_bars(Console(stderr=True), TaskProgressColumn()) as progress:
         task = progress.add_task("")
 
         def tell(what: str, done: int, total: int) -> None:

@@ -36,21 +36,22 @@ def recover(
 ) -> None:
     """Recover unfinished or damaged recordings into new files; the originals stay unchanged."""
     from rich.console import Console
-    from rich.progress import track
 
+    from netboard.base.bars import progress_bars
     from netboard.recording.recovery.spilled import recover_any
 
     files = list(_files(recordings))
     if output is not None and len(files) != 1:
         raise ConfigError(f"--output: names one file, but found {len(files)} files to recover; leave it out")
     refused = 0
-    for file in track(files, "recovering", console=Console(stderr=True), transient=True, disable=len(files) < 2):
-        try:
-            for report in recover_any(file, output):
-                _print_report(report)
-        except NetboardError as error:
-            refused += 1
-            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
+    with progress_bars(Console(stderr=True), shown=len(files) > 1) as progress:
+        for file in progress.track(files, description="recovering"):
+            try:
+                for report in recover_any(file, output):
+                    _print_report(report)
+            except NetboardError as error:
+                refused += 1
+                typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
     raise typer.Exit(1 if refused else 0)
 
 

@@ -130,12 +130,10 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
 def loaded(path: Path) -> "LoadedRecording":
     """Read a recording, with a progress bar on a terminal."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from netboard.base.bars import progress_bars
     from netboard.recording.replay.loading import load as load_recording
 
-    console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with progress_bars(Console(stderr=True), "{task.completed} ticks") as progress:
         task = progress.add_task(f"Reading {path.name}", total=None)
         return load_recording(path, lambda ticks: progress.update(task, completed=ticks))

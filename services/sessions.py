@@ -45,8 +45,8 @@ def sessions(
 ) -> None:
     """List the recordings in a folder: participants, trials, losses, and the result of the integrity check."""
     from rich.console import Console
-    from rich.progress import track
 
+    from netboard.base.bars import progress_bars
     from netboard.recording.integrity import catalogue
 
     place = Path(load(None).recording.directory) if folder is None else folder
@@ -54,11 +54,11 @@ def sessions(
         raise RecordingError(f"{place}: no such folder")
     wanted = catalogue.Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
     found = [entry for entry in map(catalogue.entry_of, catalogue.files_in(place)) if wanted.takes(entry)]
-    screen = Console(stderr=True)
     entries = []
-    for entry in track(found, "recordings", console=screen, transient=True, disable=not screen.is_terminal):
-        counted = catalogue.with_trials(entry)
-        entries.append(catalogue.with_check(counted) if full else counted)
+    with progress_bars(Console(stderr=True)) as progress:
+        for entry in progress.track(found, description="recordings"):
+            counted = catalogue.with_trials(entry)
+            entries.append(catalogue.with_check(counted) if full else counted)
     entries = [entry for entry in entries if wanted.likes(entry)]
     console = Console(highlight=False)
     if as_json:

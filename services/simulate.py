@@ -106,8 +106,8 @@ def simulate(
         raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands move in jumps")
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+    from netboard.base.bars import progress_bars
     from netboard.physics.simulation import check_start, choose_steps
     from netboard.recording.importing import hand_simulation as hands
     from netboard.recording.importing.hand_files import find_inputs, plan_outputs
@@ -132,8 +132,7 @@ def simulate(
     sheets: list[hands.Sheet] = []
     faults: list[str] = []
     console = Console(highlight=False)
-    bar = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*bar, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with progress_bars(console) as progress:
         show: Any = partial(progress.update, progress.add_task("", total=len(plan)))
         for number, (path, result) in enumerate(plan.items()):
 

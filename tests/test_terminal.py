@@ -1,4 +1,4 @@
-"""Tables on a terminal: rows are distinguishable for any content and width."""
+"""Tables on a terminal: rows are distinguishable for any content and width. Progress bars: on a terminal only."""
 
 from io import StringIO
 
@@ -8,6 +8,7 @@ from hypothesis import given
 from rich.console import Console
 from rich.text import Text
 
+from netboard.base.bars import progress_bars
 from netboard.base.terminal import FittedTable, numbers
 
 NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
@@ -72,3 +73,13 @@ def test_a_row_has_at_most_as_many_cells_as_there_are_columns() -> None:
     table.add_row("1")
     with pytest.raises(ValueError, match="found 3, expected at most 2"):
         table.add_row("1", "2", "3")
+
+
+@pytest.mark.parametrize(("terminal", "shown"), [(True, True), (True, False), (False, True)])
+def test_progress_bars_are_for_terminals(terminal: bool, shown: bool) -> None:
+    console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
+    with progress_bars(console, "{task.completed} ticks", shown=shown) as progress:
+        task = progress.add_task("reading", total=10)
+        progress.update(task, completed=4, refresh=True)
+    said = console.export_text()
+    assert ("reading" in said and "4 ticks" in said) == (terminal and shown)

@@ -193,10 +193,11 @@ def _makes(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == FittedTable.__name__
 
 
-def test_no_table_is_made_elsewhere() -> None:
+@pytest.mark.parametrize(("module", "makes"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn")])
+def test_only_one_module_makes_tables_and_one_progress_bars(module: str, makes: str) -> None:
     for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
         for path in place.rglob("*.py"):
-            assert path.name == "terminal.py" or "rich.table" not in path.read_text(encoding="utf-8"), path
+            assert (makes in path.read_text(encoding="utf-8")) == (path.name == module), path
 
 
 def test_every_table_that_is_printed_tells_its_rows_apart(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,8 @@ from operator import attrgetter
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from netboard.base.bars import progress_bars
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.errors import NetboardError
@@ -84,8 +84,7 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
     for line in describe().lines():
         console.print(line)
     outcomes: list[Outcome] = []
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as progress:
+    with progress_bars(console) as progress:
         task = progress.add_task("", total=len(chosen))
 
         def tell(name: str) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from netboard.base.bars import progress_bars
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 
@@ -57,8 +57,7 @@ def run(
     for line in (*describe().lines(), *lines):
         console.print(line)
     parts: list[Part] = []
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not bar) as progress:
+    with progress_bars(Console(stderr=True), shown=bar) as progress:
         task = progress.add_task("getting ready", total=1.0)
 
         def tell(text: str, share: float) -> None:

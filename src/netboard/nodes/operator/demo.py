@@ -12,8 +12,9 @@ from enum import Enum
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn
 
+from netboard.base.bars import progress_bars
 from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping
@@ -136,8 +137,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping, study:
 def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
     """Show the progress until the block is over, or a player has closed the window or pressed Ctrl-C."""
     heard = time.monotonic()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
+    with progress_bars(console, MofNCompleteColumn()) as progress:
         task = progress.add_task("starting", total=None)
         while not stopping():
             ended = launcher.ended()

@@ -7,9 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn, Progress
 from rich.text import Text
 
+from netboard.base.bars import progress_bars
 from netboard.base.config import Config
 from netboard.base.errors import NetboardError
 from netboard.base.terminal import FittedTable, numbers
@@ -80,8 +81,7 @@ def together(jobs: Sequence[Job], workers: int) -> list[BlockResult]:
 
 def bars() -> Progress:
     """Make progress bars for a terminal that disappear at the end."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    return progress_bars(console, MofNCompleteColumn())
 
 
 def table_of(results: Sequence[BlockResult]) -> FittedTable:
