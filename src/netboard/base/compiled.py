@@ -24,7 +24,6 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 from numba.core import cgutils, types
-from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic, overload
 
 P = ParamSpec("P")
@@ -138,14 +137,18 @@ def waiting(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    """Compile a function once for all integers: Numba would compile it for each constant with which it is called."""
-    compiled: Any = numba.njit(cache=True, **options)(_named_by_closure(function))
-    if isinstance(compiled, Dispatcher):  # not if the compiler is switched off
+    compiled: Callable[P, R] = _once_for_all_integers(numba.njit(cache=True, **options)(_named_by_closure(function)))
+    return compiled
+
+
+def _once_for_all_integers(compiled: Any) -> Any:
+    """Compile a kernel once for all integers: Numba would do so for each constant with which another calls it."""
+    if hasattr(compiled, "get_call_template"):  # not if the compiler is switched off
         template = compiled.get_call_template
         compiled.get_call_template = lambda args, kws: template(
             [types.unliteral(one) for one in args], {name: types.unliteral(one) for name, one in kws.items()}
         )
-    return cast("Callable[P, R]", compiled)
+    return compiled
 
 
 def _named_by_closure(function: Callable[P, R]) -> Callable[P, R]:
@@ -245,7 +248,7 @@ def relaxed(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P,
             if found in _CHOICES:
                 _choose_for_copy(done[found], _CHOICES[found], recompiled)
             elif found is not text:
-                done[found] = numba.njit(**LOOSE)(done[found])
+                done[found] = _once_for_all_integers(numba.njit(**LOOSE)(done[found]))
         return done[found]
 
     copy: Callable[P, R] = recompiled(function)

@@ -133,15 +133,20 @@ def _turned(theta: Any) -> Any:
 _small = relaxed(small, {})
 
 
-@inlined
-def _turned_at_once(theta: Any, count: int) -> Any:
-    """Return sine and cosine of lanes; one by one if an angle is too large for the short form."""
-    if within(theta, EIGHTH_TURN):
-        return _small(theta, 0.0)
-    angles = np.empty((3, count))
-    put(angles, 0, theta)
-    _far(angles)
-    return lanes_at(angles, count, count), lanes_at(angles, 2 * count, count)
+@cache
+def _turner_of(COUNT: int) -> Callable[..., Any]:
+    """Make the function of so many lanes that returns their sines and cosines."""
+
+    @inlined
+    def turned(theta: Any) -> Any:
+        if within(theta, EIGHTH_TURN):
+            return _small(theta, 0.0)
+        angles = np.empty((3, COUNT))  # one by one: an angle is too large for the short form
+        put(angles, 0, theta)
+        _far(angles)
+        return lanes_at(angles, COUNT, COUNT), lanes_at(angles, 2 * COUNT, COUNT)
+
+    return turned
 
 
 @specialised(_turned)
@@ -149,8 +154,8 @@ def _turned_lanes(theta: Any) -> Any:
     """Choose the form when a kernel is compiled."""
     if isinstance(theta, types.Float):
         return lambda theta: sincos(theta)  # noqa: PLW0108  (numba takes no compiled function here)
-    count = theta.count
-    return lambda theta: _turned_at_once(theta, count)
+    turned = _turner_of(theta.count)
+    return lambda theta: turned(theta)  # noqa: PLW0108
 
 
 _remainder = relaxed(remainder, {sincos: _turned})
