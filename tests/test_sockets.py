@@ -24,7 +24,7 @@ from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import authenticator, channels, endpoints, fastpath, poller, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 pytestmark = pytest.mark.integration
 

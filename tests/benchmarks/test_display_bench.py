@@ -8,7 +8,7 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.rig import Display, Network
 from netboard.benchmarks.loop.display import Shown, height_at, lateness
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 NONE = np.zeros(0, np.int64)
 

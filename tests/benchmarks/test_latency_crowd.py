@@ -16,7 +16,7 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Force, Heartbeat, Safeguard, Stylus
 from netboard.network.protocol.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 from netboard.network.transport import channels, endpoints, poller, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.task.trials.state_machine import Phase
 
 PATIENCE = 60.0

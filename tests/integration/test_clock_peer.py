@@ -18,7 +18,7 @@ from netboard.benchmarks.faults.relay import Weather, between
 from netboard.benchmarks.faults.rigs import PATIENCE, Rig, Way
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.recording.files.reader import Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]

@@ -16,7 +16,7 @@ import pytest
 
 from netboard.base.clock import now_ns
 from netboard.benchmarks.faults.rigs import Rig, Way
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.recording.export.lsl_streams import STREAMS, description, event_text, samples, seconds
 from netboard.recording.files.reader import Recording
 

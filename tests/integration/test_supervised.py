@@ -11,7 +11,7 @@ from select import select
 
 import pytest
 
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 pytestmark = [
     pytest.mark.integration,

@@ -19,8 +19,8 @@ from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Heartbeat, Safeguard, Stylus
 from netboard.network.transport import channels, sockets
+from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.agent import Agent
-from netboard.nodes.operator.launcher import free_port
 
 PATIENCE = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""

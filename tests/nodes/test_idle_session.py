@@ -11,7 +11,7 @@ from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.records import EventRecord, TickRecord
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.session import Session

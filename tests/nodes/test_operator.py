@@ -11,8 +11,8 @@ from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import HELLO_FIRST, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, endpoints, sockets
+from netboard.network.transport.ports import free_port
 from netboard.nodes.operator import operator
-from netboard.nodes.operator.launcher import free_port
 from netboard.nodes.operator.operator import Operator
 
 TRIES = 100

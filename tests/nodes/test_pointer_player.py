@@ -15,8 +15,8 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Felt, Pointer
 from netboard.network.transport import channels, sockets
+from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.stylus_source import Player, stylus_source_of
-from netboard.nodes.operator.launcher import free_port
 
 pytestmark = pytest.mark.integration
 

@@ -17,7 +17,7 @@ from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.records import EventRecord, LogRequest
 from netboard.network.transport import channels, poller, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.operator import Operator
 from netboard.nodes.replay.replay_server import MOST_LETTERS, ReplayServer
 from netboard.stage.curtain import make_curtain, view_of

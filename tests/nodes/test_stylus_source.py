@@ -10,8 +10,8 @@ from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side, parse, resolve
 from netboard.base.errors import ConfigError
 from netboard.network.transport import sockets
+from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.stylus_source import LiveController, LiveParticipant, SecondHand
-from netboard.nodes.operator.launcher import free_port
 from netboard.participants.submovement import Submovement
 
 PATIENCE = 60.0

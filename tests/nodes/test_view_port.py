@@ -9,7 +9,7 @@ from netboard.base.config import SIDES, Config, Side, parse
 from netboard.base.tick import TICK
 from netboard.network.protocol.codec import decode
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.view_port import SAME_VIEW_TICKS, ViewPort
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.view import View

@@ -8,7 +8,8 @@ import pytest
 from netboard.base.config import parse
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import Ended, Launcher, free_port
+from netboard.network.transport.ports import free_port
+from netboard.nodes.operator.launcher import Ended, Launcher
 from netboard.services import up
 
 RIG = Path("rig.toml")

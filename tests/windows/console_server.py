@@ -28,7 +28,7 @@ from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refus
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
 
 ARMED = int(Safeguard.ARMED)

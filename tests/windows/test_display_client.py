@@ -14,7 +14,7 @@ from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.views import Frames
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.windows.participant.scene import PictureState
 
 WIDE = Geometry(board_length=0.8)

@@ -9,7 +9,7 @@ from netboard.base.tables.rig import Agent, Agents
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.motion import Felt, Pointer
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 pytestmark = pytest.mark.integration
 

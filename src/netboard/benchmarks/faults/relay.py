@@ -20,7 +20,8 @@ from math import inf
 from typing import Self, TypeAlias
 
 from netboard.base.clock import now_ns
-from netboard.nodes.operator.launcher import CHANNELS, free_port
+from netboard.network.transport.channels import CHANNELS
+from netboard.network.transport.ports import free_port
 
 log = logging.getLogger(__name__)
 
@@ -272,7 +273,7 @@ class Relay:
 def between(peer_to: Place) -> Relay:
     """Return the relay of a peer, whose port is then `Relay.port`."""
     host, port = peer_to
-    return Relay([(host, port + channel) for channel in range(CHANNELS)])
+    return Relay([(host, port + channel) for channel in range(len(CHANNELS))])
 
 
 def _listen(place: Place) -> net.socket:

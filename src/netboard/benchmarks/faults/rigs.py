@@ -21,7 +21,7 @@ from netboard.base.process import WITH_PARENT
 from netboard.benchmarks.faults.devices import NAME, install, read_trace, trace_file
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.operator import Operator
 
 PATIENCE = 120.0

@@ -15,7 +15,7 @@ from pathlib import Path
 from netboard.base.config import parse
 from netboard.network import keys
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 MESSAGES_PER_TURN = 4
 """Messages received from each channel in a turn [1]."""

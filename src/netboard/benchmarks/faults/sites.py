@@ -18,7 +18,7 @@ from netboard.benchmarks.faults import links, wall_clock
 from netboard.benchmarks.faults.relay import Relay, between
 from netboard.benchmarks.faults.rigs import Rig, Way, tampered
 from netboard.network import keys
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 
 PACE = (
     *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),

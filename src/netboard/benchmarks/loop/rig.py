@@ -21,7 +21,8 @@ from netboard.benchmarks.loop.usage import Usage, read_usage
 from netboard.network import keys
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import Launcher, free_port
+from netboard.network.transport.ports import free_port
+from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import is_active

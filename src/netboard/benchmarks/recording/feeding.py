@@ -25,7 +25,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.launcher import free_port
+from netboard.network.transport.ports import free_port
 from netboard.nodes.ports.log_port import LogPort
 from netboard.recording.recovery.spill import Spill
 

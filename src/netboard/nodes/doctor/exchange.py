@@ -25,7 +25,8 @@ from netboard.base.tables.rig import Network, Realtime
 from netboard.base.tick import TICK_SECONDS
 from netboard.network.protocol.fixed import FORCE, STYLUS
 from netboard.network.transport import channels, sockets
-from netboard.nodes.doctor.network import LOOPBACK, free_port
+from netboard.network.transport.ports import free_port
+from netboard.nodes.doctor.network import LOOPBACK
 
 ANSWER = struct.Struct(f"<qq{FORCE.size - 16}x")
 """Answer of the server: when it received the frame, and when it sends this one [ns]."""

@@ -21,6 +21,7 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.transport import channels, poller, sockets
+from netboard.network.transport.ports import free_port
 
 if sys.platform != "win32":
     import fcntl
@@ -89,13 +90,6 @@ def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
     if heard is None:
         raise NetboardError(f"a frame did not come through loopback within {PATIENCE_NS * 1e-9:g} s")
     return heard
-
-
-def free_port() -> int:
-    """Return a first port with which the control channel's port is free now."""
-    with net.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        return int(probe.getsockname()[1]) - channels.CONTROL
 
 
 def ports(network: Network) -> Finding:

@@ -19,7 +19,8 @@ from netboard.base.config import SIDES, Config, played_sides, resolve
 from netboard.base.errors import NetboardError
 from netboard.base.process import Stopping
 from netboard.network.transport import sockets
-from netboard.nodes.operator.launcher import Launcher, free_port
+from netboard.network.transport.ports import free_port
+from netboard.nodes.operator.launcher import Launcher
 from netboard.nodes.operator.operator import Operator
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording

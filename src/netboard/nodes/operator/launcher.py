@@ -5,9 +5,7 @@ which then ends the others in order. Their output goes to files, or to this proc
 """
 
 import os
-import random
 import signal
-import socket as net
 import subprocess
 import sys
 import time
@@ -17,17 +15,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from netboard.base.errors import NetboardError
 from netboard.base.process import SUPERVISOR, WITH_PARENT
 
 STOP_SECONDS = 15.0
 """Time for processes to end cleanly before they are killed [s]."""
-
-CHANNELS = 6
-"""Consecutive ports that a session takes [1]."""
-
-_guards: list[net.socket] = []
-"""Sockets that reserve the ranges of ports which this process has found free."""
 
 
 @dataclass(frozen=True)
@@ -131,24 +122,3 @@ class Launcher:
         log = self.log_of(name)
         lines = [] if log is None else log.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
-
-
-def free_port() -> int:
-    """Return the first of enough consecutive free ports; no other process finds the same while this one lives.
-
-    The ports are bound only later, by processes that are slow to start. Until then the port behind them is held.
-    """
-    ports = range(5550, 32_000, CHANNELS + 1)
-    for port in random.sample(ports, len(ports)):
-        guard = net.socket()
-        try:
-            guard.bind(("127.0.0.1", port + CHANNELS))
-            for channel in range(CHANNELS):
-                with net.socket() as probe:
-                    probe.bind(("127.0.0.1", port + channel))
-        except OSError:
-            guard.close()
-            continue
-        _guards.append(guard)
-        return port
-    raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")
