@@ -4,6 +4,7 @@ import contextlib
 import errno
 import gc
 import logging
+import math
 import os
 import signal
 import socket
@@ -27,7 +28,9 @@ from netboard.base.process import (
     cpus_for,
     io_priority,
     leave_reserved_cpus,
+    peak_memory,
     prepare,
+    resident_memory,
     steady_loop,
 )
 from netboard.base.tables.rig import Realtime
@@ -311,3 +314,11 @@ def test_what_happens_any_number_of_times_is_said_now_and_then(
     monkeypatch.setattr(process, "SELDOM_S", 0.0)
     seldom.log("the end")
     assert [record.message for record in caplog.records] == ["number 0", "the end (the last of 1000)"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_resident_memory_is_that_of_the_pages() -> None:
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
+    assert resident_memory() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE"), rel=0.05)
+    assert resident_memory(os.getpid()) <= peak_memory()
+    assert math.isnan(resident_memory("no process"))

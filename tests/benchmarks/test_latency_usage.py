@@ -19,7 +19,6 @@ from netboard.benchmarks.loop.usage import (
     kind_of,
     parse_thread,
     read_usage,
-    resident_bytes,
     total,
 )
 
@@ -45,10 +44,6 @@ def test_threads_are_told_apart() -> None:
     assert kind_of(7, 7, "python") == LOOP
     assert kind_of(7, 8, "ZMQbg/IO/0") == TRANSPORT
     assert kind_of(7, 9, "ZMQbg/Reaper") == OTHER
-
-
-def test_memory_is_counted_in_pages() -> None:
-    assert resident_bytes("900 25 7 1 0 80 0\n", 4096) == 25 * 4096
 
 
 def test_what_was_spent_between_two_moments() -> None:

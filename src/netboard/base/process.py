@@ -331,10 +331,19 @@ def _libc(call: Callable[[ctypes.CDLL], int]) -> None:
 
 
 def peak_memory() -> float:
-    """Return the peak memory of this process, in bytes; NaN if the system does not report it [1]."""
-    status = Path("/proc/self/status")
+    """Return the peak memory of this process; NaN if the system does not report it [bytes]."""
+    return _memory("self", "VmHWM:")
+
+
+def resident_memory(process: int | str = "self") -> float:
+    """Return the resident memory of a process; NaN if the system does not report it [bytes]."""
+    return _memory(process, "VmRSS:")
+
+
+def _memory(process: int | str, kind: str) -> float:
+    status = Path(f"/proc/{process}/status")
     lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
-    return next((float(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")), float("nan"))
+    return next((float(line.split()[1]) * 1024 for line in lines if line.startswith(kind)), float("nan"))
 
 
 def log_to_stderr(name: str) -> None:

@@ -1,8 +1,7 @@
 """Checks on the processes of a test: that they run, and that their memory does not grow."""
 
-from pathlib import Path
-
 from netboard.base.errors import NetboardError
+from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.rigs import Rig
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
@@ -20,15 +19,6 @@ def require_running(rig: Rig) -> None:
 def memory(rig: Rig) -> dict[str, float]:
     """Return the resident memory of each process of a rig [bytes]."""
     return {name: resident_memory(process.pid) for name, process in rig.running.items()}
-
-
-def resident_memory(process: int | str = "self") -> float:
-    """Return the resident memory of a process [bytes]; NaN on a system without /proc."""
-    status = Path("/proc") / str(process) / "status"
-    if not status.exists():
-        return float("nan")
-    line = next(line for line in status.read_text().splitlines() if line.startswith("VmRSS"))
-    return 1024.0 * int(line.split()[1])
 
 
 def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
+from netboard.base.process import resident_memory
 
 LOOP, TRANSPORT, OTHER = "loop", "I/O", "other"
 KINDS = (LOOP, TRANSPORT, OTHER)
@@ -120,20 +121,15 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
     return head.partition("(")[2], Spent(*times, slept, ousted)
 
 
-def resident_bytes(statm: str, page: int) -> int:
-    """Return the resident memory of a process, in bytes [1]."""
-    return int(statm.split()[1]) * page
-
-
 def read_usage(process: int) -> Usage:
     """Return the present usage of a process."""
     here = Path("/proc") / str(process)
-    clock_hz, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
+    clock_hz = os.sysconf("SC_CLK_TCK")
     try:
         threads = dict(
             _read_thread(process, int(folder.name), folder, clock_hz) for folder in (here / "task").iterdir()
         )
-        return Usage(now_ns(), threads, resident_bytes((here / "statm").read_text(), page))
+        return Usage(now_ns(), threads, resident_memory(process))
     except OSError as error:
         raise NetboardError(f"cannot tell what process {process} uses: {error}") from error
 
