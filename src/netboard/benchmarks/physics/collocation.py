@@ -135,7 +135,7 @@ _small = relaxed(small, {})
 
 @cache
 def _turner_of(COUNT: int) -> Callable[..., Any]:
-    """Make the function of so many lanes that returns their sines and cosines."""
+    """Make the function that returns the sines and cosines of some lanes."""
 
     @inlined
     def turned(theta: Any) -> Any:
