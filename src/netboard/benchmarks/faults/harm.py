@@ -28,7 +28,7 @@ from netboard.network.protocol.joining import Hello, Refusal
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.motion import Stylus
 from netboard.network.transport import channels, poller, sockets
-from netboard.nodes.operator.launcher import CHANNELS
+from netboard.network.transport.channels import CHANNELS
 from netboard.nodes.ports import emergency
 
 Facts: TypeAlias = Mapping[str, str]
