@@ -6,10 +6,14 @@ The clock is OFFSET_NS ahead at SINCE_NS, by this machine's clock, runs PPM fast
 SIGUSR1: what the machine's clock read before and after a step is appended to the file TOLD.
 """
 
+import ctypes
 import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
+
+from llvmlite import binding
 
 import netboard.base.clock
 
@@ -29,6 +33,16 @@ class SkewedClock:
         machine_ns = time.monotonic_ns()
         return machine_ns + self.offset(machine_ns)
 
+    def for_kernels(self) -> Any:
+        """A function that stands for the C library's ``clock_gettime``, which kernels call."""
+
+        @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.POINTER(ctypes.c_int64))
+        def clock_gettime(which: int, time_s_ns: Any) -> int:
+            time_s_ns[0], time_s_ns[1] = divmod(self.now_ns(), 1_000_000_000)
+            return 0
+
+        return clock_gettime
+
 
 def main() -> None:
     """Run the command."""
@@ -43,6 +57,8 @@ def main() -> None:
 
     signal.signal(signal.SIGUSR1, step)
     netboard.base.clock.now_ns = clock.now_ns  # before anything takes it from there
+    for_kernels = clock.for_kernels()
+    binding.add_symbol("clock_gettime", ctypes.cast(for_kernels, ctypes.c_void_p).value)
 
     from netboard.services import cli
 

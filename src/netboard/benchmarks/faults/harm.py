@@ -263,10 +263,10 @@ def flood(site: Site) -> Facts:
 def _knock(site: Site) -> int:
     """Connect to every channel, send bytes that are not ZeroMQ, and close."""
     network = site.rig.config.network
-    for channel in range(CHANNELS - 1):
+    for channel in range(len(CHANNELS) - 1):
         with net.create_connection((network.host, network.port + channel), ANSWER_SECONDS) as connection:
             connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
-    return CHANNELS - 1
+    return len(CHANNELS) - 1
 
 
 def _reach(site: Site) -> channels.Addresses:

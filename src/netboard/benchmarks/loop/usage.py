@@ -52,7 +52,7 @@ class Usage:
 
     at_ns: int
     threads: dict[tuple[int, str], Spent]
-    resident: int
+    resident: float
 
     def since(self, before: "Usage") -> dict[str, Spent]:
         """Return the usage since an earlier time by kind of thread, without threads that have ended."""
