@@ -1,8 +1,9 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
 ``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name; with
-``part="NAME"``, tests that give this name too, and share what is costly, are one of these. `some` draws from what one
-test runs together. The seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+``part="NAME"``, tests that give this name too, and share what is costly, are one of these. A test with two marks, of its
+own and of its module, runs if both draw it. `some` draws from what one test runs together. The seed is printed at the
+head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
 """
 
 import os
@@ -33,7 +34,7 @@ def left_out(items: list[pytest.Item]) -> set[pytest.Item]:
     groups: dict[str, dict[str, list[pytest.Item]]] = defaultdict(lambda: defaultdict(list))
     most: dict[str, int] = {}
     for item in items:
-        if (mark := item.get_closest_marker("daily")) is not None:
+        for mark in item.iter_markers("daily"):
             name = mark.kwargs.get("of", item.nodeid.partition("[")[0])
             groups[name][mark.kwargs.get("part", item.nodeid)].append(item)
             most[name] = mark.args[0]

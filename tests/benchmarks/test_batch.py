@@ -15,6 +15,8 @@ from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_
 from netboard.physics.methods.march import make_grid, run
 from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
 
+pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="batch")
+
 Array = NDArray[np.float64]
 H, COUNT = 1e-3, 2 * LANES
 

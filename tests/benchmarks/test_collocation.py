@@ -15,6 +15,8 @@ from trajectories import Scene, drive, falling, scene_of
 from netboard.benchmarks.physics.collocation import prepare_collocation
 from netboard.benchmarks.physics.quadrature import gauss_nodes
 
+pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="collocation")
+
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
 DURATION = 0.16
 KINDS: dict[str, dict[str, Any]] = {

@@ -9,6 +9,8 @@ from trajectories import Scene, drive, falling, scene_of
 
 from netboard.benchmarks.physics.multistep import MULTISTEP, prepare_multistep
 
+pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="multistep")
+
 START = (0.002, 0.01, 0.05, 0.2, 0.03, 0.02)
 DURATION = 0.32
 ORDERS = {method.name: method.order for method in MULTISTEP}

@@ -51,7 +51,7 @@ SCENES = [{}, {"k_h": 1000.0}, {"c_h": 100.0}, {"k_h": 31.6, "c_h": 31.6}, {"M":
 @pytest.mark.slow
 @pytest.mark.parametrize("factors", SCENES, ids=str)
 @pytest.mark.parametrize("method", LIMITED)
-@pytest.mark.daily(6)
+@pytest.mark.daily(4)
 def test_theory_says_how_long_steps_may_be(method: str, factors: dict[str, float]) -> None:
     cell = measure_cell(scaled(Physics(), **factors), method)
     assert cell.counts

@@ -89,6 +89,7 @@ def going(rig: Rig, what: Callable[[Status], bool]) -> Status:
         rig.operator.do("resume")
 
 
+@pytest.mark.daily(3, of="whole sessions")
 def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         rig.start("logger", "logger", "--once")
@@ -209,6 +210,7 @@ def one_more_is_done(rig: Rig) -> None:
     rig.until(lambda s: len({row[:2] for row in attempts(rig) if row[3] == "success"}) > done)
 
 
+@pytest.mark.daily(3, of="whole sessions")
 def test_a_server_killed_again_and_again_goes_on_with_the_same_plan_and_the_right_counts(tmp_path: Path) -> None:
     chance = daily.chance("kills")
     with Rig(tmp_path, (*QUICK, *PILOT, "network.require_logger=false")) as rig:

@@ -123,7 +123,7 @@ def gap(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float) -> tuple
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [True, False])
 @every
-@pytest.mark.daily(3)
+@pytest.mark.daily(2)
 def test_the_balance_closes_to_the_sixth_order_and_to_twelve_digits(values: dict[str, Any], free: bool) -> None:
     scene = scene_of(free, **values)
     start = at_rest(scene, 0.02)
@@ -168,7 +168,7 @@ def test_what_is_missing_of_the_balance_is_what_the_stops_took() -> None:
 @pytest.mark.parametrize(
     "values", [{"balls": 0}, {}, {"model": "lagrangian", "balls": 2, "ball_height": 0.02, "ball_inertia": 0.4}], ids=str
 )
-@pytest.mark.daily(2)
+@pytest.mark.daily(1)
 def test_an_undamped_scene_between_still_hands_keeps_its_energy_but_for_the_order(values: dict[str, Any]) -> None:
     scene = scene_of(c_h=0.0, **values)
     drifts = []

@@ -118,7 +118,7 @@ def linear_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("coupling", ["both", "left", "none"])
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 5e-2])
-@pytest.mark.daily(6)
+@pytest.mark.daily(3)
 def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, free: bool) -> None:
     scene = scene_of(free, board="level", model=model, coupling=coupling, b_z=0.2, balls=2, ball_height=0.02)
     start = (0.004, -0.1, 0.0, 0.0, 0.1, 0.3, -0.2, 0.4)
@@ -158,7 +158,7 @@ def test_a_board_that_tilts_has_no_exact_step() -> None:
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
 @pytest.mark.parametrize(("k", "c"), [(1000.0, 1.0), (1.0, 1000.0), (1000.0, 1000.0)])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])
-@pytest.mark.daily(9)
+@pytest.mark.daily(4)
 def test_however_stiff_the_board_stays_with_the_hands(h: float, k: float, c: float, method: str) -> None:
     scene = scene_of(balls=0)
     packed = scene.packed.copy()

@@ -51,7 +51,7 @@ def test_the_error_falls_with_the_order_of_the_method(method: str, model: str) -
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("method", [*IMPLICIT, "semi_implicit"])
 @pytest.mark.parametrize("values", SCENES.values(), ids=SCENES)
-@pytest.mark.daily(6)
+@pytest.mark.daily(3)
 def test_every_scene_can_be_stepped(values: dict[str, Any], method: str, model: str) -> None:
     order = METHODS[NUMBER[method]].order
     assert falling(errors(scene_of(model=model, **values), method, [100, 200], 0.048)) == pytest.approx(order, abs=0.3)
@@ -60,6 +60,7 @@ def test_every_scene_can_be_stepped(values: dict[str, Any], method: str, model: 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("method", CLASSICAL)
+@pytest.mark.daily(4)
 def test_a_fixed_ball_stays(method: str, model: str) -> None:
     scene = scene_of(free=False, model=model)
     start = (*start_of(scene, free=False)[:4], 0.1, 0.3)

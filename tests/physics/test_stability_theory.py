@@ -95,7 +95,7 @@ def test_the_boards_matrix_at_a_tilt_is_the_derivative_of_the_equations(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [*CLASSICAL, *EXPONENTIAL])
-@pytest.mark.daily(4)
+@pytest.mark.daily(3)
 def test_the_step_matrix_is_the_derivative_of_the_compiled_step(method: str) -> None:
     for scene, tilt in product(weightless(c_h=6.0), (0.0, TILT)):
         x, hands = at_rest(scene, tilt)
@@ -237,7 +237,7 @@ def departure(scene: Scene, method: str, h: float, steps: int) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [*EXPLICIT, "verlet"])
 @pytest.mark.parametrize("scales", [(1, 1), (10, 1), (100, 1), (1, 10)], ids=str)
-@pytest.mark.daily(8)
+@pytest.mark.daily(4)
 def test_the_full_equations_leave_bounds_where_the_theory_says(method: str, scales: tuple[float, float]) -> None:
     """Within 4 %: no sooner, and hardly later, though the board swings."""
     scene = scaled(*scales, balls=0)
