@@ -1,8 +1,8 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
 ``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name; with
-``part="NAME"``, tests that give this name too, and share what is costly, are one of these. A test with two marks, of its
-own and of its module, runs if both draw it. `some` draws from what one test runs together. The seed is printed at the
+``part="NAME"``, tests that give this name too, and share what is costly, are one of these. A test with two marks, its
+own and its module's, runs if both draw it. `some` draws from what one test runs together. The seed is printed at the
 head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
 """
 

@@ -105,6 +105,19 @@ def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_diff
 
 
 @pytest.mark.slow
+def test_a_lost_block_of_one_of_two_makes_no_effect() -> None:
+    """A takes 3 s and B 9 s, whatever they feel; B of two dyads has no trials with haptics."""
+    blocks = [
+        Block(f"D{k}", f"D{k}{who}", "bimanual", force, times(3.0 if who == "A" else 9.0))
+        for k in range(1, 7)
+        for who in "AB"
+        for force in ("none", "full")
+        if (who, force) != ("B", "full") or k > 2
+    ]
+    one = comparison(comparisons(made_study(blocks)), "completion time", "bimanual, haptics on vs off")
+    assert (one.difference.value, one.contrast.n) == (pytest.approx(1.0), 6)
+
+
 def test_without_any_difference_intervals_cover_zero() -> None:
     """Of a hundred intervals of 95 % some five do not; bootstraps of ten dyads are a little too short."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))

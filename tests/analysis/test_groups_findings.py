@@ -65,12 +65,37 @@ def test_differences_are_of_dyads_that_have_both() -> None:
         + [Block("D01", "D01A", "bimanual", "none", times(1))]
     )
     values = {
-        "bimanual, none": pd.Series({"D01": 1.0, "D02": 2.0}),
-        "dyadic, none": pd.Series({"D01": 4.0}),
-        "dyadic, full": pd.Series({"D01": 3.0, "D02": 9.0}),
+        "bimanual, none": pd.Series({("D01", "D01A"): 1.0, ("D02", "D02A"): 2.0}),
+        "dyadic, none": pd.Series({("D01", "D01"): 4.0}),
+        "dyadic, full": pd.Series({("D01", "D01"): 3.0, ("D02", "D02"): 9.0}),
     }
     found = {group: differences.to_dict() for group, differences in comparisons(conditions(study), values)}
     assert found == {"dyadic, haptics on vs off": {"D01": -1.0}, "bimanual vs dyadic": {"D01": -3.0}}
+
+
+FORCES_ALONE = [
+    *(Block(dyad, f"{dyad}{who}", "bimanual", "none", times(1)) for dyad in ("D01", "D02") for who in "AB"),
+    *(Block(dyad, f"{dyad}{who}", "bimanual", "full", times(1)) for dyad in ("D01", "D02") for who in "AB"),
+    *(Block(dyad, dyad, "dyadic", "none", times(1)) for dyad in ("D01", "D02")),
+]
+
+
+def test_differences_are_over_the_same_performers() -> None:
+    """A takes 3 s and B 9 s, whatever they feel; B of D01 lacks one condition."""
+    slow, quick = {("D01", "D01B"): 9.0, ("D02", "D02B"): 9.0}, {("D01", "D01A"): 3.0, ("D02", "D02A"): 3.0}
+    felt = {key: value for key, value in slow.items() if key[0] == "D02"}
+    values = {
+        "bimanual, none": pd.Series(quick | slow),
+        "bimanual, full": pd.Series(quick | felt),
+        "dyadic, none": pd.Series({("D01", "D01"): 5.0, ("D02", "D02"): 5.0}),
+    }
+    every = conditions(made_study(FORCES_ALONE))
+    found = {group: differences.to_dict() for group, differences in comparisons(every, values)}
+    assert found["bimanual, haptics on vs off"] == {"D01": 0.0, "D02": 0.0}
+    assert found["bimanual vs dyadic"] == {"D01": 1.0, "D02": 1.0}
+    exchanged = {"bimanual, none": values["bimanual, full"], "bimanual, full": values["bimanual, none"]}
+    found = {group: differences.to_dict() for group, differences in comparisons(every, values | exchanged)}
+    assert found["bimanual vs dyadic"] == {"D02": 1.0}  # D01 is one of two people only
 
 
 FAILED = [

@@ -1,5 +1,7 @@
 """The measures, compared with implementations in other libraries."""
 
+from typing import Literal
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -335,6 +337,14 @@ def test_of_ranks_divisions_are_mann_and_whitneys_test(ranks: list[int], size: i
     for alternative in ("two-sided", "greater", "less"):
         expected = stats.mannwhitneyu(x, y, alternative=alternative, method="exact").pvalue
         assert permutation_test_between(x, y, alternative=alternative).p == pytest.approx(expected)
+
+
+@pytest.mark.evidence("truth", permutation_test_between)
+@pytest.mark.parametrize("size", [2, 3, 4])
+@pytest.mark.parametrize("alternative", ["two-sided", "greater"])
+def test_the_most_extreme_division_has_the_least_p(size: int, alternative: Literal["two-sided", "greater"]) -> None:
+    found = permutation_test_between(10.0 + np.arange(size), [1, 2, 3], alternative=alternative)
+    assert found.p == pytest.approx(found.least_p)
 
 
 @pytest.mark.slow

@@ -99,6 +99,13 @@ def test_a_long_trial_counts_once_or_by_its_time() -> None:
     np.testing.assert_allclose(mean_shares(seconds, of="time"), [0.1, 0.9, 0, 0])
 
 
+@pytest.mark.evidence("disturbance", mean_shares, of="holes")
+def test_an_unknown_trial_takes_no_other_with_it() -> None:
+    seconds = np.array([[1.0, 3.0, 0, 0], [np.nan] * 4, [3.0, 9.0, 0, 0]])
+    for average in ("trials", "time"):
+        np.testing.assert_allclose(mean_shares(seconds, of=average), [0.25, 0.75, 0, 0])
+
+
 @pytest.mark.evidence("truth", mean_shares)
 def test_people_count_the_same_whatever_their_number_of_trials() -> None:
     seconds = np.array([[1.0, 0, 0, 0]] * 3 + [[0, 1.0, 0, 0]] + [[0, 0, 0, 0]])

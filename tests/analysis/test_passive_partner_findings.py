@@ -7,6 +7,7 @@ from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study
 from netboard.analysis.topics.passive import Control, controls, picture
 from netboard.analysis.topics.result import table_of
+from netboard.analysis.topics.units import PERCENT, POINTS, read_in
 
 OFF = (0.40, 0.42, 0.38, 0.44)
 
@@ -23,7 +24,7 @@ def shares(row: dict[str, float], configuration: str, force: str, dyad: int) -> 
 
 def control(stiffness: int, dyads: int = 4, device: bool = False) -> Control:
     found = controls(modern_study(modern_blocks(dyads=dyads, change=shares)))
-    (only,) = [one for one in found.controls if (one.stiffness, bool(one.friction)) == (stiffness, device)]
+    (only,) = [one for one in found.controls if (one.stiffness, one.with_device) == (stiffness, device)]
     return only
 
 
@@ -58,8 +59,26 @@ def test_where_no_device_is_known_only_the_hand_without_friction_is_told() -> No
         row |= {f"passive_{k}_device": np.nan for k in (50, 150, 300)} | {"passive_friction": np.nan}
 
     study = modern_study(modern_blocks(change=unknown))
-    assert {one.friction for one in controls(study).controls} == {0.0}
+    assert not any(one.with_device for one in controls(study).controls)
     assert "whose friction is not known" in picture(study).caption
+
+
+def test_a_device_without_friction_is_a_device() -> None:
+    def smooth(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+        shares(row, configuration, force, dyad)
+        row |= {"passive_friction": 0.0}
+
+    found = controls(modern_study(modern_blocks(change=smooth)))
+    quantities = table_of(found.results)["quantity"].tolist()
+    assert len(quantities) == len(set(quantities))
+    assert quantities.count("passive effect on cooperative share, 50 N/m, with the device") == 1
+    assert sum(one.with_device for one in found.controls) == 3
+
+
+def test_a_share_of_an_effect_is_no_difference() -> None:
+    group = "dyadic, haptics on vs off"
+    assert read_in("1", "passive share of the effect, 50 N/m, no friction", group) == PERCENT
+    assert read_in("1", "passive effect on cooperative share, 50 N/m, no friction", group) == POINTS
 
 
 def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:

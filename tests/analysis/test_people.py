@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from made_study import Block, made_study, times
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.topics.performers import PEOPLE, people_of
@@ -50,6 +51,35 @@ def test_numbers_are_those_of_the_own_trials(study: Study) -> None:
         signed = signed[signed["condition"] == row["condition"]]["delay_20"].to_numpy()
         np.testing.assert_allclose(row["signed_delay_20"], np.nanmean(signed))
         np.testing.assert_allclose(row["delay_20"], np.nanmean(np.abs(signed)))
+
+
+def test_failed_attempts_cost_time_if_they_are_to() -> None:
+    trials = [
+        {"trial": 1, "attempt": 1, "outcome": "fell", "duration": 4.0, "completion": np.nan},
+        {"trial": 1, "attempt": 2, "duration": 4.5, "completion": 3.0},
+        {"trial": 2, "attempt": 1, "duration": 4.5, "completion": 3.0},
+    ]
+    study = made_study([Block("D01", "D01", "dyadic", "none", trials)], 'summaries.time="all_attempts"')
+    (row,) = people_of(study).to_dict("records")
+    assert (row["completion"], row["completion_median"]) == (5.0, 5.0)
+    assert row["completion_sd"] == pytest.approx(np.sqrt(8))
+
+
+def test_a_person_in_two_dyads_has_a_partner_in_each() -> None:
+    study = made_study(
+        [
+            Block(dyad, performer, "bimanual", "none", times(3))
+            for dyad, both in (("D01", ("P1", "P2")), ("D02", ("P1", "P3")))
+            for performer in both
+        ]
+    )
+    people = people_of(study)
+    assert list(zip(people["dyad"], people["performer"], people["partner"], strict=True)) == [
+        ("D01", "P1", "P2"),
+        ("D01", "P2", "P1"),
+        ("D02", "P1", "P3"),
+        ("D02", "P3", "P1"),
+    ]
 
 
 def test_what_does_not_count_is_in_no_mean(study: Study) -> None:

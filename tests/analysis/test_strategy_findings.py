@@ -85,6 +85,16 @@ def test_all_are_shown_together_where_there_are_several_teams() -> None:
     assert found.teams[0].ellipses[0].count == sum(one.ellipses[0].count for one in found.teams[1:])
 
 
+def test_a_change_is_that_of_series_with_both_ends() -> None:
+    """Neither changes; the one with the wider spread has no last group."""
+    blocks = [
+        Block("D01", "D01A", "bimanual", "none", braked(*NARROW, *NARROW)),
+        Block("D01", "D01B", "bimanual", "none", braked(*WIDE)),
+    ]
+    found = strategy(made_study(blocks, GROUP))
+    assert value(found, "change of variance of distance", "bimanual, last group vs first") == pytest.approx(0.0)
+
+
 def test_one_group_has_no_change() -> None:
     found = strategy(made_study(BLOCKS, "summaries.group=30"))
     assert np.isnan(value(found, "change of variance of distance", "dyadic, last group vs first"))

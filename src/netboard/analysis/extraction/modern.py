@@ -9,6 +9,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.settings import Movements
 from netboard.analysis.extraction.tables import Group, number
 from netboard.analysis.extraction.trials import RATE, Take
 from netboard.analysis.measures.interaction import effort, exchanged, force_share, interaction, supports, work
@@ -116,7 +117,7 @@ def _passive_partner(take: Take) -> dict[str, float]:
 
     def share(active: Side, passive: Side, hand: PassiveHand) -> float:
         height = passive_partner(moved[active], p, RATE, hand, Gains(*gains[passive][1:]))
-        return _cooperative(rates[active], derivative(height, RATE))
+        return _cooperative(rates[active], derivative(height, RATE), take.block.readings.movements)
 
     found = {"passive_friction": np.mean([np.nan if one is None else one.friction for one in held.values()])}
     for stiffness in STIFFNESSES:
@@ -131,9 +132,10 @@ def _passive_partner(take: Take) -> dict[str, float]:
     return {name: float(value) for name, value in found.items()}
 
 
-def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64], how: Movements) -> float:
     """Return the share of cooperative movement; it is zero with a still partner."""
-    return float(movement_times(classify(one, other), RATE).shares[0])
+    classes = classify(one, other, still_below=how.still_below, at_limit=how.at_limit)
+    return float(movement_times(classes, RATE).shares[0])
 
 
 MODERN = (

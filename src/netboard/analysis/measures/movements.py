@@ -170,7 +170,7 @@ def mean_shares(
     for person in np.unique(whose):
         own = seconds[whose == person]
         if of == "time":
-            each.append(shares(own.sum(axis=0)))
+            each.append(shares(own[np.isfinite(own).all(axis=1)].sum(axis=0)))
         else:
             known = shares(own)[own.sum(axis=1) > 0]
             each.append(known.mean(axis=0) if len(known) else np.full(4, np.nan))

@@ -143,10 +143,12 @@ def window_sizes(trials: int) -> tuple[int, int]:
     ends : int
         Number of first and of last trials: at most half of the condition, at least one [1].
     group : int
-        Group size: at least three, and a divisor of the number of trials if possible [1].
+        Group size: at least three; in a short condition it divides the number of trials if a size from half of `ends`
+        on does, otherwise the last group is a part [1].
     """
     ends = max(min(ENDS, trials // 2), 1)
-    return ends, next((size for size in range(ends, 2, -1) if trials % size == 0), max(ends, 3))
+    sizes = range(ends, max(ends // 2, 2), -1) if ends < ENDS else ()
+    return ends, next((size for size in sizes if trials % size == 0), max(ends, 3))
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ def _results(found: tuple[Shares, ...]) -> Iterator[Result]:
             yield estimated(TOPIC, f"share of {_words(name)}", one.condition.label, mean, "1")
     every = tuple(one.condition for one in found)
     for name in CLASSES:
-        values = {one.condition.name: one.dyads[name] for one in found}
+        values = {one.condition.name: one.performers[name] for one in found}
         for group, differences in comparisons(every, values):
             yield estimated(TOPIC, f"share of {_words(name)}", group, estimate(differences), "1", "a difference")
 

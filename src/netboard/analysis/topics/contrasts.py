@@ -20,9 +20,9 @@ from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
 from netboard.analysis.topics.figure import BLACK, Picture
-from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, with_base
+from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, paired_levels, with_base
 from netboard.analysis.topics.marks import Look, beside, draw_mean, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.measures import Measure, as_read, exponential, levels
+from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
 from netboard.analysis.topics.result import Result, kept
 
 if TYPE_CHECKING:
@@ -156,19 +156,19 @@ def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> 
 def comparisons(study: Study) -> Comparisons:
     """Compute, for every compared measure, all contrasts that some dyad has."""
     rng = np.random.default_rng(SEED)
-    questions = questions_of(study)
+    questions, every = questions_of(study), conditions(study)
     found: list[Comparison] = []
     for measure in as_read(study):
         if measure.compared:
-            table = levels(study, measure).pivot(index="dyad", columns="condition", values="level")
-            found += [_compare(measure, question, table, rng) for question in questions if _asked(question, table)]
+            own = levels_of_performers(study, measure)
+            performers = own.pivot(index=["dyad", "performer"], columns="condition", values="level")
+            for question in questions:
+                names = [*question.first, *question.second]
+                if set(names) <= set(performers.columns):
+                    table = paired_levels(performers, every, names)
+                    if table.notna().all(axis=1).any():
+                        found.append(_compare(measure, question, table, rng))
     return Comparisons(_corrected(found))
-
-
-def _asked(question: Question, table: pd.DataFrame) -> bool:
-    """Return whether a dyad has all conditions of a contrast."""
-    conditions = [*question.first, *question.second]
-    return set(conditions) <= set(table.columns) and bool(table[conditions].notna().all(axis=1).any())
 
 
 def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:

@@ -65,9 +65,10 @@ APART = "thresholds at which the intervals do not overlap"
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """One kind of delay in a condition: of each unit of replication or dyad (rows), at each of `PERCENT` [s]."""
+    """One kind of delay in a condition: of each unit, performer or dyad (rows), at each of `PERCENT` [s]."""
 
     units: pd.DataFrame
+    performers: pd.DataFrame
     dyads: pd.DataFrame
     means: tuple[Estimate, ...]
 
@@ -147,7 +148,7 @@ def _of_units(single: pd.DataFrame, performers: pd.DataFrame, condition: Conditi
         "people": (performers, person),
         "movements": (single, "movement"),
     }[unit]
-    return Delays(units, dyads, tuple(estimate(units[q], of) for q in PERCENT))
+    return Delays(units, performers, dyads, tuple(estimate(units[q], of) for q in PERCENT))
 
 
 def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
@@ -159,7 +160,8 @@ def _results(found: tuple[ConditionDelay, ...], kind: str) -> Iterator[Result]:
         mean = estimate(pd.concat(own, axis=1).mean(axis=1, skipna=False))
         yield estimated(TOPIC, f"delay, {OVER_ALL}", team, mean, "s", f"{kind}; over its conditions")
     every = tuple(one.condition for one in found)
-    for group, differences in comparisons(every, overall):
+    performers = {one.condition.name: one.as_set.performers.mean(axis=1, skipna=False) for one in found}
+    for group, differences in comparisons(every, performers):
         yield estimated(TOPIC, f"delay, {OVER_ALL}", group, estimate(differences), "s", f"{kind}; a difference")
     by_name = {one.condition.name: one for one in found}
     for felt, base in with_base(every):

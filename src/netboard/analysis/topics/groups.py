@@ -5,7 +5,7 @@ trials both perform), and performers' means for each dyad. So each dyad is one v
 blocks.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -188,6 +188,35 @@ def of_dyads(means: pd.Series) -> pd.Series:
     return means.groupby(level="dyad").mean()
 
 
+def over_the_same(performers: pd.DataFrame) -> pd.DataFrame:
+    """Return the levels of each dyad in columns that are compared, over the performers who have a value in all."""
+    return performers.dropna().groupby(level="dyad").mean()
+
+
+def paired_levels(performers: pd.DataFrame, every: Iterable[Condition], names: Sequence[str]) -> pd.DataFrame:
+    """Return the levels of each dyad in conditions that are compared; NaN where nothing can be compared.
+
+    Only performers with a value in all of these conditions of their configuration count: else a performer's own speed
+    would be taken for an effect. Between configurations, moreover, a dyad needs a value of each of its performers.
+
+    Parameters
+    ----------
+    performers : DataFrame
+        Level of each dyad and performer (rows) in each condition (columns, by name).
+    """
+    who = {one.name: (one.configuration, one.partner) for one in every}
+    compared = {who[name]: [other for other in names if who[other] == who[name]] for name in names}
+    parts = []
+    for own, chosen in compared.items():
+        levels = over_the_same(performers[chosen])
+        if len(compared) > 1:
+            known = performers[[name for name in performers.columns if who[name] == own]].dropna(how="all")
+            incomplete = known.index.difference(performers[chosen].dropna().index)
+            levels = levels.drop(incomplete.unique("dyad"), errors="ignore")
+        parts.append(levels)
+    return pd.concat(parts, axis=1).reindex(performers.index.unique("dyad"))
+
+
 def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
     """Yield each condition with haptic feedback, and the same team's condition without it."""
     bases = {one.team: one for one in every if one.force == "none"}
@@ -197,24 +226,30 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 
 
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
-    """Yield the contrasts of interest by name, as within-dyad differences.
+    """Yield the contrasts of interest by name, as within-dyad differences, from performers' values in each condition.
 
     Such as ``dyadic, haptics on vs off`` for each haptic condition minus haptics off; or ``bimanual vs dyadic``,
     over the haptic conditions that both have; or as in `by_factor`.
     """
+    performers = pd.DataFrame(values).rename_axis(["dyad", "performer"])
+
+    def difference(first: Sequence[str], second: Sequence[str]) -> pd.Series:
+        levels = paired_levels(performers, every, [*first, *second])
+        each = [levels[one] - levels[other] for one, other in zip(first, second, strict=True)]
+        return pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+
     for one, base in with_base(every):
-        yield f"{one.label} vs off", (values[one.name] - values[base.name]).dropna()
+        yield f"{one.label} vs off", difference([one.name], [base.name])
     for among in dict.fromkeys(one.among for one in every):
         own = [one for one in every if one.among == among and not one.partner]
         alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
         together = {one.force: one.name for one in own if one.configuration == "dyadic"}
         shared = [force for force in alone if force in together]
         if shared:
-            each = [values[alone[force]] - values[together[force]] for force in shared]
             name = ", ".join(("bimanual vs dyadic", *among))
-            yield name, pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+            yield name, difference([alone[force] for force in shared], [together[force] for force in shared])
     for name, one, other in by_factor(every):
-        yield name, (values[one.name] - values[other.name]).dropna()
+        yield name, difference([one.name], [other.name])
 
 
 def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:

@@ -33,6 +33,7 @@ from netboard.analysis.topics.groups import (
     estimated,
     of_dyads,
     of_performers,
+    over_the_same,
     teams,
 )
 from netboard.analysis.topics.marks import (
@@ -152,16 +153,18 @@ def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
     aligned = kept["order"].to_numpy() + late * (longest - own)
     people = kept["performer"].to_numpy() if how.spread == "people" else None
     ends = first_and_last(values[enough], aligned, count=windows.ends, length=longest, people=people)
-    first, last = (of_dyads(of_performers(kept[part], quantity.column)) for part in (aligned <= windows.ends, late))
+    parts = {"first": aligned <= windows.ends, "last": late}
+    performers = pd.DataFrame({when: of_performers(kept[part], quantity.column) for when, part in parts.items()})
+    ends_of_dyads = over_the_same(performers)
     return Course(
         quantity,
         learning_curve(values, order),
         _stages(rows, quantity.column, windows.group),
         ends,
         _unit(rows) if how.spread == "people" else "trial",
-        estimate(first),
-        estimate(last),
-        estimate(last - first),
+        estimate(of_dyads(performers["first"])),
+        estimate(of_dyads(performers["last"])),
+        estimate(ends_of_dyads["last"] - ends_of_dyads["first"]),
         int(series[~enough].nunique()),
     )
 

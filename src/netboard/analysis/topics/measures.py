@@ -189,7 +189,13 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
 
 
 def levels(study: Study, measure: Measure) -> pd.DataFrame:
-    """Return the level of each dyad in each condition (a ratio measure's logarithm), and its number of ``rows``.
+    """Return the level of each dyad in each condition (a ratio measure's logarithm), and its number of ``rows``."""
+    performers = levels_of_performers(study, measure)
+    return performers.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
+
+
+def levels_of_performers(study: Study, measure: Measure) -> pd.DataFrame:
+    """Return the level of each performer in each condition, as `levels` those of dyads.
 
     A setting decides whether trials or seconds have equal weight in shares.
     """
@@ -199,16 +205,10 @@ def levels(study: Study, measure: Measure) -> pd.DataFrame:
         values = np.log(np.where(values > 0.0, values, np.nan))
     weights = np.ones(len(rows)) if measure.weights is None else np.asarray(measure.weights(rows), dtype=float)
     table = rows[PLACE].assign(value=values, sum=values * weights, weight=weights, rows=1)[np.isfinite(values)]
-    people = _people(measure, table)
-    return people.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
-
-
-def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the level of each performer in each condition."""
-    people = table.groupby(PLACE, as_index=False)
+    performers = table.groupby(PLACE, as_index=False)
     if measure.level is not None:
-        return people.agg(level=("value", measure.level), rows=("rows", "sum"))
-    sums = people[["sum", "weight", "rows"]].sum()
+        return performers.agg(level=("value", measure.level), rows=("rows", "sum"))
+    sums = performers[["sum", "weight", "rows"]].sum()
     return sums.assign(level=sums["sum"] / sums["weight"])
 
 

@@ -31,8 +31,8 @@ SEED = 20_170_605
 class Control:
     """Effect of a haptic condition, and its passive effect for an arm's `stiffness` [N/m] and device `friction` [N].
 
-    Friction is 0 for a hand alone. `share` is the sum of the passive effects over that of the effects, with a bootstrap
-    over dyads: 1 = all is mechanics [1].
+    Friction is NaN for a hand alone, without a device. `share` is the sum of the passive effects over that of the
+    effects, with a bootstrap over dyads: 1 = all is mechanics [1].
     """
 
     condition: Condition
@@ -46,9 +46,14 @@ class Control:
     share: Estimate
 
     @property
+    def with_device(self) -> bool:
+        """Whether the passive hand holds the recorded device."""
+        return not np.isnan(self.friction)
+
+    @property
     def arm(self) -> str:
         """Description of the passive hand."""
-        return f"{self.stiffness} N/m, {'with the device' if self.friction else 'no friction'}"
+        return f"{self.stiffness} N/m, {'with the device' if self.with_device else 'no friction'}"
 
     @property
     def has_effect(self) -> bool:
@@ -83,7 +88,7 @@ class Controls:
 
 def _held(one: Control) -> str:
     """Return a description of the passive partner."""
-    if one.friction:
+    if one.with_device:
         return f"a passive partner who holds the recorded device, friction {one.friction:.2f} N"
     return "a passive partner without the device's friction: an upper bound"
 
@@ -106,7 +111,7 @@ def controls(study: Study) -> Controls:
             for felt, off in with_base(conditions(study)):
                 columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
                 table = pd.concat(columns, axis=1, join="inner").sort_index()
-                friction = _friction(study, felt) if held else 0.0
+                friction = _friction(study, felt) if held else np.nan
                 if felt.configuration == "dyadic" and not felt.partner and len(table):
                     found.append(_control(felt, stiffness, friction, table))
     return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
@@ -203,7 +208,7 @@ def _caption(found: tuple[Control, ...]) -> str:
 
 
 def _device(found: tuple[Control, ...]) -> str:
-    frictions = [one.friction for one in found if one.friction]
+    frictions = [one.friction for one in found if one.with_device]
     if not frictions:
         return "not with the device, whose friction is not known"
     return f"with the device that it held, friction {np.mean(frictions):.2f} N"

@@ -10,6 +10,7 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.measures.movements import mean_shares
+from netboard.analysis.topics.groups import counted
 
 _CLASSES = ("cooperative", "competitive", "single", "still")
 _MEANS = {
@@ -51,17 +52,19 @@ def people_of(study: Study) -> pd.DataFrame:
     factors = [field.name for field in study.factor_fields]
     keys = ["dyad", "performer", "configuration", "force", "condition", "role"]
     partners = _partners(study)
+    times = counted(study)["completion"]
     delays = {key: rows["delay_20"] for key, rows in study.movements[study.movements["counts"] == 1].groupby(keys)}
     rows = []
     for key, attempts in study.trials.groupby(keys, sort=True):
         trials = attempts[attempts["counts"] == 1]
+        trials = trials.assign(completion=times[trials.index])
         named = dict(zip(keys, key, strict=True))
         known = delays.get(key, pd.Series(dtype=np.float64)).dropna()
         rows.append(
             {
                 **named,
                 **{name: _common(attempts[name]) for name in factors},
-                "partner": partners.get(named["performer"], ""),
+                "partner": partners.get((named["dyad"], named["performer"]), ""),
                 **_of_attempts(attempts),
                 **_of_trials(trials, study),
                 "delay_20": known.abs().mean(),
@@ -79,13 +82,13 @@ def _common(levels: pd.Series) -> object:
     return np.nan if levels.dtype == np.float64 else ", ".join(map(str, found))
 
 
-def _partners(study: Study) -> dict[str, str]:
-    """Return the partner of each participant: the other who performed alone, or sat at the same board."""
-    found: dict[str, str] = {}
+def _partners(study: Study) -> dict[tuple[str, str], str]:
+    """Return the partner of each participant in a dyad: the other who performed alone, or sat at the same board."""
+    found: dict[tuple[str, str], str] = {}
     for dyad, blocks in study.blocks.groupby("dyad"):
         people = sorted({*blocks["left_by"], *blocks["right_by"]} - {"still", "robot", dyad})
         if len(people) == 2:
-            found |= {people[0]: people[1], people[1]: people[0]}
+            found |= {(dyad, people[0]): people[1], (dyad, people[1]): people[0]}
     return found
 
 

@@ -116,7 +116,7 @@ def _points(rows: pd.DataFrame) -> NDArray[np.float64]:
 def _of_series(study: Study, rows: pd.DataFrame) -> pd.DataFrame:
     """Return the spreads of each performer in each condition and group of trials."""
     parts, size = [], windows_of(study).group
-    for _, own in rows.groupby(series_of(study, rows), sort=False):
+    for series, own in rows.groupby(series_of(study, rows), sort=False):
         found = convergence(_points(own), groups_of(own["order"].to_numpy(), size))
         columns = {
             "group": found.groups,
@@ -124,16 +124,20 @@ def _of_series(study: Study, rows: pd.DataFrame) -> pd.DataFrame:
             "variance of velocity": found.variance[:, 1],
             "generalised variance": found.generalised,
         }
-        parts.append(pd.DataFrame(columns).assign(dyad=own["dyad"].iloc[0], performer=own["performer"].iloc[0]))
+        place = {"dyad": own["dyad"].iloc[0], "performer": own["performer"].iloc[0], "series": series}
+        parts.append(pd.DataFrame(columns).assign(**place))
     return pd.concat(parts, ignore_index=True)
 
 
 def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
-    """Average one spread for each dyad, and then over dyads."""
+    """Average one spread for each dyad, and then over dyads; its change over the series that have both ends."""
     performers = spreads.groupby(["dyad", "performer", "group"])[name].mean()
     dyads = performers.groupby(level=["dyad", "group"]).mean().unstack("group")
-    ends = dyads.iloc[:, -1] - dyads.iloc[:, 0] if dyads.shape[1] > 1 else pd.Series(dtype=np.float64)
-    return Spread(name, unit, dyads, tuple(estimate(dyads[group]) for group in dyads.columns), estimate(ends))
+    series = spreads.set_index(["dyad", "performer", "series", "group"])[name].unstack("group")
+    whole = series.iloc[:, [0, -1]].dropna().groupby(level=["dyad", "performer"]).mean()
+    ends = whole.groupby(level="dyad").mean()
+    change = ends.iloc[:, 1] - ends.iloc[:, 0] if series.shape[1] > 1 else pd.Series(dtype=np.float64)
+    return Spread(name, unit, dyads, tuple(estimate(dyads[group]) for group in dyads.columns), estimate(change))
 
 
 def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:

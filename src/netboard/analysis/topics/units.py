@@ -38,6 +38,7 @@ READ_IN = {
 _SHORT = re.compile(r"\b(delay|lag|reaction)\b")
 _SHARE = re.compile(r"\bshare\b|^falls per attempt")
 _DIFFERENCE = re.compile(r": difference|^change of |\beffect on ")
+_QUOTIENT = re.compile(r"\bshare of the effect\b")
 _THE_MEASURE_ITSELF = {"", "difference", "difference, bootstrap"}
 _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
@@ -51,7 +52,8 @@ def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
     if unit == "s" and _SHORT.search(quantity):
         return MS
     if unit == "1" and _SHARE.search(quantity) and quantity.partition(": ")[2] in _THE_MEASURE_ITSELF:
-        return POINTS if " vs " in group or _DIFFERENCE.search(quantity) else PERCENT
+        differs = (" vs " in group and not _QUOTIENT.search(quantity)) or _DIFFERENCE.search(quantity)
+        return POINTS if differs else PERCENT
     if unit in READ_IN:
         return READ_IN[unit]
     return Unit("" if unit == "1" else re.sub(r"(?<=[A-Za-z])[234]", lambda power: _RAISED[power[0]], unit))
