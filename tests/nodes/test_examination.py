@@ -15,7 +15,7 @@ from netboard.base.finding import Finding
 from netboard.base.tables.rig import Network, Recording
 from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
-from netboard.nodes.doctor import disk, network, software, timing
+from netboard.nodes.doctor import disk, network, system, timing
 from netboard.nodes.doctor.report import Effort, Report, examine
 from netboard.nodes.doctor.timing import WakeUps
 from netboard.recording.files.provenance import doctor_report_path, provenance
@@ -142,7 +142,7 @@ def test_a_key_that_others_can_read_is_red() -> None:
     ],
 )
 def test_qt_is_tried_in_a_process_of_its_own(opening: str, colour: str, found: str) -> None:
-    finding = software.qt(opening)
+    finding = system.qt(opening)
     assert finding.colour == colour
     assert found in finding.found
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from netboard.analysis.extraction import kept
 from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
-from netboard.analysis.report.command import PLACEHOLDER, name_command
+from netboard.analysis.report.analysing import PLACEHOLDER, name_command
 from netboard.services.cli import app
 from rehearsed_study import small_study
 

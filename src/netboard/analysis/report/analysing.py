@@ -4,6 +4,8 @@ An analysis that was done before, with the same code and settings, is written fr
 draw are therefore imported only when something must be computed.
 """
 
+import json
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -13,9 +15,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from markupsafe import escape
+
 from netboard.analysis.extraction.kept import keep, key_of_analysis, take
 from netboard.analysis.extraction.store import Store, default_folder
-from netboard.analysis.report.command import PLACEHOLDER, name_command
+from netboard.analysis.report.wording import visible
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
@@ -29,6 +33,9 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """Packages that an analysis needs beyond those of a session."""
+
+PLACEHOLDER = "@command-of-this-analysis@"
+"""Stands for the command until all other files, which do not depend on it, are written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,3 +167,12 @@ def _in_total(folder: Path, seconds: float, peak: float) -> str:
         f", {peak / 1e6:.0f} MB where it was measured" * bool(peak)
     )
     return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"
+
+
+def name_command(folder: Path, command: Sequence[str]) -> None:
+    """Write the command into provenance and report; a word of it that has the placeholder's text is left as it is."""
+    text = shlex.join(command)
+    written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
+    for name, shown in written.items():
+        path = folder / name
+        path.write_bytes(path.read_bytes().replace(PLACEHOLDER.encode(), shown.encode()))

@@ -17,7 +17,7 @@ from netboard.base.errors import NetboardError
 from netboard.base.finding import Finding
 from netboard.base.process import OFF, OK, cpus_for
 from netboard.devices.setup import usb
-from netboard.nodes.doctor import disk, exchange, network, prediction, software, system, timing
+from netboard.nodes.doctor import disk, exchange, network, prediction, system, timing
 
 Progress = Callable[[float], None]
 Step = Callable[[Progress], list[Finding]]
@@ -79,7 +79,7 @@ class Report:
 def steps(config: Config, effort: Effort) -> dict[str, Step]:
     """Return the examination's steps in order; each reports its progress, up to 1."""
     return {
-        "software": lambda progress: [software.versions()],
+        "software": lambda progress: [system.versions()],
         "timer": lambda progress: list(_timers(config, effort, progress)),
         "operating system": lambda progress: [
             system.throttle(),
@@ -100,7 +100,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             disk.space(config.recording),
             disk.speed(config.recording, effort.chunks, progress),
         ],
-        "windows": lambda progress: [software.qt()],
+        "windows": lambda progress: [system.qt()],
         "devices": lambda progress: [usb.devices()],
     }
 

@@ -1,16 +1,20 @@
-"""Checks of the operating system: settings that delay a loop which must wake every millisecond.
+"""Checks of the operating system, where settings can delay a loop that must wake every millisecond, and of software.
 
-All of it is read from /proc, /sys and /dev below a root that a test may choose. A missing file means that the system
-does not have that setting.
+All settings are read from /proc, /sys and /dev below a root that a test may choose. A missing file means that the
+system does not have that setting.
 """
 
 import os
+import platform
+import subprocess
 import sys
 from collections.abc import Collection
+from importlib.metadata import version
 from pathlib import Path
 
 from netboard.base.finding import Finding, text_of
 from netboard.base.process import OFF, OK, PLACES, cpu_set
+from netboard.network.transport import sockets
 
 ROOT = Path("/")
 NOT_OFFERED = "not offered here"
@@ -24,6 +28,11 @@ LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in
 
 LEAST_RUNTIME = 0.8
 """Smallest share of a core that real-time loops should be allowed [1]."""
+
+QT_SECONDS = 60.0
+"""Timeout for loading Qt, which takes seconds on a slow disk and hangs on a broken screen [s]."""
+
+OPEN_A_WINDOW = "from netboard.windows.participant.window import application; print(application().platformName())"
 
 
 def throttle(root: Path = ROOT) -> Finding:
@@ -163,3 +172,28 @@ def cpus(wanted: str, came: str) -> Finding:
         return Finding("server's CPUs", "green", wanted)
     advice = "name CPUs of the server's machine in [realtime] server_cpus"
     return Finding("server's CPUs", "yellow", f"{wanted}: {came}", advice)
+
+
+def versions() -> Finding:
+    """Report the versions of Python and the libraries."""
+    python = f"{platform.python_implementation()} {platform.python_version()}"
+    libraries = [f"{name} {version(name)}" for name in ("netboard", "numba", "numpy", "pyzmq")]
+    return Finding("software", "green", ", ".join([python, *libraries, sockets.library()]))
+
+
+def qt(opening: str = OPEN_A_WINDOW) -> Finding:
+    """Check whether displays can run here, in a separate process, because Qt aborts the process if they cannot."""
+    name = "Qt"
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-c", opening], capture_output=True, text=True, check=False, timeout=QT_SECONDS
+        )
+    except subprocess.TimeoutExpired:
+        return Finding(name, "yellow", f"no answer within {QT_SECONDS:.0f} s", "look after the screen's server")
+    if tried.returncode:
+        why = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
+        return Finding(name, "yellow", f"no display can run here: {why}", "at a station: deploy/setup.sh run")
+    found = tried.stdout.strip().splitlines()[-1]
+    if found == "offscreen":
+        return Finding(name, "green", "loads; no screen here, so displays draw off screen")
+    return Finding(name, "green", f"loads; windows open on {found}")
