@@ -29,7 +29,7 @@ def test_line_returns_slope_intercept_and_r2() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.daily(1, of="whole analyses")
+@pytest.mark.daily(1, of="longest")
 def test_benchmark_writes_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(speed_bench, "SHARES", (0.5, 1.0))

@@ -24,7 +24,7 @@ from netboard.services.sensitivity import QUICK
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
-whole = pytest.mark.daily(1, of="whole analyses", part="sensitivity")
+whole = pytest.mark.daily(1, of="longest", part="sensitivity")
 
 
 def test_short_study_has_each_condition_twice() -> None:

@@ -67,7 +67,7 @@ def recorded(status: Status) -> bool:
     return status.phase == "running" and any(size > 0 for _, _, size, _ in status.recordings)
 
 
-@pytest.mark.daily(1, of="disk")
+@pytest.mark.daily(1, of="longest")
 def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_nothing(rig: Rig, disk: Path) -> None:
     rig.start_all()
     rig.until(recorded)
@@ -91,7 +91,7 @@ def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_noth
     assert "free: the recording had to end" in left.details["reason"]
 
 
-@pytest.mark.daily(1, of="disk")
+@pytest.mark.daily(1, of="longest")
 def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig) -> None:
     rig.start_all()
     rig.until(recorded)
@@ -106,7 +106,7 @@ def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig)
     assert len(account.parts) == 2
 
 
-@pytest.mark.daily(1, of="disk")
+@pytest.mark.daily(1, of="longest")
 def test_what_is_made_while_no_logger_is_there_is_spilled_and_not_lost(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
