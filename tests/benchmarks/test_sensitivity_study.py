@@ -80,6 +80,7 @@ def test_alternatives_change_the_expected_numbers(parts: dict[str, Part]) -> Non
     assert not [name for (question, name) in moved if question in ("A10", "E5")]
     most = {(row[0], row[3]): row[4] for row in parts["readings"].rows}
     assert most["B5", "the whole ball"] == "no value"
+    assert {row[4] for row in parts["concerned"].rows} == {"100.0 %"}  # whole balls never stay in the target
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from netboard.analysis.extraction.study import Study
 from netboard.benchmarks.analysis import multiverse
@@ -196,10 +197,11 @@ def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str
 def affected_part(base: Study, whole_ball: Study) -> Part:
     """Tabulate the shares of trials that questions A24 and B5 affect."""
     rows: list[tuple[Value, ...]] = []
+    keys = ["recording", "trial", "attempt"]
+    completion = whole_ball.trials.set_index(keys)["completion"]  # without a completion time, no trial counts there
     for condition, own in base.counted.groupby("condition"):
-        other = whole_ball.counted[whole_ball.counted["condition"] == condition]
         wrong, none = float((own["wrong_way"] > 0).mean()), float(own["braking_distance"].isna().mean())
-        lost = float(other["completion"].isna().mean())
+        lost = float(completion[pd.MultiIndex.from_frame(own[keys])].isna().mean())
         rows.append((str(condition), len(own), *(f"{100 * share:.1f} %" for share in (wrong, none, lost))))
     columns = (
         "condition",
