@@ -12,8 +12,7 @@ import pytest
 from independent import Hands, solution, waving
 from trajectories import Scene, drive, falling, scene_of
 
-from netboard.benchmarks.physics.collocation import prepare_collocation
-from netboard.benchmarks.physics.quadrature import gauss_nodes
+from netboard.benchmarks.physics.collocation import gauss_nodes, prepare_collocation
 
 pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="collocation")
 

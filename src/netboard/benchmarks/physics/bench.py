@@ -18,7 +18,6 @@ from netboard.benchmarks.physics import parts as physics_parts
 from netboard.benchmarks.physics.horizons import expect_parts, hold_rows
 from netboard.benchmarks.physics.own_methods import (
     collocation_solvers,
-    multistep_solvers,
     one_step_solvers,
     own_solution,
 )
@@ -171,8 +170,6 @@ def find_reference(problem: Problem) -> Checked:
 def _solvers(problem: Problem, wanted: Wanted) -> list[Solver]:
     """Return all solvers compared on a problem."""
     found = one_step_solvers(problem, wanted.quick) + collocation_solvers(problem, wanted.quick)
-    if not wanted.quick:
-        found += multistep_solvers(problem)
     for name in wanted.peers:
         found += PEERS[name].solvers(problem, wanted.quick)
     return found

@@ -1,4 +1,4 @@
-"""Netboard's own methods under comparison: one-step and multistep methods with several step lengths, and collocation.
+"""Netboard's own methods under comparison: one-step methods with several step lengths, and collocation.
 
 The hands at the method's nodes and the method's tables are computed before the timed run. States are known at the ends
 of steps only, so steps longer than the grid of the reference coincide with fewer of its points.
@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.benchmarks.physics.collocation import Tables, make_collocation, make_tables
-from netboard.benchmarks.physics.multistep import MULTISTEP, Multistep, prepare_multistep
+from netboard.benchmarks.physics.collocation import Tables, gauss_nodes, make_collocation, make_tables
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
-from netboard.benchmarks.physics.quadrature import gauss_nodes
 from netboard.benchmarks.physics.solver import OURS, Solution, Solver
 from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
 from netboard.physics.methods.march import Grid, make_grid, make_march, run
@@ -26,9 +24,6 @@ STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
 
 QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
 QUICK_METHODS = ("semi_implicit", "rk4", "dop853")
-
-MULTISTEP_STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
-"""Step lengths of the multistep methods [s]."""
 
 COLLOCATION = {
     4: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.004, 0.002), (1e-4, 1e-6, 1e-9, 1e-12)),
@@ -125,40 +120,6 @@ class _Prepared:
     def __call__(self) -> None:
         self._run = self._run or self._prepare()
         self._run()
-
-
-# --- exponential multistep methods -------------------------------------------------------------------------------
-
-
-def multistep_solvers(problem: Problem) -> list[Solver]:
-    """Return the exponential multistep methods, each with all step lengths."""
-    return [
-        Solver(
-            OURS,
-            method.name,
-            f"{h * 1e3:g} ms",
-            partial(_solve_multistep, problem, method, h),
-            _Prepared(partial(_multistep, problem, method, h, round(problem.duration / h))),
-            inputs=False,
-            dense=_Prepared(partial(_multistep, problem, method, h, meeting(h)[0])) if h <= SPACING else None,
-        )
-        for method in MULTISTEP
-        for h in MULTISTEP_STEPS
-        if _divides(h, problem.duration)
-    ]
-
-
-def _multistep(problem: Problem, method: Multistep, h: float, every: int) -> Callable[[], Array]:
-    """Prepare a run that keeps the state after each `every` steps."""
-    hands = drives_at(problem.waves, multiples(round(problem.duration / h) + 1, h))
-    return prepare_multistep(method.name, problem.first, hands, h, problem.parts, problem.scene, every)
-
-
-def _solve_multistep(problem: Problem, method: Multistep, h: float) -> Solution:
-    """Solve by a multistep method; keep the states at points of the reference."""
-    every, stride = meeting(h)
-    count = round(problem.duration / h)
-    return Solution(_multistep(problem, method, h, every)(), stride, count, count + 1)
 
 
 # --- collocation -------------------------------------------------------------------------------------------------
