@@ -16,6 +16,7 @@ from netboard.base.errors import ConfigError, RecordingError
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
+on_cluster = pytest.mark.daily(1, of="longest", part="dask")
 ANY_PORT = "127.0.0.1:0"
 
 
@@ -27,6 +28,7 @@ def address() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+@on_cluster
 def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Path, ...]) -> None:
     there = gathered(recordings, Readings(), dask(address))
     here = gathered(recordings, Readings())
@@ -34,10 +36,12 @@ def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Pa
     assert_same(studied(there), studied(here))
 
 
+@on_cluster
 def test_virtual_studies_are_done_there(address: str) -> None:
     assert dict(run_all(hex, range(100), 1, address)) == {number: hex(number) for number in range(100)}
 
 
+@on_cluster
 def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
     data = recordings[0].read_bytes()
     damaged = tmp_path / "damaged.mcap"
@@ -48,12 +52,14 @@ def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tup
     assert [one.file for one in found.left_out] == ["damaged.mcap"]
 
 
+@on_cluster
 def test_workers_must_see_the_files(address: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"its worker tcp://127.*does not see .*there.mcap"):  # noqa: SIM117
         with dask(address)([tmp_path / "there.mcap"]):
             pytest.fail("it is not there")
 
 
+@on_cluster
 def test_workers_must_measure_alike(
     address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -70,6 +76,7 @@ class Absent:
         return import_module, ("a_module_that_is_nowhere",)
 
 
+@on_cluster
 def test_workers_must_have_netboard(
     address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

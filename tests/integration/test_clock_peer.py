@@ -50,7 +50,7 @@ def clocks_in(path: Path, peer: str) -> list[ClockRecord]:
         return [clock for clock in recording.clocks() if clock.peer == peer]
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> None:
     since_ns, port = now_ns(), free_port()
     clocks: dict[Side, SkewedClock] = {
@@ -85,7 +85,7 @@ def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> N
         assert abs(record.offset_ns) <= record.bound_ns
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_a_device_whose_clock_is_not_known_well_enough_is_not_armed(tmp_path: Path) -> None:
     port = free_port()
     with between(("127.0.0.1", port)) as relay:

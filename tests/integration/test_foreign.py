@@ -147,7 +147,7 @@ def test_foreign_clients_are_welcomed_and_never_refused(played: Played) -> None:
     assert any(line["armed"] for line in played.agent if "armed" in line)
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_foreign_clients_go_on_with_the_next_block(clients: Path, tmp_path: Path) -> None:
     with Rig(tmp_path, (*EASY, "session.pilot=true")) as rig:
         study = rig.folder / "two.toml"

@@ -17,7 +17,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
     return {part["name"]: part for part in json.loads(file.read_text())["parts"]}
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
     assert loop(Setting(quick=True), 1.0, (), folder, file, skips=False, force=False) == 0
@@ -39,7 +39,7 @@ def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> Non
     assert all(cost > 0 for cost in costs.values())
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
     with Crowd(tmp_path) as crowd:
         served = crowd.serve(Setting().config, 1, Company(displays=True), 1.0)
@@ -49,7 +49,7 @@ def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
     assert served.cost.seconds > 0
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_a_soak_loses_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "soaked"
     assert soak(Setting(), 0.05, 1, folder, None, force=False) == 0

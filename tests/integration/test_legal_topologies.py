@@ -63,7 +63,7 @@ def insist(rig: Rig, command: str) -> None:
     rig.until(lambda status: rig.operator.do(command).accepted)
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_everybody_twice_and_again(open_rig: Callable[..., Rig]) -> None:
     rig = open_rig()
     rig.start_all(displays=True)
@@ -103,7 +103,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("settings", OTHERS.values(), ids=OTHERS)
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings: tuple[str, ...]) -> None:
     rig = open_rig(*settings)
     rig.start_all()
@@ -114,7 +114,7 @@ def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings:
     assert all(not found for found in damage.values()), damage
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_with_keys(tmp_path: Path) -> None:
     with rig_with_keys(tmp_path) as rig:
         rig.start_all(displays=True)

@@ -107,7 +107,7 @@ def check_same(taken: dict[str, np.ndarray], paths: Sequence[Path]) -> None:
     assert all(abs(clock.offset_ns) <= clock.bound_ns for clock in clocks)
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_recorder_takes_a_whole_session_bit_for_bit(rig: Rig, tmp_path: Path) -> None:
     rig.start("lsl", "lsl")
     with Recorder(tmp_path, 1) as recorder:
@@ -127,7 +127,7 @@ def test_a_recorder_takes_a_whole_session_bit_for_bit(rig: Rig, tmp_path: Path) 
     assert "0 records lost" in rig.said("lsl")
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_stop_and_another_session_lose_nothing_and_the_recording_none_the_less(rig: Rig, tmp_path: Path) -> None:
     lsl = rig.start("lsl", "lsl")
     with Recorder(tmp_path, 2) as recorder:
@@ -153,7 +153,7 @@ def test_a_stop_and_another_session_lose_nothing_and_the_recording_none_the_less
     assert rig.stop("lsl") == 0
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_on_a_machine_with_another_clock_stamps_are_right_within_what_is_told(tmp_path: Path) -> None:
     port = free_port()
     script = str(Path(__file__).with_name("skewed.py"))

@@ -145,7 +145,7 @@ class Game:
         self.eye.close()
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_a_script_with_a_mouse_plays_two_trials_with_a_simulated_partner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,7 +170,7 @@ def test_a_script_with_a_mouse_plays_two_trials_with_a_simulated_partner(
     assert not played["left_x"].any()
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_whoever_plays_may_leave_with_ctrl_c_and_the_recording_is_whole(tmp_path: Path) -> None:
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "NO_COLOR": "1", STOP_WITH_PARENT: "1"}
     command = [sys.executable, "-m", "netboard.services.cli", "demo", "--play", "left", "--directory", str(tmp_path)]

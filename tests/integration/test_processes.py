@@ -78,7 +78,7 @@ def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
         assert rig.stop(f"{side} display") == 0
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_clocks_of_processes_on_one_machine_agree_within_their_bound(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.tick > 5000 and s.phase != "idle")
@@ -89,7 +89,7 @@ def test_clocks_of_processes_on_one_machine_agree_within_their_bound(rig: Rig) -
     assert [clock for clock in clocks if abs(clock.offset_ns) > clock.bound_ns] == []
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_services_start_in_any_order_and_say_whom_they_wait_for(rig: Rig) -> None:
     rig.start("right agent", "agent", "--side", "right")
     rig.start("server", "server")
@@ -105,7 +105,7 @@ def test_services_start_in_any_order_and_say_whom_they_wait_for(rig: Rig) -> Non
     assert verified(path)["tick"][0] == 0
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_killed_agent_pauses_the_trial_and_a_new_one_goes_on_with_it(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -124,7 +124,7 @@ def test_a_killed_agent_pauses_the_trial_and_a_new_one_goes_on_with_it(rig: Rig)
     assert not after["right_force"].any()
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -144,7 +144,7 @@ def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
     assert first_ticks["tick"].tolist() == list(range(len(first_ticks)))
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
     with Rig(folder, (*SOON_LEVEL, "block.trials=50", "block.force=none")) as rig:
         rig.start_all()
@@ -173,7 +173,7 @@ def test_every_service_alone_waits_and_stops_cleanly(rig: Rig, number: signal.Si
     verified(path)
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
     rig.start("server", "server")
     rig.until(lambda s: True)
@@ -182,7 +182,7 @@ def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
     assert "is another server running?" in rig.said("second server")
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -197,7 +197,7 @@ def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> 
     assert rig.stop("left agent") == 0
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -213,7 +213,7 @@ def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> Non
     assert np.any(ticks["event"] == Cause.FAULT)
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
@@ -229,7 +229,7 @@ def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> N
     assert ticks["tick"].max() > status.tick + 500
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
@@ -238,7 +238,7 @@ def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Ri
     assert "records are not known to be on disk" in rig.said("server")
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
@@ -261,7 +261,7 @@ def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
     assert all(event.details["channel"] == "motion" for event in refused)
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_other(folder: Path) -> None:
     (folder / "a").mkdir()
     (folder / "b").mkdir()
@@ -294,7 +294,7 @@ def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_oth
         assert not [e for e in recording.events() if "agent" in e.details.get("notice", "")]
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None:
     with Rig(folder, ("network.require_logger=false",)) as rig:
         rig.start("server", "server")
@@ -309,7 +309,7 @@ def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None
     assert np.median(steps) == 1_000_000
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_a_coupling_computed_in_both_is_felt_recorded_and_verified(folder: Path) -> None:
     far = ("block.trials=50", "physics.coupling_at=both", "safety.passivity=true")
     with Rig(folder, (*SOON_LEVEL, *far)) as rig:
@@ -335,7 +335,7 @@ def shell(rig: Rig, *words: str) -> str:
     return done.stdout if done.returncode == 0 else f"error {done.returncode}: {done.stderr}"
 
 
-@pytest.mark.daily(4, of="processes")
+@pytest.mark.daily(3, of="processes")
 def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase in ("levelling", "running"))

@@ -144,7 +144,7 @@ def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen],
     assert differing(recording, seen) == []
 
 
-@pytest.mark.daily(2, of="replay served")
+@pytest.mark.daily(1, of="replay served")
 def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, recording: LoadedRecording) -> None:
     for speed in ("1", "0.25", "8"):
 
@@ -162,7 +162,7 @@ def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, recording: Load
         assert differing(recording, seen) == []
 
 
-@pytest.mark.daily(2, of="replay served")
+@pytest.mark.daily(1, of="replay served")
 def test_it_is_steered_from_a_shell(rig: Rig, recording: LoadedRecording) -> None:
     assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
     done = run(rig, "control", "seek", "trial", "2", "--json")
@@ -185,7 +185,7 @@ def test_it_is_steered_from_a_shell(rig: Rig, recording: LoadedRecording) -> Non
     assert "cannot arm: this is a replay" in refused.stderr
 
 
-@pytest.mark.daily(2, of="replay served")
+@pytest.mark.daily(1, of="replay served")
 def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
     picture = rig.folder / "left.png"
     rig.start("left display", "display", "--station", "left", "--screenshot", str(picture))
@@ -203,7 +203,7 @@ def test_it_ends_when_it_is_told_to(rig: Rig) -> None:
     assert rig.wait("server") == 0
 
 
-@pytest.mark.daily(2, of="replay served")
+@pytest.mark.daily(1, of="replay served")
 def test_a_foreign_display_cannot_tell_it_from_a_live_server(
     live: tuple[Path, Seen], clients: Path, tmp_path: Path
 ) -> None:
@@ -224,7 +224,7 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
         assert rig.stop("server") == 0
 
 
-@pytest.mark.daily(2, of="replay served")
+@pytest.mark.daily(1, of="replay served")
 def test_keys_of_its_terminal_steer_it(live: tuple[Path, Seen], tmp_path: Path) -> None:
     keyboard, terminal = os.openpty()
     with Rig(tmp_path) as rig:

@@ -89,7 +89,7 @@ def going(rig: Rig, what: Callable[[Status], bool]) -> Status:
         rig.operator.do("resume")
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         rig.start("logger", "logger", "--once")
@@ -115,7 +115,7 @@ def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(t
     assert (header.participants, header.consent, header.pilot) == (("P07", "P08"), True, False)
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         operator = opened(rig)
@@ -154,7 +154,7 @@ def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) ->
     assert {"repeat", "veto", "note", "pause", "skip", "next", "start"} <= {command["name"] for command in told}
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -169,7 +169,7 @@ def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
         assert journal(rig).read_bytes() == before
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_what_is_to_be_asked_after_a_block_is_said_and_recorded(tmp_path: Path) -> None:
     asked = "workload: hand out the form"
     with Rig(tmp_path, (*QUICK, "block.trials=1", f'block.questionnaires="{asked}"')) as rig:
@@ -180,7 +180,7 @@ def test_what_is_to_be_asked_after_a_block_is_said_and_recorded(tmp_path: Path) 
         assert [event.details for event in recording.events() if event.name == "questionnaire"] == [{"text": asked}]
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_block_is_given_up_while_nobody_holds_a_device(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -210,7 +210,7 @@ def one_more_is_done(rig: Rig) -> None:
     rig.until(lambda s: len({row[:2] for row in attempts(rig) if row[3] == "success"}) > done)
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_a_server_killed_again_and_again_goes_on_with_the_same_plan_and_the_right_counts(tmp_path: Path) -> None:
     chance = daily.chance("kills")
     with Rig(tmp_path, (*QUICK, *PILOT, "network.require_logger=false")) as rig:
@@ -272,7 +272,7 @@ def assert_one_plan(entries: tuple[Any, ...]) -> None:
     assert max(successes)[0] > 1, "a session in which nothing was done proves nothing"
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_the_blocks_of_a_killed_session_are_those_of_the_plan(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
@@ -299,7 +299,7 @@ def test_the_blocks_of_a_killed_session_are_those_of_the_plan(tmp_path: Path) ->
         assert replace(config.block, trials=60, blocks=18, station=block.station) == block
 
 
-@pytest.mark.daily(2, of="whole sessions")
+@pytest.mark.daily(1, of="whole sessions")
 def test_who_does_not_agree_resumes_nothing(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")

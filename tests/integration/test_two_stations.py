@@ -138,7 +138,7 @@ def names_of(events: Sequence[object]) -> set[str]:
     return {getattr(event, "name", "") for event in events}
 
 
-@pytest.mark.daily(3, of="sessions in real time")
+@pytest.mark.daily(2, of="sessions in real time")
 def test_the_example_plays_a_block_between_three_machines(machines: Machines) -> None:
     machines.bring_keys()
     for side in SIDES:
