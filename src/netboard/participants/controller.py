@@ -130,24 +130,7 @@ _WORDS = {"haptic_gain": -1.0, "practice": inf}
 
 
 def pack_constants(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
-    """Pack the constants of a participant for the kernels.
-
-    Parameters
-    ----------
-    person : Participant
-        Parameters of the participant.
-    physics : Physics
-        Constants of the scene, which the participant knows.
-    task : Task
-        Rules of the task, which the participant knows.
-    sides : tuple of {"left", "right"}
-        Hands of the participant: one in a dyad, both in a bimanual block.
-
-    Returns
-    -------
-    ndarray of CONSTANTS, shape (1,)
-        The packed record.
-    """
+    """Return the constants of a participant, packed for the kernels: ndarray of CONSTANTS, shape (1,) [SI]."""
     if not sides or len(set(sides)) != len(sides):
         raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
     packed = np.zeros(1, CONSTANTS)
@@ -164,17 +147,7 @@ def pack_constants(person: Participant, physics: Physics, task: Task, sides: tup
 
 @kernel
 def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
-    """Begin: draw the first noises and the first threshold.
-
-    Parameters
-    ----------
-    state : record of STATE
-        The state, changed in place.
-    k : record of CONSTANTS
-        The constants.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-    """
+    """Begin: draw the first noises and the first threshold."""
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
@@ -218,18 +191,6 @@ def decide(
 
     Parameters
     ----------
-    state : record of STATE
-        The state, changed in place.
-    k : record of CONSTANTS
-        The constants.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-    now : float
-        Present time, later than in the previous call [s].
-    glimpse : record of SEEN
-        Newest glimpse of the participant's own display; its time is NaN before the first.
-    felt : float
-        Vertical force on the participant's hand, + = up; NaN without haptic feedback, and with two hands [N].
     moves : ndarray of MOVE, shape (2,)
         New submovements, written.
 
@@ -559,19 +520,6 @@ def _act(
 class Controller:
     """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
 
-    Parameters
-    ----------
-    person : Participant
-        Parameters of the participant.
-    physics : Physics
-        Constants of the scene, which the participant knows.
-    task : Task
-        Rules of the task, which the participant knows.
-    sides : tuple of {"left", "right"}
-        Hands of the participant: one in a dyad, both in a bimanual block.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-
     Attributes
     ----------
     identity : dict of str
@@ -603,15 +551,6 @@ class Controller:
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate.
 
-        Parameters
-        ----------
-        now : float
-            Present time [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the participant's own display; None before the first.
-        felt : float or None
-            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
-
         Returns
         -------
         tuple of Submovement
@@ -621,15 +560,6 @@ class Controller:
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
-
-        Parameters
-        ----------
-        now : float
-            Present time, later than in the previous call [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the participant's own display; None before the first.
-        felt : float or None
-            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
 
         Returns
         -------

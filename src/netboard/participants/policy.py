@@ -33,15 +33,6 @@ class Policy(Protocol):
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
         """Take in display and force, and decide.
 
-        Parameters
-        ----------
-        now : float
-            Present time, later than in the previous call [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the display at its seat; None before the first.
-        felt : float or None
-            Vertical force on its hand, + = up; None without haptic feedback, and with two hands [N].
-
         Returns
         -------
         tuple of Submovement
