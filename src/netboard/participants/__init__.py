@@ -10,7 +10,7 @@ person, participant : Participant
     Parameters of the participant.
 physics, task : Physics, Task
     Constants of the scene and rules of the task, which the participant knows.
-sides : tuple of {"left", "right"}
+sides : tuple of Side
     Hands of the participant: one in a dyad, both in a bimanual block.
 rng : numpy.random.Generator
     Source of the participant's variability: of its decisions, or of a hand's force noise and lateral rest position.

@@ -71,35 +71,49 @@ _QUOTED = "maker's data sheet, as commonly quoted"
 _SHEET = f"{_QUOTED}; max_force, workspace: CHAI3D's device table"
 _SOFTEST = f"{_SHEET}; cable_stiffness: the softest of three axes"
 
+_NUMBERS = (
+    *("mass", "friction", "damping", "resolution", "max_force", "continuous_force", "workspace"),
+    *("cable_stiffness", "cable_damping", "tip_share", "thermal_time"),
+)
+
 _ROWS: Mapping[str, tuple[str, tuple[float, ...], str, tuple[str, ...]]] = {
-    # In each row: mass, friction, damping, resolution, max_force, continuous_force, workspace, cable_stiffness,
-    # cable_damping; then source, and what is estimated beside what always is.
-    "touch": ("Touch", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.075, 1020.0, 0.7), _SOFTEST, ()),
-    "omni": ("PHANTOM Omni", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.10, 1020.0, 0.7), _SOFTEST, ()),
+    # In each row: name, `_NUMBERS`, source, and what is estimated beside what always is.
+    "touch": ("Touch", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.075, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
+    "omni": ("PHANTOM Omni", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.10, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
     "touch_x": (
         "Touch X (PHANTOM Desktop)",
-        (0.045, 0.06, 0.05, 0.023e-3, 7.9, 1.75, 0.10, 1480.0, 0.8),
+        (0.045, 0.06, 0.05, 0.023e-3, 7.9, 1.75, 0.10, 1480.0, 0.8, 0.5, 100.0),
         _SOFTEST,
         (),
     ),
-    "premium_1_5": ("PHANTOM Premium 1.5", (0.075, 0.04, 0.05, 0.03e-3, 8.5, 1.4, 0.12, 3500.0, 1.6), _SHEET, ()),
-    "premium_3_0": ("PHANTOM Premium 3.0", (0.159, 0.2, 0.1, 0.02e-3, 22.0, 3.0, 0.25, 1000.0, 1.3), _SHEET, ()),
+    "premium_1_5": (
+        "PHANTOM Premium 1.5",
+        (0.075, 0.04, 0.05, 0.03e-3, 8.5, 1.4, 0.12, 3500.0, 1.6, 0.5, 100.0),
+        _SHEET,
+        (),
+    ),
+    "premium_3_0": (
+        "PHANTOM Premium 3.0",
+        (0.159, 0.2, 0.1, 0.02e-3, 22.0, 3.0, 0.25, 1000.0, 1.3, 0.5, 100.0),
+        _SHEET,
+        (),
+    ),
     "falcon": (
         "Novint Falcon",
-        (0.25, 0.5, 1.0, 0.0635e-3, 8.9, 3.0, 0.05, 3000.0, 2.7),
+        (0.25, 0.5, 1.0, 0.0635e-3, 8.9, 3.0, 0.05, 3000.0, 2.7, 0.5, 100.0),
         f"{_QUOTED}: 8.9 N, 400 dpi, a workspace of 4 inches",
         ("mass", "friction", "continuous_force", "cable_stiffness"),
     ),
     "omega_3": (
         "Force Dimension omega.3",
-        (0.2, 0.1, 0.5, 0.01e-3, 12.0, 12.0, 0.08, 14_500.0, 5.4),
+        (0.2, 0.1, 0.5, 0.01e-3, 12.0, 12.0, 0.08, 14_500.0, 5.4, 0.5, 100.0),
         f"{_QUOTED}: 12 N, 0.01 mm, 14.5 N/mm, a workspace 160 mm wide",
         ("mass", "friction"),
     ),
 }
 
 MODELS = {
-    key: DeviceModel(name, *values, tip_share=0.5, thermal_time=100.0, source=source, estimates=(*estimates, *_ALWAYS))
+    key: DeviceModel(name, **dict(zip(_NUMBERS, values, strict=True)), source=source, estimates=(*estimates, *_ALWAYS))
     for key, (name, values, source, estimates) in _ROWS.items()
 }
 """Devices, by their names in ``virtual.model``."""

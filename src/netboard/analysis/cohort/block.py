@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.cohort.participants import rehearsal_of
 from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.devices import simulated_mechanics
 from netboard.analysis.extraction.paper import PAPER
@@ -23,6 +22,7 @@ from netboard.analysis.extraction.tables import columns_of
 from netboard.analysis.extraction.trials import Block
 from netboard.base.config import SIDES
 from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
 from netboard.recording.export.runs import Run, people_in
 from netboard.recording.files.offline_writer import REHEARSED, name_of
@@ -46,12 +46,8 @@ PIECE = 10_000
 class Rehearsed:
     """Measured tables of a block, and how its rehearsal went.
 
-    Attributes
-    ----------
-    ticks : int
-        Simulated ticks [1].
-    given_up : bool
-        Whether the block was stopped because its participants could not do it.
+    - `ticks`: simulated ticks [1].
+    - `given_up`: whether the block was stopped because its participants could not do it.
     """
 
     measured: Measured
@@ -62,12 +58,9 @@ class Rehearsed:
 def rehearse(job: Job, place: int) -> Rehearsed:
     """Rehearse a block, and measure its attempts.
 
-    Parameters
-    ----------
-    place : int
-        Place of the block among those of its dyad, from 1 [1].
+    - `place`: place of the block among those of its dyad, from 1 [1].
     """
-    rehearsal, referee = rehearsal_of(job), Referee(job.config, Safeguard.CLAMPED)
+    rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
     parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in COLUMNS}
     flags: dict[int, tuple[str, ...]] = {}
 
