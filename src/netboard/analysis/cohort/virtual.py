@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from io import BytesIO
 from typing import Any
 
-from netboard.analysis.cohort.block import READINGS, rehearse
+from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.rows import as_columns, attempt_rows, fields_of, group_rows
 from netboard.analysis.extraction.streams import Streams
 from netboard.analysis.extraction.study import Study as Tables
@@ -94,28 +94,29 @@ def simulate(design: Design, number: int) -> bytes:
     - `number`: number of the study in the cohort, from 1 [1].
     """
     seed = design.seed_of(number)
-    done = [
-        rehearse(job, place)
-        for dyad in range(1, design.dyads + 1)
-        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1)
-    ]
-    study = study_of((one.measured for one in done), READINGS, {})
+    tables, given_up, ticks = [], 0, 0
+    for dyad in range(1, design.dyads + 1):
+        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1):
+            found = rehearse(job)
+            tables.append(measured(job, place, found))
+            given_up, ticks = given_up + found.given_up, ticks + found.ticks
+    study = study_of(tables, READINGS, {})
     whole = {
         "study": number,
         "seed": seed,
         "dyads": design.dyads,
-        "blocks": len(done),
-        "given_up": sum(one.given_up for one in done),
+        "blocks": len(tables),
+        "given_up": given_up,
         "trials": len(study.counted),
         "attempts": len(study.trials),
         "excluded": len(study.exclusions.drop_duplicates(["recording", "trial", "attempt"])),
-        "duration": sum(one.ticks for one in done) * TICK_SECONDS,
+        "duration": ticks * TICK_SECONDS,
     }
     fields = fields_of(study)
-    tables = {"groups": as_columns(group_rows(study, number), fields["groups"])}
+    packed = {"groups": as_columns(group_rows(study, number), fields["groups"])}
     if design.keep_trials:
-        tables["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
-    return _packed(whole, tables, fields, study)
+        packed["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
+    return _packed(whole, packed, fields, study)
 
 
 @dataclass(frozen=True, slots=True)
