@@ -349,28 +349,17 @@ def _expected_tilt(state: Any, k: Any, now: float) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
     lever, theta = 2.0 * k["l"], state["percept"]["theta"]
     if k["hands"] == 3:
-        return float(theta + (_under_way(state, k, 1) - _under_way(state, k, 0)) / lever)
+        return float(theta + (_moved(state, k, 1, inf) - _moved(state, k, 0, inf)) / lever)
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
-    own = _under_way(state, k, side)
+    own = _moved(state, k, side, inf)
     other = _partner_rise(state, k, now, side)
     return float(theta + sign * own / lever - sign * other / lever)
 
 
 @inlined
-def _under_way(state: Any, k: Any, side: int) -> float:
-    """Return the remaining displacement of an own hand from where it was seen [m]."""
-    when, rise = state["percept"]["time"] - _lag(k), 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        if intent["side"] == side:
-            rise += intent["displacement"] * (1.0 - _done(intent, when))
-    return rise
-
-
-@inlined
 def _turning(state: Any, k: Any, side: int) -> float:
-    """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
+    """Return the part of an own hand's remaining displacement that tilts the board; the rest lifts it [m]."""
     when, rise = state["percept"]["time"] - _lag(k), 0.0
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
@@ -461,7 +450,7 @@ def _height(state: Any, k: Any) -> float:
     for side in range(2):
         shown = _own_height(state, side)
         if k["hands"] & (1 << side) and not isnan(shown):
-            lifting = _under_way(state, k, side) - _turning(state, k, side)
+            lifting = _moved(state, k, side, inf) - _turning(state, k, side)
             total += shown - (2.0 * side - 1.0) * k["l"] * state["percept"]["theta"] + lifting
             count += 1
     return total / count if count > 0 else state["percept"]["z"]
