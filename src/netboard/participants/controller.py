@@ -538,22 +538,13 @@ class Controller:
         self._decide = machine_code(decide, state, constants, rng, 0.0, shown, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate.
-
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
-        """
+        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate."""
         return () if now - self.state[0]["decision_time"] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
+        """Take in display and force, and return new submovements; empty most of the time.
 
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
+        The caller keeps the interval `DECISION_INTERVAL` between two calls.
         """
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt

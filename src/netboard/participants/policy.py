@@ -31,13 +31,7 @@ class Policy(Protocol):
         """Kind and parameters as a recording stores them; see `identity_of`."""
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Take in display and force, and decide.
-
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
-        """
+        """Take in display and force, and return new submovements; empty most of the time."""
 
 
 def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, str]:
