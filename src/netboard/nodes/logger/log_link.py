@@ -7,10 +7,10 @@ from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.transport import channels, poller, sockets
 
-HELLO_NS = 500_000_000
+HELLO_INTERVAL_NS = 500_000_000
 """Time without an answer after which `Hello` is sent again [ns]."""
 
-SILENT_NS = 1_000_000_000
+SILENCE_TIMEOUT_NS = 1_000_000_000
 """Silence after which the server may have been restarted and is sent another `Hello` [ns]."""
 
 WAIT_SECONDS = 0.02

@@ -29,7 +29,7 @@ from netboard.network.protocol.records import (
     TickRecord,
     kind_of_peer,
 )
-from netboard.nodes.logger.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
+from netboard.nodes.logger.log_link import BURST, HELLO_INTERVAL_NS, SILENCE_TIMEOUT_NS, WAIT_SECONDS, Link
 from netboard.recording.format.channels import record_of
 
 log = logging.getLogger(__name__)
@@ -47,10 +47,10 @@ class RecordReceiver(Protocol):
     def begin(self, welcome: Welcome) -> None:
         """Begin another session of the server."""
 
-    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+    def set_clock(self, offset_ns: int, bound_ns: int) -> None:
         """Take the offset of this machine's clock from the server's, and its error bound [ns]."""
 
-    def tell_lost(self, first: int, count: int) -> None:
+    def report_lost(self, first: int, count: int) -> None:
         """Take the number of the first missed record, and how many were missed [1]."""
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
@@ -68,7 +68,7 @@ class Listener:
         self._next: int | None = None
         self._welcomed = False
         self._began_ns = clock()
-        self._last_message_ns = self._greeted_ns = self._began_ns - SILENT_NS
+        self._last_message_ns = self._greeted_ns = self._began_ns - SILENCE_TIMEOUT_NS
         self._answers: deque[int] = deque(maxlen=ANSWERS)
         self._refused = ""
         self._nonsense = RateLimitedLog(log)
@@ -97,8 +97,8 @@ class Listener:
     def _greet(self) -> None:
         """Send `Hello` to a server that has not answered yet or has fallen silent."""
         now = self._clock()
-        silent = now - self._last_message_ns >= SILENT_NS
-        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
+        silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
+        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
             self._greeted_ns = now
             self._welcomed = False
             self._send(self._hello)
@@ -164,11 +164,11 @@ class Listener:
             case EventRecord():
                 events.append(record)
             case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener" and sent_ns in self._answers:
-                self._receiver.tell_clock(record.offset_ns, record.bound_ns)
+                self._receiver.set_clock(record.offset_ns, record.bound_ns)
 
     def _miss(self, first: int, count: int) -> None:
         self.lost += count
-        self._receiver.tell_lost(first, count)
+        self._receiver.report_lost(first, count)
 
     def _send(self, message: Message) -> None:
         self._link.send(encode(message))

@@ -15,7 +15,7 @@ from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.replay.state import ReplayState
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
-from netboard.nodes.server.attempts import MOST_ROWS
+from netboard.nodes.server.attempts import MAX_ROWS
 from netboard.recording.replay.commands import in_words
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
@@ -95,7 +95,7 @@ class ReplayAnswers:
         """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
         known = self._state.reel.outcomes(self._state.index)
-        return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
+        return Outcomes(first, tuple(known[first:][:MAX_ROWS]))
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one, up to the current one."""

@@ -19,12 +19,12 @@ class Readiness:
         self._motion, self._log = ports.motion, ports.log
         self._operators, self._emergency_stop, self._clock = operators, emergency_stop, clock
 
-    def lacks(self, block: PreparedBlock, resting: bool, now_ns: int) -> tuple[str, ...]:
+    def find_missing(self, block: PreparedBlock, resting: bool, now_ns: int) -> tuple[str, ...]:
         """Return what is missing before the block can begin.
 
         ``resting``: whether the block must wait until the rest before it is over.
         """
-        lacking = [*self._motion.lacks(now_ns, block.people), *block.delays.lacking]
+        lacking = [*self._motion.find_missing(now_ns, block.people), *block.delays.lacking]
         if block.config.network.require_logger and not self._log.loggers:
             lacking.append("the logger")
         if self._emergency_stop.halted:

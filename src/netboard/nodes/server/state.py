@@ -107,10 +107,10 @@ class SessionState:
         left = (self.rest_until_ns - now) * 1e-9
         return left if left > 0 and self.phase == Phase.IDLE else None
 
-    def lacks(self) -> tuple[str, ...]:
+    def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now = now_ns()
-        return self.readiness.lacks(self.block, self.supervisor.autostart and self.rest(now) is not None, now)
+        return self.readiness.find_missing(self.block, self.supervisor.autostart and self.rest(now) is not None, now)
 
     def update_arming(self, events: list[Event]) -> None:
         """Record the events of an emergency stop; the next heartbeat tells the devices."""
