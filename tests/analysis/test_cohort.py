@@ -10,10 +10,9 @@ import pandas as pd
 import pytest
 
 from netboard.analysis.cohort.folder import Cohort, make_cohort
-from netboard.analysis.cohort.participants import jobs_of_dyad
 from netboard.analysis.cohort.power import condition_means
 from netboard.analysis.cohort.rows import KEPT
-from netboard.analysis.cohort.virtual import LAST_SEED, Design
+from netboard.analysis.cohort.virtual import LAST_SEED, Design, jobs_of_dyad
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study as Tables

@@ -3,4 +3,43 @@
 Open `controller.py` first: an intermittent, predictive, delayed PD controller. `senses` models its perception,
 `submovement` its actions, `hand` the arm that holds a stylus, and `device_models` the haptic devices. This wing knows
 no device driver, no network and no clock.
+
+Parameters
+----------
+person, participant : Participant
+    Parameters of the participant.
+physics, task : Physics, Task
+    Constants of the scene and rules of the task, which the participant knows.
+sides : tuple of Side
+    Hands of the participant: one in a dyad, both in a bimanual block.
+rng : numpy.random.Generator
+    Source of the participant's variability: of its decisions, or of a hand's force noise and lateral rest position.
+state, k : record of STATE, record of CONSTANTS
+    State of a controller, changed in place, and its constants.
+now : float
+    Present time, later than in the previous call [s].
+glimpse : Glimpse or None, or record of SEEN
+    Newest glimpse of the participant's own display; before the first None, or a record whose time is NaN.
+felt : float or None
+    Vertical force on the participant's hand, + = up; None or NaN without haptic feedback, and with two hands [N].
+senses : record of SENSES
+    Memory of what was seen and felt; only `senses.store` changes it.
+own, sign : float
+    Height of one's own hand [m], and `partner.SIGN` of its side [1].
+device : VirtualDevice
+    The table ``[virtual]`` of the configuration.
+held : bool
+    False for a released stylus: the device alone.
+s, arm : record of HAND, record of ARM
+    State of a hand, changed in place, and its constants.
+tip, cables : record of TIP, record or ndarray of CABLES
+    State of the stylus side of compliant cables, changed in place, and their constants; no row for rigid cables.
+plan : ndarray, shape (CAPACITY, 3)
+    Start, duration and displacement of each submovement, changed in place [s, s, m].
+fx, fy, fz : float
+    Motor force on the stylus [N].
+steps : int
+    Number of steps of length `hand.STEP` [1].
+white : ndarray, shape (n, 3)
+    Standard normal numbers that drive the force noise, a row for each update [1].
 """

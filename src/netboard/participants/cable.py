@@ -39,7 +39,7 @@ TIP = np.dtype([(name, "<f8") for name in ("x", "y", "z", "vx", "vy", "vz")])
 
 
 def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[Any]:
-    """Pack the constants of compliant cables for the kernel.
+    """Return the constants of compliant cables, packed for the kernel: ndarray of CABLES, shape (1,) [SI].
 
     Parameters
     ----------
@@ -49,11 +49,6 @@ def pack_cables(device: DeviceModel, arm: NDArray[Any], step: float) -> NDArray[
         Constants of device and arm with rigid cables.
     step : float
         Length of a step [s].
-
-    Returns
-    -------
-    ndarray of CABLES, shape (1,)
-        The packed record, in SI units.
     """
     k, c, half = device.cable_stiffness, device.cable_damping, 0.5 * step
     motor = device.mass * (1.0 - device.tip_share)
@@ -89,8 +84,6 @@ def stretch(
         Force of the arm without its spring force [N].
     rest : float
         Equilibrium point of the arm's spring [m].
-    cables : record of CABLES
-        The constants.
 
     Returns
     -------

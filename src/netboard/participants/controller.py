@@ -130,24 +130,7 @@ _WORDS = {"haptic_gain": -1.0, "practice": inf}
 
 
 def pack_constants(person: Participant, physics: Physics, task: Task, sides: tuple[Side, ...]) -> NDArray[Any]:
-    """Pack the constants of a participant for the kernels.
-
-    Parameters
-    ----------
-    person : Participant
-        Parameters of the participant.
-    physics : Physics
-        Constants of the scene, which the participant knows.
-    task : Task
-        Rules of the task, which the participant knows.
-    sides : tuple of {"left", "right"}
-        Hands of the participant: one in a dyad, both in a bimanual block.
-
-    Returns
-    -------
-    ndarray of CONSTANTS, shape (1,)
-        The packed record.
-    """
+    """Return the constants of a participant, packed for the kernels: ndarray of CONSTANTS, shape (1,) [SI]."""
     if not sides or len(set(sides)) != len(sides):
         raise ValueError(f"a participant moves one hand or two different ones, not {sides}")
     packed = np.zeros(1, CONSTANTS)
@@ -164,17 +147,7 @@ def pack_constants(person: Participant, physics: Physics, task: Task, sides: tup
 
 @kernel
 def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
-    """Begin: draw the first noises and the first threshold.
-
-    Parameters
-    ----------
-    state : record of STATE
-        The state, changed in place.
-    k : record of CONSTANTS
-        The constants.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-    """
+    """Begin: draw the first noises and the first threshold."""
     senses = state["senses"]
     state["mirror"], state["practice"] = k["mirror"], k["practice"]
     factor = state["learning_factor"] = learned(k["novice"], k["practice"], k["learning_trials"])
@@ -218,18 +191,6 @@ def decide(
 
     Parameters
     ----------
-    state : record of STATE
-        The state, changed in place.
-    k : record of CONSTANTS
-        The constants.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-    now : float
-        Present time, later than in the previous call [s].
-    glimpse : record of SEEN
-        Newest glimpse of the participant's own display; its time is NaN before the first.
-    felt : float
-        Vertical force on the participant's hand, + = up; NaN without haptic feedback, and with two hands [N].
     moves : ndarray of MOVE, shape (2,)
         New submovements, written.
 
@@ -388,28 +349,17 @@ def _expected_tilt(state: Any, k: Any, now: float) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
     lever, theta = 2.0 * k["l"], state["percept"]["theta"]
     if k["hands"] == 3:
-        return float(theta + (_under_way(state, k, 1) - _under_way(state, k, 0)) / lever)
+        return float(theta + (_moved(state, k, 1, inf) - _moved(state, k, 0, inf)) / lever)
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
-    own = _under_way(state, k, side)
+    own = _moved(state, k, side, inf)
     other = _partner_rise(state, k, now, side)
     return float(theta + sign * own / lever - sign * other / lever)
 
 
 @inlined
-def _under_way(state: Any, k: Any, side: int) -> float:
-    """Return the remaining displacement of an own hand from where it was seen [m]."""
-    when, rise = state["percept"]["time"] - _lag(k), 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        if intent["side"] == side:
-            rise += intent["displacement"] * (1.0 - _done(intent, when))
-    return rise
-
-
-@inlined
 def _turning(state: Any, k: Any, side: int) -> float:
-    """Return the part of this displacement that tilts the board; the rest lifts it [m]."""
+    """Return the part of an own hand's remaining displacement that tilts the board; the rest lifts it [m]."""
     when, rise = state["percept"]["time"] - _lag(k), 0.0
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
@@ -500,7 +450,7 @@ def _height(state: Any, k: Any) -> float:
     for side in range(2):
         shown = _own_height(state, side)
         if k["hands"] & (1 << side) and not isnan(shown):
-            lifting = _under_way(state, k, side) - _turning(state, k, side)
+            lifting = _moved(state, k, side, inf) - _turning(state, k, side)
             total += shown - (2.0 * side - 1.0) * k["l"] * state["percept"]["theta"] + lifting
             count += 1
     return total / count if count > 0 else state["percept"]["z"]
@@ -559,19 +509,6 @@ def _act(
 class Controller:
     """Controller of one simulated participant: a `netboard.participants.policy.Policy`.
 
-    Parameters
-    ----------
-    person : Participant
-        Parameters of the participant.
-    physics : Physics
-        Constants of the scene, which the participant knows.
-    task : Task
-        Rules of the task, which the participant knows.
-    sides : tuple of {"left", "right"}
-        Hands of the participant: one in a dyad, both in a bimanual block.
-    rng : numpy.random.Generator
-        Source of the participant's variability.
-
     Attributes
     ----------
     identity : dict of str
@@ -601,40 +538,13 @@ class Controller:
         self._decide = machine_code(decide, state, constants, rng, 0.0, shown, 0.0, self._moves)
 
     def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate.
-
-        Parameters
-        ----------
-        now : float
-            Present time [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the participant's own display; None before the first.
-        felt : float or None
-            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
-
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
-        """
+        """Run `decide` if `DECISION_INTERVAL` has passed since the last decision; may be called at any rate."""
         return () if now - self.state[0]["decision_time"] < DECISION_INTERVAL else self.decide(now, glimpse, felt)
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Take in display and force, and decide. The caller keeps the interval `DECISION_INTERVAL` between two calls.
+        """Take in display and force, and return new submovements; empty most of the time.
 
-        Parameters
-        ----------
-        now : float
-            Present time, later than in the previous call [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the participant's own display; None before the first.
-        felt : float or None
-            Vertical force on the participant's hand, + = up; None without haptic feedback, and with two hands [N].
-
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
+        The caller keeps the interval `DECISION_INTERVAL` between two calls.
         """
         write_glimpse(glimpse, self._glimpse)
         force = nan if felt is None else felt

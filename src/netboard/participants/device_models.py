@@ -67,108 +67,54 @@ class DeviceModel:
 _ALWAYS = ("damping", "cable_damping", "tip_share", "thermal_time")
 """Parameters that no maker publishes."""
 
-_SHEET = "maker's data sheet, as commonly quoted; max_force, workspace: CHAI3D's device table"
+_QUOTED = "maker's data sheet, as commonly quoted"
+_SHEET = f"{_QUOTED}; max_force, workspace: CHAI3D's device table"
+_SOFTEST = f"{_SHEET}; cable_stiffness: the softest of three axes"
 
-_TOUCH = DeviceModel(
-    name="Touch",
-    mass=0.045,
-    friction=0.26,
-    damping=0.1,
-    resolution=0.055e-3,
-    max_force=3.3,
-    continuous_force=0.88,
-    workspace=0.075,
-    cable_stiffness=1020.0,
-    cable_damping=0.7,
-    tip_share=0.5,
-    thermal_time=100.0,
-    source=f"{_SHEET}; cable_stiffness: the softest of three axes",
-    estimates=_ALWAYS,
+_NUMBERS = (
+    *("mass", "friction", "damping", "resolution", "max_force", "continuous_force", "workspace"),
+    *("cable_stiffness", "cable_damping", "tip_share", "thermal_time"),
 )
 
-MODELS: Mapping[str, DeviceModel] = {
-    "touch": _TOUCH,
-    "omni": replace(_TOUCH, name="PHANTOM Omni", workspace=0.10),
-    "touch_x": DeviceModel(
-        name="Touch X (PHANTOM Desktop)",
-        mass=0.045,
-        friction=0.06,
-        damping=0.05,
-        resolution=0.023e-3,
-        max_force=7.9,
-        continuous_force=1.75,
-        workspace=0.10,
-        cable_stiffness=1480.0,
-        cable_damping=0.8,
-        tip_share=0.5,
-        thermal_time=100.0,
-        source=f"{_SHEET}; cable_stiffness: the softest of three axes",
-        estimates=_ALWAYS,
+_ROWS: Mapping[str, tuple[str, tuple[float, ...], str, tuple[str, ...]]] = {
+    # In each row: name, `_NUMBERS`, source, and what is estimated beside what always is.
+    "touch": ("Touch", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.075, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
+    "omni": ("PHANTOM Omni", (0.045, 0.26, 0.1, 0.055e-3, 3.3, 0.88, 0.10, 1020.0, 0.7, 0.5, 100.0), _SOFTEST, ()),
+    "touch_x": (
+        "Touch X (PHANTOM Desktop)",
+        (0.045, 0.06, 0.05, 0.023e-3, 7.9, 1.75, 0.10, 1480.0, 0.8, 0.5, 100.0),
+        _SOFTEST,
+        (),
     ),
-    "premium_1_5": DeviceModel(
-        name="PHANTOM Premium 1.5",
-        mass=0.075,
-        friction=0.04,
-        damping=0.05,
-        resolution=0.03e-3,
-        max_force=8.5,
-        continuous_force=1.4,
-        workspace=0.12,
-        cable_stiffness=3500.0,
-        cable_damping=1.6,
-        tip_share=0.5,
-        thermal_time=100.0,
-        source=_SHEET,
-        estimates=_ALWAYS,
+    "premium_1_5": (
+        "PHANTOM Premium 1.5",
+        (0.075, 0.04, 0.05, 0.03e-3, 8.5, 1.4, 0.12, 3500.0, 1.6, 0.5, 100.0),
+        _SHEET,
+        (),
     ),
-    "premium_3_0": DeviceModel(
-        name="PHANTOM Premium 3.0",
-        mass=0.159,
-        friction=0.2,
-        damping=0.1,
-        resolution=0.02e-3,
-        max_force=22.0,
-        continuous_force=3.0,
-        workspace=0.25,
-        cable_stiffness=1000.0,
-        cable_damping=1.3,
-        tip_share=0.5,
-        thermal_time=100.0,
-        source=_SHEET,
-        estimates=_ALWAYS,
+    "premium_3_0": (
+        "PHANTOM Premium 3.0",
+        (0.159, 0.2, 0.1, 0.02e-3, 22.0, 3.0, 0.25, 1000.0, 1.3, 0.5, 100.0),
+        _SHEET,
+        (),
     ),
-    "falcon": DeviceModel(
-        name="Novint Falcon",
-        mass=0.25,
-        friction=0.5,
-        damping=1.0,
-        resolution=0.0635e-3,
-        max_force=8.9,
-        continuous_force=3.0,
-        workspace=0.05,
-        cable_stiffness=3000.0,
-        cable_damping=2.7,
-        tip_share=0.5,
-        thermal_time=100.0,
-        source="maker's data sheet, as commonly quoted: 8.9 N, 400 dpi, a workspace of 4 inches",
-        estimates=("mass", "friction", "continuous_force", "cable_stiffness", *_ALWAYS),
+    "falcon": (
+        "Novint Falcon",
+        (0.25, 0.5, 1.0, 0.0635e-3, 8.9, 3.0, 0.05, 3000.0, 2.7, 0.5, 100.0),
+        f"{_QUOTED}: 8.9 N, 400 dpi, a workspace of 4 inches",
+        ("mass", "friction", "continuous_force", "cable_stiffness"),
     ),
-    "omega_3": DeviceModel(
-        name="Force Dimension omega.3",
-        mass=0.2,
-        friction=0.1,
-        damping=0.5,
-        resolution=0.01e-3,
-        max_force=12.0,
-        continuous_force=12.0,
-        workspace=0.08,
-        cable_stiffness=14_500.0,
-        cable_damping=5.4,
-        tip_share=0.5,
-        thermal_time=100.0,
-        source="maker's data sheet, as commonly quoted: 12 N, 0.01 mm, 14.5 N/mm, a workspace 160 mm wide",
-        estimates=("mass", "friction", *_ALWAYS),
+    "omega_3": (
+        "Force Dimension omega.3",
+        (0.2, 0.1, 0.5, 0.01e-3, 12.0, 12.0, 0.08, 14_500.0, 5.4, 0.5, 100.0),
+        f"{_QUOTED}: 12 N, 0.01 mm, 14.5 N/mm, a workspace 160 mm wide",
+        ("mass", "friction"),
     ),
+}
+
+MODELS = {
+    key: DeviceModel(name, **dict(zip(_NUMBERS, values, strict=True)), source=source, estimates=(*estimates, *_ALWAYS))
+    for key, (name, values, source, estimates) in _ROWS.items()
 }
 """Devices, by their names in ``virtual.model``."""
 
@@ -176,18 +122,7 @@ _OWN = frozenset(field.name for field in fields(VirtualDevice)) & {field.name fo
 
 
 def resolved(device: VirtualDevice) -> DeviceModel:
-    """Return the parameters of the simulated device: values of the configuration override those of its model.
-
-    Parameters
-    ----------
-    device : VirtualDevice
-        The table ``[virtual]`` of the configuration.
-
-    Returns
-    -------
-    DeviceModel
-        The model with the configured values.
-    """
+    """Return the parameters of the simulated device: values of the configuration override those of its model."""
     model = MODELS[device.model]
     written = {key: value for key in _OWN if (value := getattr(device, key)) != "model"}
     there = replace(model, **written, estimates=tuple(key for key in model.estimates if key not in written))

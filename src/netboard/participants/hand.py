@@ -113,23 +113,7 @@ RIGID = np.zeros(0, CABLES)
 
 
 def make_hand(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
-    """Put a hand on a device.
-
-    Parameters
-    ----------
-    participant : Participant
-        Parameters of the simulated participant.
-    device : VirtualDevice
-        The device.
-    rng : numpy.random.Generator
-        Source of the force noise and of the lateral rest position.
-    held : bool
-        False for a released stylus: the device alone.
-
-    Returns
-    -------
-    Hand
-        The hand, with compliant cables if the device has them.
+    """Put a hand on a device, with compliant cables if the device has them.
 
     Raises
     ------
@@ -146,22 +130,7 @@ def make_hand(participant: Participant, device: VirtualDevice, rng: np.random.Ge
 
 
 def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True) -> NDArray[Any]:
-    """Pack the constants of a hand for the kernels.
-
-    Parameters
-    ----------
-    participant : Participant
-        Parameters of the simulated participant.
-    device : VirtualDevice
-        The device.
-    held : bool
-        False for a released stylus: the device alone.
-
-    Returns
-    -------
-    ndarray of ARM, shape (1,)
-        The packed record, in SI units.
-    """
+    """Return the constants of a hand, packed for the kernels: ndarray of ARM, shape (1,) [SI]."""
     arm, own = np.zeros(1, ARM), resolved(device)
     arm["mass"] = own.mass
     arm["damping"] = own.damping
@@ -254,12 +223,6 @@ def update_muscles(
 
     Parameters
     ----------
-    s : record of HAND
-        The state, changed in place.
-    arm : record of ARM
-        The constants.
-    plan : ndarray, shape (CAPACITY, 3)
-        Start, duration and displacement of each submovement, changed in place [s, s, m].
     when : float
         Middle of the interval until the next update, on the clock of the submovements [s].
     force : float
@@ -288,19 +251,7 @@ def _lateral_rest(s: Any) -> float:
 
 @inlined
 def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
-    """Advance a hand between two updates, under a constant motor force.
-
-    Parameters
-    ----------
-    s : record of HAND
-        The state, changed in place.
-    arm : record of ARM
-        The constants.
-    fx, fy, fz : float
-        Motor force on the stylus [N].
-    steps : int
-        Number of steps of length `STEP` [1].
-    """
+    """Advance a hand between two updates, under a constant motor force."""
     stiffness = s["stiffness"]
     push_x = stiffness * _lateral_rest(s) + s["noise_x"] + fx
     push_y = stiffness * s["rest_y"] + s["noise_y"] + fy
@@ -316,21 +267,7 @@ def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> 
 
 @kernel
 def integrate_on_cables(s: Any, tip: Any, cables: Any, fx: float, fy: float, fz: float, steps: int) -> None:
-    """Advance a hand as `integrate` does, with compliant cables; `s` is then the state of the motor side.
-
-    Parameters
-    ----------
-    s : record of HAND
-        The state, changed in place.
-    tip : record of TIP
-        State of the stylus side, changed in place.
-    cables : record of CABLES
-        Constants of arm and cables.
-    fx, fy, fz : float
-        Motor force [N].
-    steps : int
-        Number of steps of length `STEP` [1].
-    """
+    """Advance a hand as `integrate` does, with compliant cables; `s` is then the state of the motor side."""
     t, load = tip, s["compensation"] + s["noise_z"]
     for _ in range(steps):
         s["x"], s["vx"], t["x"], t["vx"] = stretch(
@@ -367,18 +304,8 @@ def advance_hand(
         With compliant cables, the state of the stylus side, changed in place.
     constants : ndarray of ARM, shape (1,)
         The constants.
-    cables : ndarray of CABLES, shape (0,) or (1,)
-        Constants of compliant cables; empty for rigid ones.
-    plan : ndarray, shape (CAPACITY, 3)
-        Start, duration and displacement of each submovement, changed in place [s, s, m].
     origin : float
         Time of the initial state, on the clock of the submovements [s].
-    fx, fy, fz : float
-        Motor force on the stylus [N].
-    steps : int
-        Number of steps of length `STEP` [1].
-    white : ndarray, shape (n, 3)
-        Standard normal numbers that drive the force noise, a row for each update [1].
     """
     s, arm = state[0], constants[0]
     done = updates = 0
@@ -402,10 +329,6 @@ class Hand:
     ----------
     arm : ndarray of ARM, shape (1,)
         Constants, from `pack_arm`.
-    rng : numpy.random.Generator
-        Source of the force noise and of the lateral rest position.
-    cables : ndarray of CABLES, shape (0,) or (1,)
-        Constants of compliant cables, from `netboard.participants.cable.pack_cables`; empty for rigid ones.
 
     Attributes
     ----------
@@ -468,8 +391,6 @@ class Hand:
 
         Parameters
         ----------
-        steps : int
-            Number of steps of length `STEP` [1].
         origin : float
             Time before the steps, on the clock of the submovements [s].
         force : tuple of float
@@ -480,11 +401,6 @@ class Hand:
 
     def noise(self, steps: int) -> NDArray[np.float64]:
         """Return the next normal numbers. They are drawn in batches, because small draws take longer than the steps.
-
-        Parameters
-        ----------
-        steps : int
-            Number of steps [1].
 
         Returns
         -------
@@ -500,13 +416,7 @@ class Hand:
         return self._white[start : self._drawn]
 
     def draw(self, white: NDArray[np.float64]) -> None:
-        """Fill an array with the next normal numbers, as `noise` returns them.
-
-        Parameters
-        ----------
-        white : ndarray, shape (n, 3)
-            Output: standard normal numbers that drive the force noise, a row for each update [1].
-        """
+        """Fill an array with the next normal numbers, as `noise` returns them."""
         self._rng.standard_normal(out=white)
 
     @property

@@ -15,7 +15,7 @@ SIGN: dict[Side, float] = {"left": -1.0, "right": 1.0}
 
 @kernel
 def partner_height(force: float, own: float, p: float, sign: float, scene: Any) -> float:
-    """Return the height of the partner's hand, inferred from the force on one's own hand.
+    """Return the height of the partner's hand, inferred from the force on one's own hand [m].
 
     In equilibrium ``F = (W + k_s z)/2 +- m g p/(2 l)`` and ``z = (k_h (z_left + z_right) - W)/(2 k_h + k_s)``, with
     small tilts (the paper's equations 1 to 4, at rest).
@@ -24,19 +24,10 @@ def partner_height(force: float, own: float, p: float, sign: float, scene: Any) 
     ----------
     force : float
         Force on one's own hand, + = up [N].
-    own : float
-        Height of one's own hand [m].
     p : float
         Ball position, + = right [m].
-    sign : float
-        `SIGN` of one's own side [1].
     scene : record
         Constants of the scene, which the participant knows: M, ball, g, l, k_h, k_s [SI].
-
-    Returns
-    -------
-    float
-        Height of the partner's hand [m].
     """
     weight = (scene["M"] + scene["ball"]) * scene["g"]
     load = -2.0 * force - weight - sign * scene["ball"] * scene["g"] * p / scene["l"]
@@ -46,23 +37,14 @@ def partner_height(force: float, own: float, p: float, sign: float, scene: Any) 
 
 @kernel
 def partner_seen(own: float, theta: float, sign: float, l: float) -> float:  # noqa: E741
-    """Return the height of the partner's hand, inferred from the tilt of the board.
+    """Return the height of the partner's hand, inferred from the tilt of the board [m].
 
     Parameters
     ----------
-    own : float
-        Height of one's own hand [m].
     theta : float
         Tilt of the board [rad].
-    sign : float
-        `SIGN` of one's own side [1].
     l : float
         Half the length of the board [m].
-
-    Returns
-    -------
-    float
-        Height of the partner's hand [m].
     """
     return own - sign * 2.0 * l * theta
 

@@ -31,22 +31,7 @@ class Policy(Protocol):
         """Kind and parameters as a recording stores them; see `identity_of`."""
 
     def decide(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
-        """Take in display and force, and decide.
-
-        Parameters
-        ----------
-        now : float
-            Present time, later than in the previous call [s].
-        glimpse : Glimpse or None
-            Newest glimpse of the display at its seat; None before the first.
-        felt : float or None
-            Vertical force on its hand, + = up; None without haptic feedback, and with two hands [N].
-
-        Returns
-        -------
-        tuple of Submovement
-            New submovements; empty most of the time.
-        """
+        """Take in display and force, and return new submovements; empty most of the time."""
 
 
 def identity_of(kind: str, parameters: Participant | None = None) -> dict[str, str]:

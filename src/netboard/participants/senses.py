@@ -97,8 +97,6 @@ def write_glimpse(glimpse: Glimpse | None, place: NDArray[Any]) -> None:
 
     Parameters
     ----------
-    glimpse : Glimpse or None
-        The glimpse.
     place : ndarray of SEEN, shape (1,)
         Where to write it.
     """
@@ -151,19 +149,7 @@ def ou_step(value: float, deviation: float, time: float, dt: float, normal: floa
 
 @kernel
 def store(senses: Any, now: float, glimpse: Any, felt: float) -> None:
-    """Store what the display shows and what the hand feels now.
-
-    Parameters
-    ----------
-    senses : record of SENSES
-        The memory, changed in place.
-    now : float
-        Present time [s].
-    glimpse : record of SEEN
-        Newest glimpse; its time is NaN if nothing has been displayed yet.
-    felt : float
-        Vertical force on the participant's hand, + = up; NaN without haptic feedback [N].
-    """
+    """Store what the display shows and what the hand feels now."""
     seen, count = senses["seen"], senses["seen_count"]
     newest = seen[(senses["first_seen"] + count - 1) % ROOM]["time"]
     if not isnan(glimpse["time"]) and (count == 0 or glimpse["time"] > newest):
@@ -204,21 +190,14 @@ def _feel(senses: Any, now: float, felt: float) -> None:
 
 @kernel
 def perceive(senses: Any, until: float, percept: Any) -> bool:
-    """Perceive the display as it was at a time, with the present perceptual noise.
+    """Perceive the display as it was at a time, with present perceptual noise; return whether anything was displayed.
 
     Parameters
     ----------
-    senses : record of SENSES
-        The memory.
     until : float
         One visual delay ago [s].
     percept : record of PERCEPT
         The percept, written.
-
-    Returns
-    -------
-    bool
-        Whether anything was displayed then.
     """
     seen, first = senses["seen"], senses["first_seen"]
     last = senses["seen_count"] - 1
@@ -262,8 +241,6 @@ def force_at(senses: Any, when: float) -> float:
 
     Parameters
     ----------
-    senses : record of SENSES
-        The memory.
     when : float
         A time at least one haptic delay ago [s].
 

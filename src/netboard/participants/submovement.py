@@ -32,17 +32,12 @@ class Submovement:
     displacement: float
 
     def progress(self, when: float) -> float:
-        """Return the share of the displacement that is commanded at a time.
+        """Return the share of the displacement that is commanded at a time, 0 before the start to 1 after the end [1].
 
         Parameters
         ----------
         when : float
             Time on the clock of `start` [s].
-
-        Returns
-        -------
-        float
-            From 0 before the start to 1 after the end [1].
         """
         return float(minimum_jerk((when - self.start) / self.duration))
 

@@ -5,7 +5,7 @@ flags and all measures are those that the analysis of a recording of the same bl
 functions. The settings are the defaults, those of the paper.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.cohort.participants import rehearsal_of
 from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.devices import simulated_mechanics
 from netboard.analysis.extraction.paper import PAPER
@@ -23,6 +22,7 @@ from netboard.analysis.extraction.tables import columns_of
 from netboard.analysis.extraction.trials import Block
 from netboard.base.config import SIDES
 from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job
 from netboard.recording.export.runs import Run, people_in
 from netboard.recording.files.offline_writer import REHEARSED, name_of
@@ -44,30 +44,22 @@ PIECE = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Rehearsed:
-    """Measured tables of a block, and how its rehearsal went.
+    """A rehearsed block, and how its rehearsal went.
 
-    Attributes
-    ----------
-    ticks : int
-        Simulated ticks [1].
-    given_up : bool
-        Whether the block was stopped because its participants could not do it.
+    - `flags`: quality flags of the attempts, by the tick of their release.
+    - `ticks`: simulated ticks [1].
+    - `given_up`: whether the block was stopped because its participants could not do it.
     """
 
-    measured: Measured
+    block: Block
+    flags: Mapping[int, tuple[str, ...]]
     ticks: int
     given_up: bool
 
 
-def rehearse(job: Job, place: int) -> Rehearsed:
-    """Rehearse a block, and measure its attempts.
-
-    Parameters
-    ----------
-    place : int
-        Place of the block among those of its dyad, from 1 [1].
-    """
-    rehearsal, referee = rehearsal_of(job), Referee(job.config, Safeguard.CLAMPED)
+def rehearse(job: Job) -> Rehearsed:
+    """Rehearse a block."""
+    rehearsal, referee = Rehearsal(job.config, job.people), Referee(job.config, Safeguard.CLAMPED)
     parts: dict[str, list[NDArray[np.float64]]] = {name: [] for name in COLUMNS}
     flags: dict[int, tuple[str, ...]] = {}
 
@@ -84,16 +76,20 @@ def rehearse(job: Job, place: int) -> Rehearsed:
     columns["tick"] = np.arange(summary.ticks)
     mechanics = dict.fromkeys(SIDES, simulated_mechanics(job.config))
     block = Block(job.config, READINGS, columns, attempts, mechanics)
-    return Rehearsed(_measured(run_of(job, place), block, flags), summary.ticks, summary.given_up)
+    return Rehearsed(block, flags, summary.ticks, summary.given_up)
 
 
-def _measured(run: Run, block: Block, flags: dict[int, tuple[str, ...]]) -> Measured:
-    """Return the tables of a block, without paths."""
-    name, takes = run.path.stem, list(block.takes())
+def measured(job: Job, place: int, found: Rehearsed) -> Measured:
+    """Return the tables of a rehearsed block, without paths.
+
+    - `place`: place of the block among those of its dyad, from 1 [1].
+    """
+    run = run_of(job, place)
+    name, takes = run.path.stem, list(found.block.takes())
     turns = [place_of(name, take) | dict(row) for take in takes for row in movements(take)]
     return Measured(
-        columns_of(BLOCKS, [block_row(run, block, repaired=False, unknown=0)]),
-        columns_of(TRIALS, [attempt_row(name, take, flags, PAPER) for take in takes]),
+        columns_of(BLOCKS, [block_row(run, found.block, repaired=False, unknown=0)]),
+        columns_of(TRIALS, [attempt_row(name, take, found.flags, PAPER) for take in takes]),
         columns_of(MOVEMENTS, turns),
         {},
     )

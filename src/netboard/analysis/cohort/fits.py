@@ -52,12 +52,8 @@ def factor_of(values: Mapping[str, Any]) -> StudyFactor:
 def fitted(folder: Path, sizes: Sequence[int], alpha: float, trials: int, number: int) -> dict[Key, Term]:
     """Fit all models to a virtual study with each number of dyads.
 
-    Parameters
-    ----------
-    trials : int
-        First trials of each condition that count; 0 for all [1].
-    number : int
-        Number of the virtual study [1].
+    - `trials`: first trials of each condition that count; 0 for all [1].
+    - `number`: number of the virtual study [1].
     """
     packed = Cohort(folder).get(number)
     rows = people_alone(pd.DataFrame(packed.tables["trials"], copy=False))

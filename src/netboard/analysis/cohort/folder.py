@@ -19,9 +19,8 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from netboard.analysis.cohort.participants import compile_kernels, jobs_of_dyad
 from netboard.analysis.cohort.rows import STUDIES
-from netboard.analysis.cohort.virtual import Design, StudyTables, check, simulate, unpack
+from netboard.analysis.cohort.virtual import Design, StudyTables, check, compile_kernels, jobs_of_dyad, simulate, unpack
 from netboard.analysis.cohort.workers import CODE, run_all
 from netboard.analysis.extraction.fingerprint import fingerprint
 from netboard.analysis.extraction.store import Store
@@ -83,10 +82,7 @@ def manifest_of(design: Design) -> dict[str, Any]:
 class Cohort:
     """An open folder of a cohort.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder with a manifest.
+    - `folder`: folder with a manifest.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -219,14 +215,9 @@ def make_cohort(
 ) -> Cohort:
     """Simulate the studies of a cohort that are not finished, and join their tables.
 
-    Parameters
-    ----------
-    studies : int
-        Number of virtual studies; a cohort that is continued may get more of them [1].
-    ending : {"parquet", "csv"}
-        Format of the table of trials, if it is kept.
-    progress : callable
-        Callback with the number of finished studies and the total.
+    - `studies`: number of virtual studies; a cohort that is continued may get more of them [1].
+    - `ending`: format of the table of trials, if it is kept.
+    - `progress`: callback with the number of finished studies and the total.
     """
     check(design, studies)
     cohort = Cohort(folder) if resume else Cohort.create(folder, design)

@@ -7,9 +7,8 @@ from typing import Any
 
 from netboard.analysis.cohort.fits import model_powers
 from netboard.analysis.cohort.folder import Cohort, make_cohort
-from netboard.analysis.cohort.participants import distributions
 from netboard.analysis.cohort.power import Differences, Power, differences, powers
-from netboard.analysis.cohort.report import Assumptions, by_test, parts, sentence, write
+from netboard.analysis.cohort.report import Assumptions, by_test, distributions, parts, sentence, write
 from netboard.analysis.cohort.rows import SIZE
 from netboard.analysis.cohort.virtual import Design
 from netboard.base.config import Config, digest, parse
@@ -22,14 +21,9 @@ from netboard.task.studies.study import Study, resolve_study
 class Request:
     """What is to be found out.
 
-    Attributes
-    ----------
-    dyads, trials : tuple of int
-        Numbers of dyads; first trials of each condition, 0 for all [1].
-    contrasts : tuple of str
-        Texts in ``measure: contrast``; empty for all contrasts.
-    models : bool
-        Whether models of all trials are fitted, too.
+    - `dyads`, `trials`: numbers of dyads; first trials of each condition, 0 for all [1].
+    - `contrasts`: texts in ``measure: contrast``; empty for all contrasts.
+    - `models`: whether models of all trials are fitted, too.
     """
 
     study: Study
@@ -57,10 +51,7 @@ def answer(
 ) -> Answer:
     """Compute the powers, and write them to a new folder.
 
-    Parameters
-    ----------
-    given : Path or None
-        Folder of a cohort of the study; None simulates one, in ``cohort`` of the new folder.
+    - `given`: folder of a cohort of the study; None simulates one, in ``cohort`` of the new folder.
     """
     refuse_existing(folder)
     if given is None:
@@ -87,10 +78,7 @@ def answer(
 def suitable(request: Request, folder: Path) -> tuple[Cohort, int]:
     """Open a cohort, and return how many of its studies are finished.
 
-    Raises
-    ------
-    ConfigError
-        If it is of another study, has too few dyads, or no finished study.
+    - raises ConfigError: if it is of another study, has too few dyads, or no finished study.
     """
     cohort = Cohort(folder)
     if cohort.manifest["plan"] != resolve_study(request.study):

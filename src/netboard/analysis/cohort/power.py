@@ -38,14 +38,9 @@ SEED = 20_220_302
 class Differences:
     """Within-dyad differences of one contrast in all studies.
 
-    Attributes
-    ----------
-    unit : str
-        Unit of the effect; 1 for a ratio.
-    ratio : bool
-        Whether the differences are of natural logarithms, so that the effect is a ratio.
-    gaps : ndarray of float64, shape (studies, dyads)
-        Difference of each dyad, NaN without one [unit of the measure, or 1].
+    - `unit`: unit of the effect; 1 for a ratio.
+    - `ratio`: whether the differences are of natural logarithms, so that the effect is a ratio.
+    - `gaps` (shape (studies, dyads)): difference of each dyad, NaN without one [unit of the measure, or 1].
     """
 
     measure: str
@@ -59,10 +54,7 @@ class Differences:
 class Rate:
     """Share of studies, with its Wilson confidence interval of 95 %.
 
-    Attributes
-    ----------
-    value, low, high : float
-        The share, and the limits of its Monte Carlo error [1].
+    - `value`, `low`, `high`: the share, and the limits of its Monte Carlo error [1].
     """
 
     value: float
@@ -83,23 +75,15 @@ class Rate:
 class Power:
     """Power of one test with one number of dyads.
 
-    Attributes
-    ----------
-    trials : int
-        Trials of a performer in each condition; 0 for all [1].
-    studies : int
-        Virtual studies of this size [1].
-    scale : {"difference", "ratio"}
-        Kind of the effect.
-    effect : float
-        Mean effect in the whole cohort [unit].
-    deviation : float
-        Standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
-    power, false_positives : Rate
-        Share of studies that reject the null hypothesis, with the effect and with the effect removed.
-    width, width_error : float
-        Mean width of the confidence interval, for a ratio the geometric mean of its upper limit over its lower one; and
-        its Monte Carlo standard error [unit].
+    - `trials`: trials of a performer in each condition; 0 for all [1].
+    - `studies`: virtual studies of this size [1].
+    - `scale`: kind of the effect.
+    - `effect`: mean effect in the whole cohort [unit].
+    - `deviation`: standard deviation of the dyads' differences, of logarithms for a ratio; NaN for a model [unit].
+    - `power`, `false_positives`: share of studies that reject the null hypothesis, with the effect and with the effect
+      removed.
+    - `width`, `width_error`: mean width of the confidence interval, for a ratio the geometric mean of its upper limit
+      over its lower one; and its Monte Carlo standard error [unit].
     """
 
     measure: str
@@ -123,14 +107,9 @@ def differences(
 ) -> list[Differences]:
     """Return the differences of all contrasts of all measures.
 
-    Parameters
-    ----------
-    frames : iterable of DataFrame
-        Table of groups of each study, with equal numbers of dyads.
-    contrasts : sequence of dict
-        Declared contrasts: ``name``, and the conditions ``first`` and ``second``.
-    trials : int
-        First trials of each condition that count, a multiple of the size of a group; 0 for all [1].
+    - `frames`: table of groups of each study, with equal numbers of dyads.
+    - `contrasts`: declared contrasts: ``name``, and the conditions ``first`` and ``second``.
+    - `trials`: first trials of each condition that count, a multiple of the size of a group; 0 for all [1].
     """
     if trials % SIZE:
         raise ConfigError(f"--trials: found {trials}, expected a multiple of {SIZE}, the trials in a group")
@@ -171,10 +150,7 @@ def _level(levels: pd.DataFrame, conditions: object) -> Array:
 def divided(gaps: Array, dyads: int) -> Array:
     """Divide studies into studies of fewer dyads; dyads that are left over do not count.
 
-    Returns
-    -------
-    ndarray of float64, shape (n, dyads)
-        Differences of the dyads of each.
+    - returns (shape (n, dyads)): differences of the dyads of each.
     """
     whole = gaps.shape[1] // dyads
     return np.asarray(gaps[:, : whole * dyads].reshape(-1, dyads))
@@ -218,10 +194,7 @@ def powers(found: Sequence[Differences], sizes: Sequence[int], alpha: float = 0.
 def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
     """Return p of the paired t test of many studies, and the limits of the confidence interval of 1 - alpha.
 
-    Parameters
-    ----------
-    gaps : ndarray of float64, shape (studies, dyads)
-        Difference of each dyad; NaN are ignored [any].
+    - `gaps` (shape (studies, dyads)): difference of each dyad; NaN are ignored [any].
     """
     known = np.isfinite(gaps)
     n = known.sum(axis=1)
@@ -238,10 +211,7 @@ def paired(gaps: Array, alpha: float) -> tuple[Array, Array, Array]:
 def mean_width(widths: Array, scale: Scale) -> tuple[float, float]:
     """Return the mean width, and its Monte Carlo standard error; NaN with fewer than two finite widths.
 
-    Parameters
-    ----------
-    widths : ndarray of float64, shape (n,)
-        Widths of the confidence intervals, of logarithms for a ratio [any].
+    - `widths` (shape (n,)): widths of the confidence intervals, of logarithms for a ratio [any].
     """
     known = widths[np.isfinite(widths)]
     if len(known) < 2:

@@ -3,19 +3,52 @@
 import csv
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
-from netboard.analysis.cohort.figure import draw
-from netboard.analysis.cohort.participants import SHOWN
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from netboard.analysis.cohort.power import PERMUTATION, T_TEST, Power
-from netboard.analysis.topics.figure import as_bytes
+from netboard.analysis.topics.figure import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PINK,
+    SKY,
+    STYLE,
+    VERMILION,
+    as_bytes,
+    new_figure,
+)
+from netboard.analysis.topics.marks import beside
+from netboard.base.config import Config
 from netboard.base.errors import RecordingError
+from netboard.base.settings import tables
+from netboard.base.tables.simulated import Participant
+from netboard.nodes.rehearsal.population import LETTERS, person_of
 
 ENOUGH = 0.8
 """Power that is usually asked for [1]."""
+
+SHOWN = 1000
+"""Participants drawn to describe the distribution of each parameter [1]."""
+
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, SKY, PINK, BLACK)
+MARKERS = "osD^vPX"
+"""Markers of the contrasts, in the order of their colours."""
+
+ACROSS = 2
+"""Panels in a row [1]."""
+
+SPREAD = 0.6
+"""Horizontal distance between the first and the last contrast [dyads]."""
 
 COLUMNS = (
     ("measure", ""),
@@ -44,12 +77,8 @@ COLUMNS = (
 class Assumptions:
     """What the numbers rest on.
 
-    Attributes
-    ----------
-    studies, dyads : int
-        Virtual studies of the cohort, and dyads in each [1].
-    parameters : sequence of tuple
-        Parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
+    - `studies`, `dyads`: virtual studies of the cohort, and dyads in each [1].
+    - `parameters`: parameter, unit, median and limits of the central 95 % of the simulated participants [their units].
     """
 
     study: str
@@ -80,6 +109,20 @@ class Assumptions:
             f"{self.studies} virtual studies of the plan {self.study} with {self.dyads} simulated dyads each "
             f"(netboard {self.netboard}, configuration {self.config_sha256[:12]}, seed {self.seed})"
         )
+
+
+def distributions(config: Config, seed: int) -> Iterator[tuple[str, str, float, float, float]]:
+    """Yield the distribution of each parameter of the participants, from a sample of `SHOWN`.
+
+    - yields: parameter, unit, median, and the limits of the central 95 %; these are equal for a constant [its unit].
+    """
+    people = [person_of(config.participant, seed, dyad + 1, LETTERS[0]) for dyad in range(SHOWN)]
+    (units,) = ({key.name: key.unit for key in table.keys} for table in tables(Config) if table.name == "participant")
+    for field in fields(Participant):
+        values = [getattr(person, field.name) for person in people]
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+            low, middle, high = (float(value) for value in np.percentile(values, (2.5, 50.0, 97.5)))
+            yield field.name, units.get(field.name, "1"), middle, low, high
 
 
 def sentence(found: Sequence[Power], assumptions: Assumptions) -> str:
@@ -119,7 +162,7 @@ def flat(one: Power) -> dict[str, Any]:
 def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, Any]]:
     """Return the tables of a page: the assumptions, and power, false positives and precision by number of dyads."""
     sizes = sorted({one.dyads for one in found})
-    tables: list[dict[str, Any]] = [
+    found_parts: list[dict[str, Any]] = [
         {
             "name": "about",
             "title": "Assumptions",
@@ -143,8 +186,8 @@ def parts(found: Sequence[Power], assumptions: Assumptions) -> list[dict[str, An
             head = [measure, contrast, test, trials or "all", f"{own[0].effect:.3g}{unit}"]
             rows.append([*head, *(cells.get(size, "") for size in sizes)])
         columns = ["measure", "contrast", "test", "trials", "ratio or difference", *(f"{size} dyads" for size in sizes)]
-        tables.append({"name": name, "title": title, "columns": columns, "rows": rows})
-    return [{**table, "verdicts": []} for table in tables]
+        found_parts.append({"name": name, "title": title, "columns": columns, "rows": rows})
+    return [{**table, "verdicts": []} for table in found_parts]
 
 
 def _width(one: Power) -> str:
@@ -182,3 +225,62 @@ def write(folder: Path, found: Sequence[Power], assumptions: Assumptions) -> Non
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row for JSON, which has no NaN."""
     return {name: None if isinstance(value, float) and not isfinite(value) else value for name, value in row.items()}
+
+
+@mpl.rc_context(STYLE)
+def draw(found: Sequence[Power], alpha: float, assumptions: str) -> Figure:
+    """Draw power (filled) and false-positive rate (hollow, dashed) against dyads, a panel for each measure."""
+    measures = list(dict.fromkeys(one.measure for one in found))
+    contrasts = list(dict.fromkeys((one.contrast, one.trials) for one in found))
+    rows = -(-len(measures) // ACROSS)
+    figure, axes = new_figure(1.1 + 2.0 * rows, min(ACROSS, len(measures)), rows)
+    for place, panel in enumerate(axes):
+        panel.set_visible(place < len(measures))
+    for panel, measure in zip(axes, measures, strict=False):
+        for which, key in enumerate(contrasts):
+            own = [one for one in found if (one.measure, one.contrast, one.trials) == (measure, *key)]
+            shift = beside(len(contrasts), SPREAD)[which]
+            _lines(panel, sorted(own, key=lambda one: one.dyads), which, _name(*key), shift)
+        _frame(panel, measure, sorted({one.dyads for one in found}), alpha)
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=2)
+    figure.supxlabel(fill(f"Filled: power; hollow: false positives. {assumptions}.", 130), fontsize=6.5)
+    return figure
+
+
+def _lines(axes: Axes, own: Sequence[Power], which: int, name: str, shift: float) -> None:
+    """Draw one contrast, shifted so that it does not cover others."""
+    colour, marker = COLOURS[which % len(COLOURS)], MARKERS[which % len(MARKERS)]
+    for rates, face, line, label in (
+        ([one.power for one in own], colour, "-", name),
+        ([one.false_positives for one in own], "white", "--", f"_{name}, false positives"),
+    ):
+        values = [rate.value for rate in rates]
+        bars = [[rate.value - rate.low for rate in rates], [rate.high - rate.value for rate in rates]]
+        axes.errorbar(
+            [one.dyads + shift for one in own],
+            values,
+            bars,
+            color=colour,
+            marker=marker,
+            markerfacecolor=face,
+            markersize=4,
+            linestyle=line,
+            linewidth=0.9,
+            label=label,
+        )
+
+
+def _frame(axes: Axes, measure: str, sizes: Sequence[int], alpha: float) -> None:
+    """Set title and axes of a panel."""
+    for height in (alpha, 0.8):
+        axes.axhline(height, color="#888888", linewidth=0.6, zorder=0)
+    axes.set_title(measure, loc="left")
+    axes.set_xticks(sizes)
+    axes.set_ylim(0.0, 1.02)
+    axes.set_xlabel("dyads [1]")
+    axes.set_ylabel("share of studies [1]")
+
+
+def _name(contrast: str, trials: int) -> str:
+    return f"{contrast}, {trials} trials" if trials else contrast

@@ -86,12 +86,8 @@ KEYS = ["dyad", "performer", "condition", "group"]
 class CohortMeasure:
     """A measure that can be computed from `GROUPS`.
 
-    Attributes
-    ----------
-    value : callable
-        Function of rows; returns the mean of each.
-    weight : str
-        Column with the number of values behind that mean.
+    - `value`: function of rows; returns the mean of each.
+    - `weight`: column with the number of values behind that mean.
     """
 
     measure: Measure
@@ -132,10 +128,7 @@ def as_columns(frame: pd.DataFrame, fields: Sequence[Field]) -> Columns:
 def group_rows(study: Study, number: int) -> pd.DataFrame:
     """Summarise the trials, attempts and movements of a study in groups.
 
-    Parameters
-    ----------
-    number : int
-        Number of the virtual study [1].
+    - `number`: number of the virtual study [1].
     """
     attempts = rows_of(study, "attempt")
     attempts = _grouped(attempts.assign(order=number_of(attempts), fell=attempts["outcome"] == "fell"))

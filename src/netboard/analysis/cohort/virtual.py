@@ -6,13 +6,12 @@ dyads.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from typing import Any
 
-from netboard.analysis.cohort.block import READINGS, rehearse
-from netboard.analysis.cohort.participants import jobs_of_dyad
+from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.rows import as_columns, attempt_rows, fields_of, group_rows
 from netboard.analysis.extraction.streams import Streams
 from netboard.analysis.extraction.study import Study as Tables
@@ -22,7 +21,10 @@ from netboard.analysis.topics.contrasts import questions_of
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK_SECONDS
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.nodes.rehearsal.jobs import Job, jobs_of
 from netboard.recording.format.channels import Field
+from netboard.task.plans.plan import blocks_of
 from netboard.task.studies.study import Study
 
 SPACING = 1_000_000
@@ -36,12 +38,8 @@ LAST_SEED = (2**31 - 1) // SPACING - 1
 class Design:
     """What is simulated: plan, participants, and number of dyads in each virtual study.
 
-    Attributes
-    ----------
-    config : Config
-        Rig, scene and participants.
-    keep_trials : bool
-        Whether the tables have a row for each attempt, too.
+    - `config`: rig, scene and participants.
+    - `keep_trials`: whether the tables have a row for each attempt, too.
     """
 
     study: Study
@@ -61,13 +59,22 @@ class Design:
         return self.seed * SPACING + number
 
 
+def jobs_of_dyad(config: Config, study: Study, seed: int, dyad: int) -> list[Job]:
+    """Return the blocks of a dyad, in order, each with its participants; nothing of them is recorded."""
+    return jobs_of(blocks_of(config, study, seed, dyad), seed, dyad, None)
+
+
+def compile_kernels(jobs: Sequence[Job]) -> None:
+    """Compile the kernels of blocks, or load them from the cache, by running a tick of each."""
+    for job in jobs:
+        next(Rehearsal(job.config, job.people).pieces(1))
+
+
 def check(design: Design, studies: int) -> None:
     """Refuse a cohort that cannot be simulated.
 
-    Raises
-    ------
-    ConfigError
-        If there are no studies or too many, or a block of a plan has no valid configuration or cannot be simulated.
+    - raises ConfigError: if there are no studies or too many, or a block of a plan has no valid configuration or cannot
+      be simulated.
     """
     if not 1 <= studies < SPACING:
         raise ConfigError(f"--studies: found {studies}, expected 1 to {SPACING - 1}")
@@ -84,46 +91,40 @@ def check(design: Design, studies: int) -> None:
 def simulate(design: Design, number: int) -> bytes:
     """Simulate and measure a virtual study; return its packed tables.
 
-    Parameters
-    ----------
-    number : int
-        Number of the study in the cohort, from 1 [1].
+    - `number`: number of the study in the cohort, from 1 [1].
     """
     seed = design.seed_of(number)
-    done = [
-        rehearse(job, place)
-        for dyad in range(1, design.dyads + 1)
-        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1)
-    ]
-    study = study_of((one.measured for one in done), READINGS, {})
+    tables, given_up, ticks = [], 0, 0
+    for dyad in range(1, design.dyads + 1):
+        for place, job in enumerate(jobs_of_dyad(design.config, design.study, seed, dyad), start=1):
+            found = rehearse(job)
+            tables.append(measured(job, place, found))
+            given_up, ticks = given_up + found.given_up, ticks + found.ticks
+    study = study_of(tables, READINGS, {})
     whole = {
         "study": number,
         "seed": seed,
         "dyads": design.dyads,
-        "blocks": len(done),
-        "given_up": sum(one.given_up for one in done),
+        "blocks": len(tables),
+        "given_up": given_up,
         "trials": len(study.counted),
         "attempts": len(study.trials),
         "excluded": len(study.exclusions.drop_duplicates(["recording", "trial", "attempt"])),
-        "duration": sum(one.ticks for one in done) * TICK_SECONDS,
+        "duration": ticks * TICK_SECONDS,
     }
     fields = fields_of(study)
-    tables = {"groups": as_columns(group_rows(study, number), fields["groups"])}
+    packed = {"groups": as_columns(group_rows(study, number), fields["groups"])}
     if design.keep_trials:
-        tables["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
-    return _packed(whole, tables, fields, study)
+        packed["trials"] = as_columns(attempt_rows(study, number), fields["trials"])
+    return _packed(whole, packed, fields, study)
 
 
 @dataclass(frozen=True, slots=True)
 class StudyTables:
     """Tables of a virtual study, read back from its file.
 
-    Attributes
-    ----------
-    whole : mapping
-        Row of the table of studies.
-    contrasts, factors : list of dict
-        Declared contrasts and further factors of the study, as in `netboard.analysis.topics`.
+    - `whole`: row of the table of studies.
+    - `contrasts`, `factors`: declared contrasts and further factors of the study, as in `netboard.analysis.topics`.
     """
 
     whole: Mapping[str, Any]

@@ -34,16 +34,10 @@ def run_all(
 ) -> Iterator[tuple[int, T]]:
     """Yield each number and its result as it is finished.
 
-    Parameters
-    ----------
-    task : callable
-        Function that can be pickled.
-    workers : int
-        Processes of this machine; 1: this one [1].
-    address : str or None
-        Address of a Dask scheduler, used instead of processes.
-    files : sequence of Path
-        Files that all workers of a cluster must see.
+    - `task`: function that can be pickled.
+    - `workers`: processes of this machine; 1: this one [1].
+    - `address`: address of a Dask scheduler, used instead of processes.
+    - `files`: files that all workers of a cluster must see.
     """
     if not numbers:
         return

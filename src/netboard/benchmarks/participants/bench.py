@@ -6,17 +6,18 @@ prediction. The results do not depend on the machine.
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Study, Tell
 from netboard.benchmarks.participants.paper import Sample, Statement
-from netboard.benchmarks.participants.slowing import slowing_part
 from netboard.benchmarks.participants.trials import Performance, Population, perform_all
 from netboard.benchmarks.participants.validation import (
     ABLATIONS,
@@ -26,6 +27,7 @@ from netboard.benchmarks.participants.validation import (
     predictions,
     studies,
 )
+from netboard.nodes.rehearsal.jobs import Job
 from netboard.participants.partner import haptic_weight
 
 TRIALS, QUICK_TRIALS = 20, 6
@@ -219,3 +221,70 @@ def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
     share = float(np.mean([both < min(a, b) for a, b, both in levels]))
     source = "Ganesh et al. 2014: better with a worse partner, too"
     yield _row("share of dyads faster than their better participant, haptics on", share, 0.5, 1.0, source)
+
+
+# --- parts of the force ----------------------------------------------------------------------------------------------
+
+CASES: dict[str, tuple[str, dict[str, float]]] = {
+    "haptics off": ("none", {}),
+    "full force": ("full", {}),
+    "force of the other hand only": ("partner_only", {}),
+    "force of ball and board only": ("environment_only", {}),
+    "full force, no load compensation": ("full", {"load_skill": 0.0}),
+    "full force, friction not compensated at rest": ("full", {"rest_skill": 0.0}),
+    "full force, with reflex yielding": ("full", {"reflex_gain": 1.0}),
+    "full force, with impedance adaptation": ("full", {"impedance_gain": 20_000.0}),
+}
+"""Force condition and changed parameters of each case."""
+
+
+def slowing_part(dyads: int, trials: int, workers: int) -> Part:
+    """Tabulate why haptic feedback changes the completion time of one person: mean, and ratio to that without it.
+
+    Blocks, participants and random numbers are those of the blocks without haptic feedback; only the force differs. So
+    each participant is compared with themselves, with the same practice and skill.
+    """
+    means = {name: _means(list(perform_all(_tasks(name, dyads, trials), workers))) for name in CASES}
+    base = means[next(iter(CASES))]
+    rows: list[tuple[Value, ...]] = []
+    for name, own in means.items():
+        ratios = np.log(own / base)
+        mean, error = float(ratios.mean()), float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
+        low, high = (100.0 * np.expm1(mean + way * 1.96 * error) for way in (-1, 1))
+        rows.append((name, float(own.mean()), 100.0 * float(np.expm1(mean)), float(low), float(high)))
+    columns = ("bimanual blocks", "completion time [s]", "change [%]", "95 % CI low", "95 % CI high")
+    title = f"Effect of parts of the force on one person with both hands: {2 * dyads} participants, blocks of {trials}"
+    return Part("slowing", title, columns, rows)
+
+
+def _tasks(name: str, dyads: int, trials: int) -> list[tuple[Sequence[Job], int]]:
+    """Return the blocks of a case: those without haptic feedback, with another force."""
+    force, keys = CASES[name]
+    population = Population(replace(Participant(), **keys), trials=trials)
+    return [
+        ([_with_force(job, force) for job in population.jobs(dyad) if _alone(job)], dyad)
+        for dyad in range(1, dyads + 1)
+    ]
+
+
+def _alone(job: Job) -> bool:
+    """Return whether a block is bimanual and without haptic feedback."""
+    return job.config.block.configuration == "bimanual" and not job.config.block.haptics
+
+
+def _with_force(job: Job, force: str) -> Job:
+    """Return a block with another force condition."""
+    return replace(job, config=replace(job.config, block=replace(job.config.block, force=force)))
+
+
+def _means(performances: Sequence[Performance]) -> NDArray[np.float64]:
+    """Return the mean completion time of each participant [s]."""
+    rows = np.concatenate([one.attempts for one in performances])
+    rows = rows[rows["success"]]
+    return np.array(
+        [
+            rows["completion"][(rows["dyad"] == dyad) & (rows["performer"] == who)].mean()
+            for dyad in np.unique(rows["dyad"])
+            for who in ("A", "B")
+        ]
+    )

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from netboard.analysis.topics.delay import OVER_ALL
 from netboard.base.tables.simulated import Participant
+from netboard.benchmarks.participants.paper import ENDS_OF, QUANTITIES, printed
 from netboard.benchmarks.participants.trials import PAPER_TRIALS, Performance, Population, perform
 from netboard.nodes.rehearsal.jobs import Job
 
@@ -29,16 +31,18 @@ DYADS = 4
 EVALUATIONS = 16
 """Largest number of evaluations of the loss [1]."""
 
-TARGETS = {
-    "completion, first 30, mean [s]": 5.71,
-    "completion, first 30, SD [s]": 4.48,
-    "completion, last 30, mean [s]": 3.61,
-    "completion, last 30, SD [s]": 3.08,
-    "peaks, first 30, mean": 3.92,
-    "peaks, last 30, mean": 3.17,
-    "delay, mean of the portions [s]": 0.040,
-}
-"""Values of the paper to which the model is fitted."""
+_ENDS = [printed(quantity, f"bimanual, {which} {{ends}}") for quantity in QUANTITIES.values() for which in ENDS_OF]
+
+TARGETS = (
+    *(number for times in _ENDS[:2] for number in (times.value, times.deviation)),
+    *(peaks.value for peaks in _ENDS[2:]),
+    printed(f"delay, {OVER_ALL}", "bimanual").value,
+)
+"""Values of the paper to which the model is fitted.
+
+Mean and standard deviation of the completion times, and then mean number of peaks, each of the first and of the last
+30 trials; and the mean delay over the portions of the peak [s, 1, s].
+"""
 
 START = Participant(
     novice=1.5,
@@ -114,7 +118,7 @@ def loss(log_factors: NDArray[np.float64], start: Participant, pool: Executor) -
     population = Population(scaled(np.exp(log_factors).tolist(), start))
     dyads = range(1, DYADS + 1)
     found = results(list(pool.map(perform, [ends_of(population, dyad) for dyad in dyads], dyads)))
-    error = float(np.sum(np.log(found / list(TARGETS.values())) ** 2))
+    error = float(np.sum(np.log(found / TARGETS) ** 2))
     words = " ".join(f"{name} {factor:.3f}" for name, factor in zip(FREE, np.exp(log_factors), strict=True))
     sys.stdout.write(f"{error:.4f}  {words}  {np.round(found, 3).tolist()}\n")
     sys.stdout.flush()

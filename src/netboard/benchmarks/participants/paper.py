@@ -8,6 +8,7 @@ within configuration and haptic condition, both conditions are pooled, and stand
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -15,15 +16,28 @@ from numpy.typing import NDArray
 
 from netboard.analysis.measures.ellipses import ellipse
 from netboard.analysis.measures.performance import relative_performance, running_number
+from netboard.analysis.topics.delay import OVER_ALL
+from netboard.analysis.topics.paper import REPORTED, Reported
 
 Configuration = Literal["bimanual", "dyadic"]
 End = Literal["first", "last"]
+
+CONFIGURATIONS: tuple[Configuration, ...] = ("bimanual", "dyadic")
+ENDS_OF: tuple[End, ...] = ("first", "last")
+
+QUANTITIES = {"completion": "completion time", "peaks": "number of velocity peaks"}
+"""Names of the columns in the analysis."""
 
 GROUPS = 6
 """Number of groups of trials in a condition; the paper draws an ellipse of each [1]."""
 
 ENDS = 1 / 6
 """Share of the first and of the last trials in a condition: 30 of 180 [1]."""
+
+
+def printed(quantity: str, group: str) -> Reported:
+    """Return what the paper prints about a quantity, in SI units."""
+    return next(one for one in REPORTED if (one.quantity, one.group) == (quantity, group))
 
 
 class Sample:
@@ -119,24 +133,18 @@ class Statement:
 
 def _ends() -> list[Statement]:
     """Completion times and numbers of peaks of the first and last trials."""
-    printed: dict[tuple[str, Configuration], tuple[float, float, float, float]] = {
-        ("completion", "bimanual"): (5.71, 4.48, 3.61, 3.08),
-        ("completion", "dyadic"): (4.33, 2.92, 3.62, 2.23),
-        ("peaks", "bimanual"): (3.92, 2.42, 3.17, 1.85),
-        ("peaks", "dyadic"): (4.27, 2.91, 3.28, 1.95),
-    }
     words = {"completion": "completion time [s]", "peaks": "velocity peaks"}
     found = []
-    for (name, configuration), (first, first_sd, last, last_sd) in printed.items():
+    for name, configuration in product(words, CONFIGURATIONS):
         text, fitted = f"{words[name]}, {configuration}", configuration == "bimanual"
-        ends: tuple[tuple[End, float, float], ...] = (("first", first, first_sd), ("last", last, last_sd))
-        for which, mean, deviation in ends:
+        for which in ENDS_OF:
             of = partial(_end, name=name, configuration=configuration, which=which)
             spread = partial(of, summary=_deviation)
+            said = printed(QUANTITIES[name], f"{configuration}, {which} {{ends}}")
             # The fit does not use the standard deviation of the peaks.
             of_fit = fitted and name == "completion"
-            found.append(Statement(f"{text}, {which} 30", of, mean, fitted=fitted))
-            found.append(Statement(f"{text}, {which} 30, SD", spread, deviation, fitted=of_fit))
+            found.append(Statement(f"{text}, {which} 30", of, said.value, fitted=fitted))
+            found.append(Statement(f"{text}, {which} 30, SD", spread, said.deviation, fitted=of_fit))
         learned = partial(_learned, name=name, configuration=configuration)
         found.append(Statement(f"{text}, last - first", learned, sense=-1, fitted=fitted))
     return found
@@ -190,22 +198,13 @@ def _shares() -> list[Statement]:
 def _dyads() -> list[Statement]:
     """Dyads that are better than the mean of their participants, of four."""
     return [
-        Statement(f"dyads {word} than alone, haptics {on}", partial(_better, name=name, haptics=on == "on"), value)
-        for name, word, on, value in (
-            ("completion", "faster", "on", 4),
-            ("completion", "faster", "off", 2),
-            ("peaks", "smoother", "on", 3),
-            ("peaks", "smoother", "off", 1),
+        Statement(
+            f"dyads {word} than alone, haptics {on}",
+            partial(Sample.better, name=name, haptics=on == "on"),
+            round(printed(f"{QUANTITIES[name]}: dyads better than the mean of the two", f"haptics {on}").value),
         )
+        for (name, word), on in product((("completion", "faster"), ("peaks", "smoother")), ("on", "off"))
     ]
-
-
-def _better(sample: Sample, name: str, haptics: bool) -> float:
-    return float(sample.better(name, haptics))
-
-
-def _area(points: NDArray[np.float64]) -> float:
-    return ellipse(points).area
 
 
 def _variance(points: NDArray[np.float64], column: int) -> float:
@@ -216,15 +215,14 @@ def _variance(points: NDArray[np.float64], column: int) -> float:
 def _strategies() -> list[Statement]:
     """Convergence of the strategies: ellipses shrink, variances fall."""
     measures: dict[str, Callable[[NDArray[np.float64]], float]] = {
-        "ellipse area": _area,
+        "ellipse area": lambda points: ellipse(points).area,
         "variance of distance": partial(_variance, column=0),
         "variance of velocity": partial(_variance, column=1),
     }
-    configurations: tuple[Configuration, ...] = ("bimanual", "dyadic")
     return [
         Statement(f"{text}, {one}, log(last/first)", partial(Sample.spread, configuration=one, measure=how), sense=-1)
         for text, how in measures.items()
-        for one in configurations
+        for one in CONFIGURATIONS
     ]
 
 
@@ -238,9 +236,9 @@ def _rising(sample: Sample, configuration: Configuration, haptics: bool) -> floa
 
 def _delays() -> list[Statement]:
     """Delays between the sides, the mean of the four portions of the peak."""
-    kinds: tuple[tuple[Configuration, float], ...] = (("dyadic", 100.0), ("bimanual", 40.0))
     found = []
-    for configuration, value in kinds:
+    for configuration in reversed(CONFIGURATIONS):
+        value = 1e3 * printed(f"delay, {OVER_ALL}", configuration).value
         of = partial(_delay, configuration=configuration, haptics=False)
         found.append(
             Statement(f"delay [ms], {configuration}, haptics off", of, value, fitted=configuration == "bimanual")

@@ -13,24 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.measures.braking import first_braking
-from netboard.analysis.measures.cooperation import PORTIONS, contributions, delays
-from netboard.analysis.measures.motion import Motion, Trial, find_completion, motion, placements
-from netboard.analysis.measures.movements import classify, movement_times
+from netboard.analysis.cohort.block import rehearse
+from netboard.analysis.extraction.details import delays_of
+from netboard.analysis.extraction.paper import classes_of, strategy_of
+from netboard.analysis.extraction.trials import RATE, Block
+from netboard.analysis.measures.cooperation import PORTIONS
+from netboard.analysis.measures.movements import movement_times
 from netboard.analysis.measures.peaks import velocity_peaks
-from netboard.analysis.measures.segments import Segments, board_segments
 from netboard.analysis.measures.smoothness import spectral_arc_length
 from netboard.base.config import Config
 from netboard.base.tables.simulated import Participant
-from netboard.base.tick import TICK_SECONDS
-from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.nodes.rehearsal.jobs import Job, jobs_of
-from netboard.recording.format.summary import attempts_along
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
-
-RATE = 1.0 / TICK_SECONDS
-"""Sampling rate [Hz]."""
 
 SEED = 20
 """Seed of plans and participants [1]."""
@@ -64,8 +59,6 @@ ATTEMPT = np.dtype(
 """Measures of one attempt."""
 
 SHARES = ("cooperative", "competitive", "single", "still")
-
-_KEPT = ("p", "theta", "left_used_z", "right_used_z")
 
 
 @dataclass(frozen=True)
@@ -102,9 +95,9 @@ def perform(jobs: Sequence[Job], dyad: int) -> Performance:
     """Simulate the blocks of a dyad."""
     parts, given_up = [], 0
     for job in jobs:
-        rehearsal = Rehearsal(job.config, job.people)
-        parts.append(_attempts(job.config, dyad, rehearsal))
-        given_up += rehearsal.summary().given_up
+        found = rehearse(job)
+        parts.append(_attempts(found.block, dyad))
+        given_up += found.given_up
     return Performance(np.concatenate(parts), given_up)
 
 
@@ -117,45 +110,22 @@ def perform_all(tasks: Sequence[tuple[Sequence[Job], int]], workers: int) -> Ite
         yield from pool.map(perform, *zip(*tasks, strict=True))
 
 
-def _attempts(config: Config, dyad: int, rehearsal: Rehearsal) -> NDArray[Any]:
-    """Run a block and return its attempts with their measures."""
-    kept: dict[str, list[NDArray[np.float64]]] = {name: [] for name in _KEPT}
-
-    def pieces() -> Iterator[NDArray[Any]]:
-        for piece in rehearsal.pieces():
-            for name, parts in kept.items():
-                parts.append(piece[name].copy())
-            yield piece.copy()
-
-    attempts = [one for one in attempts_along(pieces()) if one.outcome in ("success", "fell")]
-    p, theta, left, right = (np.concatenate(kept[name]) for name in _KEPT)
-    found = motion(RATE, left, right, theta, p, placed=placements(p, RATE))
-    turns = board_segments(found.omega, found.theta, RATE)
-    rows = np.zeros(len(attempts), ATTEMPT)
-    rows["dyad"], rows["block"], rows["haptics"] = dyad, config.block.number, config.block.haptics
-    rows["performer"] = config.block.performer if config.block.configuration == "bimanual" else "dyad"
-    for row, one in zip(rows, attempts, strict=True):
-        target = one.target * config.geometry.target_distance
-        done = find_completion(p[one.tick : one.stop], RATE, target)
-        held = one.outcome == "success" and done.sample is not None
-        trial = Trial(one.tick, one.stop, target, one.tick + round(done.time * RATE) if held else None)
-        row["trial"], row["success"], row["completion"] = one.trial, held, done.time if held else np.nan
-        _measure(row, found, turns, trial)
+def _attempts(block: Block, dyad: int) -> NDArray[Any]:
+    """Return the attempts of a block with their measures."""
+    takes = [take for take in block.takes() if take.attempt.outcome in ("success", "fell")]
+    rows, own = np.zeros(len(takes), ATTEMPT), block.config.block
+    rows["dyad"], rows["block"], rows["haptics"] = dyad, own.number, own.haptics
+    rows["performer"] = own.performer if own.configuration == "bimanual" else "dyad"
+    for row, take in zip(rows, takes, strict=True):
+        row["trial"], row["success"], row["completion"] = take.attempt.trial, bool(take.source), take.completion
+        speed = take.found.speed[take.trial.window()]
+        row["peaks"] = velocity_peaks(speed).count  # of any size: the model was fitted to these
+        row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
+        for name, share in zip(SHARES, movement_times(classes_of(take), RATE).shares, strict=True):
+            row[name] = share
+        first = strategy_of(take, "tilt")
+        row["distance"], row["velocity"], row["first_move"] = first.distance, first.velocity, first.initial
+        moved, delays, _ = delays_of(take)
+        row["segments"] = moved.cooperative.sum()
+        row["delay"], row["delays"] = np.nansum(delays.absolute, axis=0), np.isfinite(delays.absolute).sum(axis=0)
     return rows
-
-
-def _measure(row: Any, found: Motion, turns: Segments, trial: Trial) -> None:
-    """Fill a row with the measures of an attempt."""
-    window, own = trial.window(), turns.of_trial(trial)
-    speed = found.speed[window]
-    row["peaks"] = velocity_peaks(speed).count
-    row["sparc"] = spectral_arc_length(speed, RATE) if len(speed) > 1 else np.nan
-    shares = movement_times(classify(found.left_vz[window], found.right_vz[window]), RATE).shares
-    for name, share in zip(SHARES, shares, strict=True):
-        row[name] = share
-    strategy = first_braking(turns, found.theta, found.p, found.vp, RATE, trial)
-    row["distance"], row["velocity"], row["first_move"] = strategy.distance, strategy.velocity, strategy.initial
-    moved = contributions(own, found.left_z, found.right_z)
-    absolute = delays(own, moved, found.left_vz, found.right_vz, RATE).absolute
-    row["segments"] = moved.cooperative.sum()
-    row["delay"], row["delays"] = np.nansum(absolute, axis=0), np.isfinite(absolute).sum(axis=0)

@@ -1,15 +1,22 @@
-"""Damage to recordings as by a disk, their recovery, and a comparison of the result with the original."""
+"""Recordings damaged as by a disk, or left by a killed logger: their recovery, compared with what was recorded."""
 
 import hashlib
+import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.benchmarks.recording.feeding import Feeder
 from netboard.benchmarks.recording.specimen import Piece, Specimen
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.records import TickRecord
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.chunks import MAGIC
 from netboard.recording.format.summary import find_gaps
@@ -17,6 +24,9 @@ from netboard.recording.recovery.recover import Report, recover
 
 MAX_STRETCH = 4096
 """Longest destroyed stretch, in bytes: one disk sector [1]."""
+
+SHORTEST, LONGEST = 0.05, 1.5
+"""Shortest and longest time from the first record to the kill of a logger, which is random [s]."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +43,9 @@ class Harm:
 
 @dataclass(frozen=True)
 class Found:
-    """Result for one damaged file.
+    """Result for one damaged file, or for the file of one killed logger.
 
-    - `lost`: ticks of the original file that are not in the recovered one [1].
+    - `lost`: ticks of the damaged file, or sent to the logger, that are not in the recovered file [1].
     - `seconds`: duration of the recovery [s].
     """
 
@@ -82,17 +92,15 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
     source, output = folder / "harmed.mcap.part", folder / "recovered.mcap"
     output.unlink(missing_ok=True)
     source.write_bytes(harm.data)
-    before = hashlib.sha256(harm.data).digest()
+    faults: list[str] = []
     began = time.perf_counter()
     try:
-        report = recover(source, output)
+        report, seconds = _recovered(source, output, faults)
     except RecordingError:
         # Only where the first bytes do not say any more what kind of file it is, or of which version.
         known = harm.start >= whole.pieces[0].start
         wrong = ("a recording was refused whose beginning is sound",) if known else ()
         return Found(wrong, len(whole.rows), True, time.perf_counter() - began)
-    seconds = time.perf_counter() - began
-    faults = [] if hashlib.sha256(source.read_bytes()).digest() == before else ["the source was changed"]
     try:
         numbers = _read(whole, output, faults)
     except RecordingError as error:
@@ -102,11 +110,27 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
     return Found(tuple(faults), had - len(numbers), False, seconds)
 
 
+def _recovered(source: Path, output: Path | None, faults: list[str]) -> tuple[Report, float]:
+    """Recover a file and check that it is not changed; return the report and the duration [s]."""
+    before = hashlib.sha256(source.read_bytes()).digest()
+    began = time.perf_counter()
+    report = recover(source, output)
+    seconds = time.perf_counter() - began
+    if hashlib.sha256(source.read_bytes()).digest() != before:
+        faults.append("the source was changed")
+    return report, seconds
+
+
+def _checked_ticks(path: Path) -> NDArray[Any]:
+    """Return the ticks of a recovered file, which must pass the integrity check."""
+    with Recording(path) as recording:
+        recording.check()
+        return recording.ticks()
+
+
 def _read(whole: Specimen, output: Path, faults: list[str]) -> "set[int]":
     """Read a recovered file, and check that its ticks equal those written, bit for bit."""
-    with Recording(output) as recording:
-        recording.check()
-        rows = recording.ticks()
+    rows = _checked_ticks(output)
     numbers = rows["tick"]
     if numbers.size and (numbers.min() < 0 or numbers.max() >= len(whole.rows)):
         faults.append("a tick that never was")
@@ -137,3 +161,41 @@ def _told(piece: Piece, harm: Harm, report: Report) -> bool:
         return not report.finished
     at = max(piece.start, min(harm.start, end - 1))
     return any(part.offset <= at < part.offset + part.length for part in report.damage)
+
+
+def kill_one(folder: Path, log: list[list[bytes]], chance: np.random.Generator) -> Found:
+    """Feed a logger, kill it, recover its file, and compare it with the records sent.
+
+    - `log`: the records of each millisecond, more than are sent.
+    """
+    with Feeder(folder, log) as feeder:
+        feeder.wait_for_logger()
+        feeder.feed(float(chance.uniform(SHORTEST, LONGEST)))
+        feeder.process.send_signal(signal.SIGKILL)
+        feeder.process.wait()
+        made = feeder.ticks
+        feeder.port.pump(time.monotonic_ns())  # an acknowledgement may be on its way
+        acknowledged = feeder.port.ring.acknowledged
+    part = next((folder / "recordings").glob("*.part"), None)
+    if part is None:
+        faults = ["records were acknowledged, and there is no file"] if acknowledged else []
+        return Found(tuple(faults), made, False, 0.0)
+    faults = []
+    report, seconds = _recovered(part, None, faults)
+    rows = _checked_ticks(report.output)
+    count, messages = len(rows), sum(report.messages.values())
+    if rows["tick"].tolist() != list(range(count)) or find_gaps(rows["tick"]):
+        faults.append("the recovered ticks have a hole")
+    elif rows.tobytes() != b"".join(map(_row_of, log[:count])):
+        faults.append("a tick is not what it was")
+    if messages < acknowledged:
+        faults.append(f"{acknowledged} records were acknowledged, {messages} are there")
+    return Found(tuple(faults), made - count, False, seconds)
+
+
+def _row_of(records: list[bytes]) -> bytes:
+    """Return the tick of a millisecond."""
+    record = decode(records[0])
+    assert isinstance(record, TickRecord)
+    assert len(record.row) == TICK.itemsize
+    return record.row

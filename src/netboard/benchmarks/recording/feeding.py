@@ -68,11 +68,6 @@ class Feeder:
             recording=replace(config.recording, directory=str(folder / "recordings")),
         )
 
-    @property
-    def config(self) -> Config:
-        """Return the configuration of rig and experiment."""
-        return self._config
-
     def __enter__(self) -> Self:
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True)

@@ -9,6 +9,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,13 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from netboard.base.config import SIDES, parse, resolve
+from netboard.base.config import SIDES, parse
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.running import Tell
 from netboard.benchmarks.loop.usage import read_usage
-from netboard.benchmarks.recording.specimen import OPENED_NS, SESSION
-from netboard.network.protocol.joining import Welcome
+from netboard.benchmarks.recording.specimen import OPENED_NS, open_writer
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
-from netboard.recording.files.provenance import provenance
 from netboard.recording.files.reader import Recording
-from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import CHANNELS, IDS, Record
 
 Numbered = EventRecord | ClockRecord | FrameRecord
@@ -95,10 +93,7 @@ class Written:
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
     """Write an hour, with syncs as by the logger."""
-    config = session.config
-    welcome = Welcome(SESSION, 1, 10**12, resolve(config))
-    metadata = provenance(welcome, config, 1, OPENED_NS, 0)
-    writer = RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
+    writer = open_writer(path, session.config)
     now, resident, flushes, spent = OPENED_NS, [], [], 0.0
     for number, record in enumerate(session.records(ticks)):
         started = time.perf_counter()
@@ -176,17 +171,24 @@ def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
     return np.where(np.isfinite(values), values, values.dtype.type(0)).view(np.int64)
 
 
+@contextmanager
+def _upstream_writer(path: Path, name: str, chunk_size: int, schema: bytes) -> Iterator[Any]:
+    """Write a file of one channel, number 1, with the upstream library."""
+    with path.open("wb") as file:
+        writer: Any = Writer(file, chunk_size=chunk_size, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="")
+        writer.register_channel(f"/{name}", "msgpack", writer.register_schema(name, "jsonschema", schema))
+        yield writer
+        writer.finish()
+
+
 def write_messages(session: Session, path: Path, ticks: int) -> int:
     """Write ticks as one message each, as format 2 did, with the upstream writer; return its size in bytes [1]."""
-    with path.open("wb") as file:
-        writer: Any = Writer(file, chunk_size=65_536, compression=CompressionType.ZSTD)
-        writer.start(profile="", library="")
-        writer.register_channel("/tick", "msgpack", writer.register_schema("tick", "jsonschema", CHANNELS[0].schema()))
+    with _upstream_writer(path, "tick", 65_536, CHANNELS[0].schema()) as writer:
         for number, row in enumerate(session.rows[:ticks]):
             at = int(row["time_ns"])
             data = msgpack.packb(dict(zip(TICK.names or (), row.tolist(), strict=True)))
             writer.add_message(1, at, data, at, number)
-        writer.finish()
     return path.stat().st_size
 
 
@@ -208,17 +210,13 @@ def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, fl
 
 def _size_alone(messages: list[Any], path: Path) -> int:
     """Return the size of some messages in compressed chunks of 0.2 s, in bytes [1]."""
-    with path.open("wb") as file:
-        writer: Any = Writer(file, chunk_size=2**62, compression=CompressionType.ZSTD)
-        writer.start(profile="", library="")
-        writer.register_channel("/one", "msgpack", writer.register_schema("one", "jsonschema", b"{}"))
+    with _upstream_writer(path, "one", 2**62, b"{}") as writer:
         flushed = 0
         for message in messages:
             if message.log_time - flushed >= 200 * TICK_NS:
                 writer.flush()
                 flushed = message.log_time
             writer.add_message(1, message.log_time, message.data, message.publish_time, message.sequence)
-        writer.finish()
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None

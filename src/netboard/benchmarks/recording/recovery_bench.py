@@ -14,9 +14,18 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.recording.damage import Found, Harm, cuts, cuts_of_last_chunk, flips, try_one, zeroed
+from netboard.benchmarks.recording.damage import (
+    LONGEST,
+    Found,
+    Harm,
+    cuts,
+    cuts_of_last_chunk,
+    flips,
+    kill_one,
+    try_one,
+    zeroed,
+)
 from netboard.benchmarks.recording.feeding import live_log
-from netboard.benchmarks.recording.kills import LONGEST, Killed, kill_one
 from netboard.benchmarks.recording.specimen import Specimen, make_specimen
 from netboard.nodes.ports.record_store import BATCH_RECORDS
 
@@ -101,12 +110,12 @@ def kills_part(folder: Path, tell: Tell, count: int) -> Part:
     faults = [fault for one in found for fault in one.faults]
     flush = Config().recording.flush_ms
     allowed = flush + BATCH_RECORDS
-    worst = max(one.lost_seconds for one in found) * 1e3
+    worst = max(one.lost for one in found) * TICK_SECONDS * 1e3
     return Part(
         "kills",
         f"A logger that takes a session's records over a socket, killed (SIGKILL) within {LONGEST:g} s of the first",
         COLUMNS,
-        [_kill_row("logger killed", found)],
+        [_row("logger killed", found)],
         [
             Verdict(
                 "all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count)
@@ -125,18 +134,8 @@ def _said(faults: list[str], cases: int) -> str:
 
 
 def _row(name: str, found: list[Found]) -> tuple[Value, ...]:
+    """Summarise cases: numbers, and the median and the largest of the time lost and of the recovery [ms]."""
     sound = [one for one in found if not one.refused]
-    lost = np.array([one.lost for one in sound]) * TICK_SECONDS
-    faults = sum(len(one.faults) for one in found)
-    return (name, len(found), len(sound), len(found) - len(sound), faults, *_spreads(lost, [o.seconds for o in sound]))
-
-
-def _kill_row(name: str, found: list[Killed]) -> tuple[Value, ...]:
-    lost = np.array([one.lost_seconds for one in found])
-    faults = sum(len(one.faults) for one in found)
-    return (name, len(found), len(found), 0, faults, *_spreads(lost, [one.seconds for one in found]))
-
-
-def _spreads(lost: "np.ndarray", seconds: list[float]) -> tuple[float, ...]:
-    """Return the median and the largest of both [ms]."""
-    return tuple(1e3 * float(f(values)) for values in (lost, np.array(seconds)) for f in (np.median, np.max))
+    lost, seconds = np.array([one.lost for one in sound]) * TICK_SECONDS, np.array([one.seconds for one in sound])
+    times = (1e3 * float(of(values)) for values in (lost, seconds) for of in (np.median, np.max))
+    return (name, len(found), len(sound), len(found) - len(sound), sum(len(one.faults) for one in found), *times)

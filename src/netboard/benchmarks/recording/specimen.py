@@ -57,13 +57,17 @@ def movement(count: int) -> NDArray[Any]:
     return rows
 
 
+def open_writer(path: Path, config: Config) -> RecordingWriter:
+    """Begin a recording as a logger does."""
+    welcome = Welcome(SESSION, 1, 10**12, resolve(config))
+    metadata = provenance(welcome, config, 1, OPENED_NS, 0)
+    return RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
+
+
 def make_specimen(path: Path, count: int) -> Specimen:
     """Write a recording as a logger does, with its flushes."""
     rows = movement(count)
-    config = Config()
-    welcome = Welcome(SESSION, 1, 10**12, resolve(config))
-    metadata = provenance(welcome, config, 1, OPENED_NS, 0)
-    writer = RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
+    writer = open_writer(path, Config())
     now, number = OPENED_NS, 0
     for row in rows:
         now += TICK_NS
