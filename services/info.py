@@ -58,10 +58,7 @@ def provenance_table(recording: "Recording") -> "FittedTable":
         "doctor": said.get("doctor", "?"),
         "configuration": said.get("config_sha256", "?"),
     }
-    table = FittedTable("", "", title="Recording", header=False)
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    return FittedTable("", "", rows=rows.items(), title="Recording", header=False)
 
 
 def _level(factor: "BlockFactor", trials: int) -> str:
