@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
-LOOK_SECONDS = 0.05
+POLL_INTERVAL_S = 0.05
 """Interval at which the keyboard is checked [s]."""
 
 
@@ -131,7 +131,7 @@ def key_pressed(operator: "Operator", network: "Network") -> bool:
             raise NetboardError("--guard: needs a terminal, because it waits for a key")
         typer.echo("Ready: press ANY KEY for the emergency stop. Ctrl-C leaves without stopping.")
         while not stopping():
-            if keyboard.pressed(LOOK_SECONDS) is not None:
+            if keyboard.pressed(POLL_INTERVAL_S) is not None:
                 return True
             status_of(operator, network)
     return False

@@ -12,7 +12,7 @@ ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "le
 BEGUN = (b"\x1b", b"\x1b[")
 """Beginnings of an arrow key's code."""
 
-MOST_BYTES = 64
+MAX_BYTES = 64
 """Bytes read at once; what follows the first key was typed too fast to be meant [1]."""
 
 
@@ -48,7 +48,7 @@ class Keyboard:
         """
         if not self.there or not select([sys.stdin], [], [], seconds)[0]:
             return None
-        read = os.read(sys.stdin.fileno(), MOST_BYTES)
+        read = os.read(sys.stdin.fileno(), MAX_BYTES)
         received = self._begun + read
         self._begun = received if read and received in BEGUN else b""
         if self._begun:

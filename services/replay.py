@@ -82,10 +82,10 @@ def replay(
         console.print(verification_line(verdict))
         raise typer.Exit(0 if verdict.identical else 1)
     if headless:
-        from netboard.nodes.replay.replay import narrate
+        from netboard.nodes.replay.replay import print_events
 
         with Stopping() as stopping:
-            narrate(path, speed, stopping, print)
+            print_events(path, speed, stopping, print)
     elif markers:
         from netboard.recording.replay.text import marks_table
 

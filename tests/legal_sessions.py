@@ -148,9 +148,9 @@ def session_of(config: Config, rows: NDArray[Any], reported_ticks: int = 500, st
         if row["event"]:
             after = rows[number + 1] if number + 1 < len(rows) else _over(row)
             _note(made, number, *event_of(row))
-            attempts.happened(Cause(int(row["event"])), row, after, rows, number)
+            attempts.record_decision(Cause(int(row["event"])), row, after, rows, number)
         if number % 10 == 0:
-            attempts.look(rows, number + 1)
+            attempts.poll(rows, number + 1)
         if number and number % reported_ticks == 0:
             for tick in range(number - reported_ticks, number, 17):
                 frame = FrameRecord(frames, "left", tick, tick * TICK_NS, tick * TICK_NS, 0)

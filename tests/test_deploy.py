@@ -13,7 +13,7 @@ import pytest
 import typer.main
 
 from netboard.base.config import parse
-from netboard.base.process import IO_ABOVE, Priority
+from netboard.base.process import IO_PRIORITY_STEP, Priority
 from netboard.devices.setup.usb import NAMES
 from netboard.network.keys import encrypted
 from netboard.nodes.operator.launcher import STOP_SECONDS
@@ -88,7 +88,7 @@ def test_units_watch_and_wait(path: Path) -> None:
 @pytest.mark.parametrize("name", ["netboard-server.service", "netboard-agent@.service"])
 def test_loops_may_have_what_they_ask_for(name: str) -> None:
     service = unit(DEPLOY / "systemd/system" / name)["Service"]
-    assert int(service["LimitRTPRIO"]) >= max(Priority) + IO_ABOVE
+    assert int(service["LimitRTPRIO"]) >= max(Priority) + IO_PRIORITY_STEP
     assert service["LimitMEMLOCK"] == "infinity"
     assert "PrivateDevices" not in service
 
@@ -241,7 +241,7 @@ def test_limits_suffice_for_the_priorities() -> None:
         ("@netboard", "-", "rtprio"),
         ("@netboard", "-", "memlock"),
     }
-    assert int(limits[0][3]) >= max(Priority) + IO_ABOVE
+    assert int(limits[0][3]) >= max(Priority) + IO_PRIORITY_STEP
 
 
 # --- udev --------------------------------------------------------------------------------------------------------

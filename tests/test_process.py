@@ -16,12 +16,12 @@ import pytest
 
 from netboard.base import process
 from netboard.base.process import (
-    IO_ABOVE,
+    IO_PRIORITY_STEP,
     OFF,
     OK,
     PLACES,
     STOP_SIGNALS,
-    WITH_PARENT,
+    STOP_WITH_PARENT,
     Priority,
     Stopping,
     cpu_set,
@@ -103,7 +103,7 @@ def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machi
     monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 0)
     monkeypatch.setattr("netboard.base.process.ctypes.CDLL", lambda name, use_errno: machine)
     monkeypatch.setattr("netboard.base.process.ctypes.get_errno", lambda: machine.answer)
-    monkeypatch.setattr("netboard.base.process.AWAKE", folder / "cpu_dma_latency")
+    monkeypatch.setattr("netboard.base.process.DMA_LATENCY_FILE", folder / "cpu_dma_latency")
     return machine
 
 
@@ -124,7 +124,7 @@ def test_everything_is_asked_for_and_granted(
     assert machine.asked[:2] == [fifo, (0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))]
     assert (0, {2, 3}) in machine.asked
     assert (tmp_path / "cpu_dma_latency").read_bytes() == (2).to_bytes(4, sys.byteorder)
-    assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_ABOVE
+    assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_PRIORITY_STEP
     for name in ("gc.collect", "gc.freeze", "gc.disable"):
         monkeypatch.setattr(f"netboard.base.process.{name}", lambda: None)
     monkeypatch.setattr("netboard.base.process.sys.setswitchinterval", machine.grant)
@@ -295,12 +295,12 @@ def test_a_supervisor_that_is_gone_is_said_once(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
 def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(WITH_PARENT, "1")
+    monkeypatch.setenv(STOP_WITH_PARENT, "1")
     with Stopping() as stopping:
         assert not stopping()
         monkeypatch.setattr(os, "getppid", lambda: 1)
         assert stopping()
-    monkeypatch.delenv(WITH_PARENT)
+    monkeypatch.delenv(STOP_WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()
 
@@ -311,7 +311,7 @@ def test_what_happens_any_number_of_times_is_said_now_and_then(
     seldom = process.RateLimitedLog(logging.getLogger("test"))
     for number in range(1000):
         seldom.log(f"number {number}")
-    monkeypatch.setattr(process, "SELDOM_S", 0.0)
+    monkeypatch.setattr(process, "LOG_INTERVAL_S", 0.0)
     seldom.log("the end")
     assert [record.message for record in caplog.records] == ["number 0", "the end (the last of 1000)"]
 

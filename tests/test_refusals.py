@@ -1,10 +1,10 @@
 """Refusals are counted completely, and reported at a limited rate."""
 
 from netboard.network.transport.refusal_count import (
-    LOOK_NS,
-    MOST_KINDS,
-    MOST_REASONS,
-    MOST_REPORTS,
+    CHECK_INTERVAL_NS,
+    MAX_KINDS,
+    MAX_REASONS,
+    MAX_REPORTS,
     OTHER_REASONS,
     OTHERS,
     RefusalCount,
@@ -43,23 +43,23 @@ def test_no_more_reports_are_made_than_can_be_recorded_and_none_is_lost() -> Non
         count.count((str(number),), details("why", str(number)))
     told: list[dict[str, str]] = []
     for look in range(20):
-        reports = count.reports(look * LOOK_NS)
-        assert len(reports) <= MOST_REPORTS
-        assert count.reports(look * LOOK_NS + 1) == [] or len(reports) < MOST_REPORTS
+        reports = count.reports(look * CHECK_INTERVAL_NS)
+        assert len(reports) <= MAX_REPORTS
+        assert count.reports(look * CHECK_INTERVAL_NS + 1) == [] or len(reports) < MAX_REPORTS
         told += reports
     assert sorted(int(report["peer"]) for report in told) == list(range(60))
 
 
 def test_kinds_and_reasons_beyond_those_remembered_are_counted_together() -> None:
     count = RefusalCount()
-    for number in range(4 * MOST_KINDS):
+    for number in range(4 * MAX_KINDS):
         count.count((str(number),), {"channel": "log"} | details(f"why {number}", str(number)))
     rest = count.rest()
-    assert len(rest) == 2 * MOST_KINDS + 1
-    assert rest[-1] == {"channel": "log", "peer": OTHERS, "reason": OTHER_REASONS, "times": str(2 * MOST_KINDS)}
-    assert sum(int(report["times"]) for report in rest) == 4 * MOST_KINDS
-    assert len(count.totals) == MOST_REASONS + 1
-    assert sum(count.totals.values()) == 4 * MOST_KINDS
+    assert len(rest) == 2 * MAX_KINDS + 1
+    assert rest[-1] == {"channel": "log", "peer": OTHERS, "reason": OTHER_REASONS, "times": str(2 * MAX_KINDS)}
+    assert sum(int(report["times"]) for report in rest) == 4 * MAX_KINDS
+    assert len(count.totals) == MAX_REASONS + 1
+    assert sum(count.totals.values()) == 4 * MAX_KINDS
 
 
 def test_strangers_beyond_those_told_apart_are_counted_by_channel_and_reason() -> None:
@@ -67,5 +67,5 @@ def test_strangers_beyond_those_told_apart_are_counted_by_channel_and_reason() -
     for number in range(400):
         count.count((str(number),), {"channel": "motion"} | details("its key is not known here", str(number)))
     rest = count.rest()
-    assert rest[-1]["times"] == str(400 - MOST_KINDS)
+    assert rest[-1]["times"] == str(400 - MAX_KINDS)
     assert rest[-1]["reason"] == "its key is not known here"

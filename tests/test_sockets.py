@@ -29,7 +29,7 @@ from netboard.network.transport.ports import free_port
 pytestmark = pytest.mark.integration
 
 ANYWHERE = channels.Endpoint("tcp://127.0.0.1:*")
-PATIENCE = 30.0
+TIMEOUT = 30.0
 WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
 """How a peer without keys greets, by ZeroMQ's RFC 23."""
 
@@ -66,7 +66,7 @@ def endpoint_of(end: Any) -> channels.Endpoint:
 
 def until(what: Callable[[], Any]) -> Any:
     """Wait for something to come true."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not (found := what()):
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.002)
@@ -93,18 +93,18 @@ def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
         assert raw(end).getsockopt(zmq.HEARTBEAT_IVL) == 0
         assert raw(end).getsockopt(zmq.TCP_KEEPALIVE) == 1
     for end, largest in (
-        *((end, sockets.LARGEST_FRAME) for end in (agent, logger, eye)),
-        *((end, sockets.LARGEST_REQUEST) for end in (log, made.control_server(ANYWHERE))),
-        (motion, sockets.LARGEST_SAMPLE),
-        (view, sockets.LARGEST_SUBSCRIPTION),
+        *((end, sockets.MAX_FRAME) for end in (agent, logger, eye)),
+        *((end, sockets.MAX_REQUEST) for end in (log, made.control_server(ANYWHERE))),
+        (motion, sockets.MAX_SAMPLE),
+        (view, sockets.MAX_SUBSCRIPTION),
     ):
         assert raw(end).getsockopt(zmq.MAXMSGSIZE) == largest
 
 
 def test_a_server_takes_the_largest_frame_of_each_kind_that_it_is_sent() -> None:
     largest = {kind.message: kind.most_bytes + 64 for kind in KINDS.values()}  # encryption takes some bytes more
-    assert max(largest[kind] for kind in (Hello, Stylus, Goodbye)) <= sockets.LARGEST_SAMPLE
-    assert max(largest[kind] for kind in (Hello, LogRequest, LogAck, Pong, Frames, Command)) <= sockets.LARGEST_REQUEST
+    assert max(largest[kind] for kind in (Hello, Stylus, Goodbye)) <= sockets.MAX_SAMPLE
+    assert max(largest[kind] for kind in (Hello, LogRequest, LogAck, Pong, Frames, Command)) <= sockets.MAX_REQUEST
 
 
 def test_of_what_a_player_points_at_the_newest_counts_and_nothing_waits_for_an_agent(made: Made) -> None:
@@ -152,7 +152,7 @@ def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: M
     assert server.receive() is None
     assert server.key == server.forbids("agent", "left") == ""
     assert server.send(b"console@test", b"answer")
-    assert poller.wait_readable(peer, PATIENCE)
+    assert poller.wait_readable(peer, TIMEOUT)
     assert sockets.receive(peer) == b"answer"
     assert not poller.wait_readable(peer, 0.0005)
 
@@ -164,7 +164,7 @@ def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
     assert not waiter.wait(0.0)
     assert not waiter.wait(0.0005)
     assert sockets.send(peer, b"one")
-    assert waiter.wait(PATIENCE)
+    assert waiter.wait(TIMEOUT)
     assert waiter.wait(0.0)
     assert server.receive() == (b"console@test", b"one")
     assert not waiter.wait(0.0)
@@ -177,7 +177,7 @@ def test_one_learns_which_of_several_sockets_have_signalled(made: Made) -> None:
     while server.receive() is not None or other.receive() is not None or poller.signalled(files, 0.0):
         pass
     assert sockets.send(peer, b"one")
-    assert poller.signalled(files, PATIENCE) == files[:1]
+    assert poller.signalled(files, TIMEOUT) == files[:1]
     assert server.receive() == (b"console@test", b"one")
     assert server.receive() is None
     assert poller.signalled(files, 0.0005) == []
@@ -339,7 +339,7 @@ class TestAuthenticator:
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
-        for _ in range(2 * authenticator.MAX_FULL_READS * authenticator.MOST_HANDSHAKES):
+        for _ in range(2 * authenticator.MAX_FULL_READS * authenticator.MAX_HANDSHAKES):
             with net.create_connection((place[0], int(place[1]))) as stranger:
                 stranger.sendall(WITHOUT_KEYS)
                 with contextlib.suppress(ConnectionResetError):

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 
-from netboard.benchmarks.faults.bench import MOST_AGAIN, Outcome, judged, told_again
+from netboard.benchmarks.faults.bench import MAX_AGAIN, Outcome, judged, told_again
 from netboard.benchmarks.faults.cases import CASES
 from netboard.benchmarks.harness.results import Verdict
 
@@ -20,11 +20,11 @@ def test_a_case_that_failed_counts_whatever_came_of_it() -> None:
 
 def test_a_case_that_the_machine_disturbed_before_is_prepared_again_a_few_times_only() -> None:
     again: Counter[str] = Counter()
-    for _ in range(MOST_AGAIN):
+    for _ in range(MAX_AGAIN):
         assert judged([SOUND, SPOILED], again) == [SOUND]
     (_, last) = judged([SOUND, SPOILED], again)
     assert not last.holds
-    assert last.again == MOST_AGAIN
+    assert last.again == MAX_AGAIN
 
 
 def test_how_often_is_said() -> None:

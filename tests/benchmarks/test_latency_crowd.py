@@ -19,7 +19,7 @@ from netboard.network.transport import channels, endpoints, poller, sockets
 from netboard.network.transport.ports import free_port
 from netboard.task.trials.state_machine import Phase
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 
 
@@ -45,7 +45,7 @@ class Server:
         self.router = router
         self.peer = b""
 
-    def wait(self, seconds: float = PATIENCE) -> bool:
+    def wait(self, seconds: float = TIMEOUT) -> bool:
         return poller.wait_readable(self.router.socket, seconds)
 
     def hear(self, kind: type[T]) -> T:
@@ -77,7 +77,7 @@ def motion_of(config: Config, context: sockets.Context) -> Server:
 def until_taken(agent: LightAgent, counts: Counter[str], what: str) -> None:
     before = counts[what]
     while counts[what] == before:
-        assert poller.wait_readable(agent._socket, PATIENCE)
+        assert poller.wait_readable(agent._socket, TIMEOUT)
         agent.take(counts)
 
 
@@ -134,7 +134,7 @@ def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config
         logger, counts = LightLogger(config, context), Counter[str]()
         now = 0
         while server.peer == b"":
-            logger.look(now, counts)
+            logger.poll(now, counts)
             now += 500 * TICK_NS
             if server.wait(0.1):
                 server.hear(Hello)
@@ -145,13 +145,13 @@ def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config
         records = tuple(encode(TickRecord(row.tobytes())) for row in rows)
         server.say(LogBatch(40, 0, (*records, event)))
         while counts["records"] == 0:
-            logger.look(now, counts)
-        logger.look(now, counts)
+            logger.poll(now, counts)
+        logger.poll(now, counts)
         assert server.hear(LogRequest) == LogRequest(-1)
         assert server.hear(LogAck).durable == 44
         server.say(Ping(77))
         while not server.wait(0.01):
-            logger.look(now, counts)
+            logger.poll(now, counts)
         assert server.hear(Pong).ping_ns == 77
         assert np.concatenate(logger.late).tolist() == [[10, 1, running], [20, 2, running], [30, -3, running]]
         assert (counts["batches"], counts["records"]) == (1, 4)

@@ -11,8 +11,8 @@ from hypothesis.extra import numpy as arrays
 from netboard.benchmarks.loop.spreads import (
     EDGES_NS,
     HEADS,
-    LEAST_NS,
-    MOST_NS,
+    MAX_NS,
+    MIN_NS,
     draw_histograms,
     histogram,
     histogram_part,
@@ -53,7 +53,7 @@ def test_every_duration_is_counted_once(times: np.ndarray) -> None:
 def test_durations_go_where_they_belong() -> None:
     middle = np.sqrt(EDGES_NS[:-1] * EDGES_NS[1:]).astype(np.int64)
     assert histogram(middle).tolist() == [1] * (len(EDGES_NS) - 1)
-    ends = histogram(np.array([-5, 0, LEAST_NS, MOST_NS, 100 * MOST_NS]))
+    ends = histogram(np.array([-5, 0, MIN_NS, MAX_NS, 100 * MAX_NS]))
     assert (ends[0], ends[-1], ends.sum()) == (3, 2, 5)
 
 

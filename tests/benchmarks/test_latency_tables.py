@@ -12,7 +12,7 @@ from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
 from netboard.base.tick import TICK, TICK_NS
 from netboard.benchmarks.harness.results import Part
-from netboard.benchmarks.loop.bench import MOST_DYADS, Setting, read_dyads
+from netboard.benchmarks.loop.bench import MAX_DYADS, Setting, read_dyads
 from netboard.benchmarks.loop.loop import (
     Measured,
     Round,
@@ -221,7 +221,7 @@ def test_memory_may_grow_while_it_is_warming_up() -> None:
 def test_numbers_of_dyads() -> None:
     assert read_dyads("1,2, 16") == (1, 2, 16)
     assert read_dyads(None) == ()
-    for wrong in ("1,,2", "two", "0", "1;2", f"{MOST_DYADS + 1}", "-1"):
+    for wrong in ("1,,2", "two", "0", "1;2", f"{MAX_DYADS + 1}", "-1"):
         with pytest.raises(ConfigError, match="--dyads"):
             read_dyads(wrong)
 

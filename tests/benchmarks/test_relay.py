@@ -10,7 +10,7 @@ from netboard.benchmarks.faults.relay import FAIR, Flow, Relay, Weather
 
 pytestmark = pytest.mark.integration
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 MS = 1_000_000
 
 
@@ -20,23 +20,23 @@ class Line:
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self.listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
-        self.listener.settimeout(PATIENCE)
+        self.listener.settimeout(TIMEOUT)
         self.relay = stack.enter_context(Relay([self.listener.getsockname()]))
 
     def connect(self) -> tuple[socket.socket, socket.socket]:
         """A client, and the server's end of it."""
-        client = self._stack.enter_context(socket.create_connection(("127.0.0.1", self.relay.port), PATIENCE))
+        client = self._stack.enter_context(socket.create_connection(("127.0.0.1", self.relay.port), TIMEOUT))
         return client, self.accept()
 
     def accept(self) -> socket.socket:
         server, _ = self.listener.accept()
-        server.settimeout(PATIENCE)
+        server.settimeout(TIMEOUT)
         return self._stack.enter_context(server)
 
 
 def turned_away(port: int) -> None:
     """Connect, and be reset, at once or a moment later."""
-    with pytest.raises(ConnectionResetError), socket.create_connection(("127.0.0.1", port), PATIENCE) as peer:
+    with pytest.raises(ConnectionResetError), socket.create_connection(("127.0.0.1", port), TIMEOUT) as peer:
         peer.recv(1)
 
 
@@ -84,7 +84,7 @@ def test_what_is_held_comes_later(line: Line) -> None:
     server.settimeout(0.1)
     with pytest.raises(TimeoutError):
         server.recv(1)
-    server.settimeout(PATIENCE)
+    server.settimeout(TIMEOUT)
     line.relay.mend()
     assert server.recv(1) == b"b"
 

@@ -5,8 +5,8 @@ from math import isfinite, sqrt
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.safety.chain import (
     LIVE,
-    LONGEST_STEP_NS,
     MARGIN,
+    MAX_STEP_NS,
     MEAN_TIME,
     TABLE,
     ZERO,
@@ -155,7 +155,7 @@ class ReferenceSafety:
         if self._guard is Guard.HOLDING:
             self._vertical_gain = max(0.0, self._vertical_gain - dt / (limits.fade_ms * 1e-3))
             return
-        growth = min(dt, LONGEST_STEP_NS * 1e-9) / limits.arm_time
+        growth = min(dt, MAX_STEP_NS * 1e-9) / limits.arm_time
         self._vertical_gain = min(1.0, self._vertical_gain + growth)
         self._lateral_gain = min(1.0, self._lateral_gain + growth)
 
@@ -173,7 +173,7 @@ class ReferenceSafety:
 
     def _slew(self, dt: float, target: Vector) -> int:
         """Move the force towards the target, within the slew limit."""
-        most = self._limits.max_slew * min(dt, LONGEST_STEP_NS * 1e-9)
+        most = self._limits.max_slew * min(dt, MAX_STEP_NS * 1e-9)
         change = (target[0] - self._force[0], target[1] - self._force[1], target[2] - self._force[2])
         size = size_of(change)
         if size <= most:

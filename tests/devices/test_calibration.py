@@ -34,7 +34,7 @@ def test_a_stylus_that_moved_is_refused() -> None:
 
 @given(POINTS, POINTS)
 def test_the_box_has_both_corners(one: calibration.Point, other: calibration.Point) -> None:
-    if min(abs(a - b) for a, b in zip(one, other, strict=True)) < calibration.LEAST_SIDE:
+    if min(abs(a - b) for a, b in zip(one, other, strict=True)) < calibration.MIN_SIDE:
         with pytest.raises(NetboardError, match="corners"):
             calibration.box_between(one, other)
         return

@@ -139,7 +139,7 @@ def test_a_force_that_is_too_large_keeps_its_direction(opened: Device, falcon: F
     for force in ((100.0, 0.0, 0.0), (0.0, 80.0, 0.0), (0.0, -30.0, 70.0), (9.0, 9.0, -9.0)):
         opened.write(*force)
         opened.read(MS)
-        assert max(map(abs, falcon.commands)) <= backend.LARGEST_COMMAND
+        assert max(map(abs, falcon.commands)) <= backend.MAX_COMMAND
         size = hypot(*falcon.force)
         assert 5.0 < size <= backend.MAX_FORCE
         scaled = tuple(part / hypot(*force) * size for part in force)

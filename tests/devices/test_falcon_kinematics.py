@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from netboard.devices.falcon.device import LARGEST_COMMAND, MAX_FORCE
+from netboard.devices.falcon.device import MAX_COMMAND, MAX_FORCE
 from netboard.devices.falcon.kinematics import (
     ANGLE_PER_COUNT,
     CENTRE,
@@ -108,7 +108,7 @@ def test_the_largest_command_is_the_force_the_maker_promises() -> None:
     """With the scale that matches the maker's library, 10 cm in front of the base: sideways and upwards, two pounds."""
     place = (0.0, 0.0, 0.1)
     for force in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
-        largest = LARGEST_COMMAND / 10000 / max(map(abs, torques(inverse(place), place, force)))
+        largest = MAX_COMMAND / 10000 / max(map(abs, torques(inverse(place), place, force)))
         assert largest == pytest.approx(MAX_FORCE, rel=0.03)
 
 

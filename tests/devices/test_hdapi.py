@@ -146,7 +146,7 @@ def test_a_stack_without_an_end_is_left_alone(library: hdapi.Library) -> None:
     fake = Fake()
     fake.reset()
     fake.calls.fake_pin_errors(1)
-    assert len(library.drain()) == hdapi.MOST_ERRORS
+    assert len(library.drain()) == hdapi.MAX_ERRORS
     fake.reset()
 
 

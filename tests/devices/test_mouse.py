@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
 from netboard.devices.contract.device import Device, Reading
-from netboard.devices.mouse import MAX_FORCE, SILENT_NS, MouseStylus, Options, follow
+from netboard.devices.mouse import MAX_FORCE, SILENCE_TIMEOUT_NS, MouseStylus, Options, follow
 
 RATE = 1.0 / Options().smoothing
 heights = st.floats(-0.2, 0.2)
@@ -190,19 +190,19 @@ def test_it_is_in_hand_while_the_window_says_where_the_player_points() -> None:
     assert not device.read(3 * MS).ready
     device.point(0.01, 4 * MS)
     assert device.read(5 * MS).ready
-    assert device.read(4 * MS + SILENT_NS).ready
-    assert not device.read(5 * MS + SILENT_NS).ready
+    assert device.read(4 * MS + SILENCE_TIMEOUT_NS).ready
+    assert not device.read(5 * MS + SILENCE_TIMEOUT_NS).ready
 
 
 def test_it_stays_where_it_is_when_nothing_is_heard_any_more() -> None:
     device = opened()
     device.point(0.03, 0)
     settled = readings(device, 900)[-1]
-    later = device.read(5 * SILENT_NS)
+    later = device.read(5 * SILENCE_TIMEOUT_NS)
     assert later.z == pytest.approx(settled.z, abs=1e-9)
     assert later.vz == pytest.approx(0.0, abs=1e-9)
-    device.point(None, 5 * SILENT_NS)
-    assert device.read(6 * SILENT_NS).z == pytest.approx(0.03, abs=1e-9)
+    device.point(None, 5 * SILENCE_TIMEOUT_NS)
+    assert device.read(6 * SILENCE_TIMEOUT_NS).z == pytest.approx(0.03, abs=1e-9)
 
 
 def test_a_height_is_one_of_the_scene_wherever_the_zero_is() -> None:

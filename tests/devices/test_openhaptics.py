@@ -20,7 +20,7 @@ from netboard.devices.touch import library as hdrig
 from netboard.devices.touch.api import Calibration, Capability, Error, Style
 from netboard.devices.touch.device import LATE, REST_NS, SERVOS, TIRED, OpenHaptics
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""
 SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
 
@@ -430,7 +430,7 @@ def test_a_force_too_large_keeps_its_direction(open_one: Opener, fake: Fake) -> 
 def test_no_force_is_made_of_two(open_one: Opener, fake: Fake) -> None:
     device = open_one()
     felt: set[tuple[float, float, float]] = set()
-    forces, end = cycle(1e-3 * k for k in range(1000)), monotonic() + PATIENCE
+    forces, end = cycle(1e-3 * k for k in range(1000)), monotonic() + TIMEOUT
     while len(felt) <= 50:
         assert monotonic() < end, "the servo loop does not turn"
         force = next(forces)

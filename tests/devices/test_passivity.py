@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.devices.safety.passivity import MOST_DAMPING, SLOW, STORED, Passivity
+from netboard.devices.safety.passivity import MAX_DAMPING, SLOW, STORED, Passivity
 
 K, B, T = 200.0, 2.0, 1e-3
 
@@ -31,7 +31,7 @@ def test_the_damping_is_bounded_and_never_pushes_on(force: float, velocity: floa
     control = Passivity()
     control.energy = -debt
     limited = control.step(force, 0, 0.0, velocity, 0.0)
-    assert abs(limited - force) <= max(MOST_DAMPING * abs(velocity), abs(force)) + 1e-12
+    assert abs(limited - force) <= max(MAX_DAMPING * abs(velocity), abs(force)) + 1e-12
     assert (limited - force) * velocity <= 1e-12 or limited == 0.0
 
 

@@ -13,8 +13,8 @@ from reference_chain import ReferenceSafety
 from netboard.base.tables.rig import Safety as Limits
 from netboard.devices.safety.chain import (
     LIVE,
-    LONGEST_STEP_NS,
     MARGIN,
+    MAX_STEP_NS,
     MEAN_TIME,
     TABLE,
     Guard,
@@ -313,7 +313,7 @@ def test_a_late_step_earns_no_larger_change() -> None:
     bench.now += 500 * MS
     bench.heard = bench.now
     late = bench.chain.step(bench.now, (0.0, 0.0, 3.0), bench.heard, STILL)
-    assert late.fz == pytest.approx(LIMITS.max_slew * LONGEST_STEP_NS * 1e-9)
+    assert late.fz == pytest.approx(LIMITS.max_slew * MAX_STEP_NS * 1e-9)
 
 
 def test_a_clock_that_runs_backwards_changes_nothing() -> None:
@@ -366,7 +366,7 @@ def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, last
             if guard in (Guard.DISARMED, Guard.FAULT):
                 assert out == STILL
             if guard is not Guard.FAULT:
-                most = limits.max_slew * min(dt * MS, LONGEST_STEP_NS) * 1e-9
+                most = limits.max_slew * min(dt * MS, MAX_STEP_NS) * 1e-9
                 assert hypot(*(b - a for a, b in zip(last, out, strict=True))) <= most * (1 + 1e-9) + 1e-12
             assert bool(force.safeguards & Safeguard.ARMED) == (guard in LIVE)
             assert guard is was or guard in TABLE[was].values()

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError, DeviceLost, DeviceNotFound
 from netboard.devices.contract.device import Device
-from netboard.devices.spacemouse import LET_GO_NS, SPACEMOUSE, SpaceMouse
+from netboard.devices.spacemouse import RELEASE_TIMEOUT_NS, SPACEMOUSE, SpaceMouse
 
 FULL = 350
 Plug = Callable[..., None]
@@ -188,8 +188,8 @@ def test_a_push_that_is_not_reported_any_more_has_ended(cap: Cap) -> None:
     with mouse() as device:
         cap.push(FULL, 0, 0)
         assert device.read(MS).vy > 0
-        assert device.read(MS + LET_GO_NS).vy > 0
-        assert device.read(2 * MS + LET_GO_NS).vy == 0.0
+        assert device.read(MS + RELEASE_TIMEOUT_NS).vy > 0
+        assert device.read(2 * MS + RELEASE_TIMEOUT_NS).vy == 0.0
 
 
 def test_a_long_pause_between_readings_is_no_leap(cap: Cap) -> None:

@@ -15,7 +15,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Refusal
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
 
-LONGEST_REFUSAL = 2048
+MAX_REFUSAL = 2048
 """Largest refusal, which is sent back to the sender of a frame [bytes]."""
 
 
@@ -34,7 +34,7 @@ def decode_with_both(frame: bytes) -> Message | None:
         message = decode(frame)
     except WireError as error:
         refusal = str(error)
-    assert len(encode(Refusal(refusal))) <= LONGEST_REFUSAL
+    assert len(encode(Refusal(refusal))) <= MAX_REFUSAL
     assert bits(message) == bits(expected), refusal
     assert message is None or bits(decode(encode(message))) == bits(message)
     return message

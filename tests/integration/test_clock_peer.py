@@ -15,7 +15,7 @@ from skewed import SkewedClock
 from netboard.base.clock import now_ns
 from netboard.base.config import Side
 from netboard.benchmarks.faults.relay import Weather, between
-from netboard.benchmarks.faults.rigs import PATIENCE, Rig, Way
+from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, Way
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord
 from netboard.network.transport.ports import free_port
@@ -62,7 +62,7 @@ def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> N
         running = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > running.tick + 2500)
         rig.running["right agent"].send_signal(signal.SIGUSR1)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not (tmp_path / "right.steps").exists() and time.monotonic() < end:
             time.sleep(0.02)
         stepped = rig.until(lambda s: s.phase == "running")

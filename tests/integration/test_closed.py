@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.benchmarks.faults.rigs import PATIENCE, Rig
+from netboard.benchmarks.faults.rigs import TIMEOUT, Rig
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import Command, Status, StatusRequest
@@ -73,7 +73,7 @@ class Intruder:
 
     def say_until(self, what: Callable[[], bool], *messages: Message) -> None:
         """Say something again and again until it has had an effect."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not what():
             assert time.monotonic() < end, self.rig.said("server")
             for message in messages:
@@ -225,7 +225,7 @@ class Attempts:
             agent.socket.close()
         assert len(said) > 500
         with net.create_connection(("127.0.0.1", network.port + channels.MOTION)) as again:
-            again.settimeout(PATIENCE)
+            again.settimeout(TIMEOUT)
             again.sendall(said[:GREETING])
             greeting = read(again, GREETING)
             again.sendall(said[GREETING : GREETING + FIRST_WORD])
@@ -279,7 +279,7 @@ def wiretap(port: int) -> Iterator[tuple[int, bytearray]]:
         thread = threading.Thread(target=stand_between)
         thread.start()
         yield door.getsockname()[1], said
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT)
         for end in ends:
             end.close()
 

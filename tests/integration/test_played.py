@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from netboard.base.config import Config
-from netboard.base.process import WITH_PARENT
+from netboard.base.process import STOP_WITH_PARENT
 from netboard.benchmarks.faults.rigs import Rig
 from netboard.network.protocol.codec import decode
 from netboard.network.protocol.control import Status
@@ -38,10 +38,10 @@ PATIENT = (
     "network.sample_timeout_ms=1000",
 )
 """A ball that cannot fall off, and a machine that may be busy: what is tested is the way, not the script's skill."""
-PATIENCE = 240.0
+TIMEOUT = 240.0
 """On a busy machine, with all kernels to be compiled first, a game is over by then [s]."""
 LOOK_MS = 8
-MOST_TILT = math.radians(2.5)
+MAX_TILT = math.radians(2.5)
 TURN, CENTRE = 5.0, 1.0
 """How fast the script takes back an error of the tilt, and of the height [1/s]."""
 SEEN = 0.06
@@ -56,7 +56,7 @@ class Script:
         self._config = config
         self._ball: list[tuple[int, float]] = []
 
-    def look(self, view: View, dt: float) -> float:
+    def poll(self, view: View, dt: float) -> float:
         """Height to point at after a while with a view [m]."""
         lever = self._config.physics.l
         wanted = self._wanted_tilt(view) if view.phase in ("running", "holding") else 0.0
@@ -73,7 +73,7 @@ class Script:
         (first, before), (last, now) = self._ball[0], self._ball[-1]
         speed = (now - before) / max(last - first, 1) * 1e3
         tilt = (2.0 * (view.p - view.target) + 2.2 * speed) / self._config.physics.g
-        return min(max(tilt, -MOST_TILT), MOST_TILT)
+        return min(max(tilt, -MAX_TILT), MAX_TILT)
 
 
 class Game:
@@ -98,7 +98,7 @@ class Game:
 
     def play(self) -> Status:
         """Play until the block is over; the last status."""
-        end, asked = time.monotonic() + PATIENCE, 0.0
+        end, asked = time.monotonic() + TIMEOUT, 0.0
         while time.monotonic() < end:
             self._turn()
             if time.monotonic() - asked > 0.5:
@@ -123,7 +123,7 @@ class Game:
         assert view.right is None
         dt = 0.0 if self.seen is None else min(max(view.tick - self.seen.tick, 0), 50) * 1e-3
         self.seen = view
-        self._point(self.script.look(view, dt))
+        self._point(self.script.poll(view, dt))
         grip = self.window.board.picture.grip
         self.labels |= {grip.label} if grip.label else set()
 
@@ -172,12 +172,12 @@ def test_a_script_with_a_mouse_plays_two_trials_with_a_simulated_partner(
 
 @pytest.mark.daily(3, of="sessions in real time")
 def test_whoever_plays_may_leave_with_ctrl_c_and_the_recording_is_whole(tmp_path: Path) -> None:
-    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "NO_COLOR": "1", WITH_PARENT: "1"}
+    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "NO_COLOR": "1", STOP_WITH_PARENT: "1"}
     command = [sys.executable, "-m", "netboard.services.cli", "demo", "--play", "left", "--directory", str(tmp_path)]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
     ) as demo:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         said = ""
         while not ("agent_joined side=left" in said and "logger_joined" in said):
             assert demo.poll() is None
@@ -185,7 +185,7 @@ def test_whoever_plays_may_leave_with_ctrl_c_and_the_recording_is_whole(tmp_path
             time.sleep(0.1)
             said = "".join(log.read_text() for log in tmp_path.glob("demo_*/server.log"))
         demo.send_signal(signal.SIGINT)
-        said, _ = demo.communicate(timeout=PATIENCE)
+        said, _ = demo.communicate(timeout=TIMEOUT)
     assert demo.returncode == 0, said
     assert "identical to the bit" in said
     (path,) = tmp_path.glob("*.mcap")

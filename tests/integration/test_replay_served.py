@@ -13,7 +13,7 @@ import pytest
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Side
-from netboard.benchmarks.faults.rigs import PATIENCE, Rig
+from netboard.benchmarks.faults.rigs import TIMEOUT, Rig
 from netboard.network import keys
 from netboard.network.protocol.codec import decode
 from netboard.network.transport import channels, poller, sockets
@@ -56,7 +56,7 @@ class Eyes:
     def see(self, seconds: float, what: Callable[[Seen], bool] = anything) -> Seen:
         """What is sent from now on, for some time from when both have seen something, and until all has been seen."""
         seen: Seen = {side: [] for side in SIDES}
-        since_ns, until, rounds = now_ns(), time.monotonic() + PATIENCE, round(seconds * 1000)
+        since_ns, until, rounds = now_ns(), time.monotonic() + TIMEOUT, round(seconds * 1000)
         while rounds > 0 or not what(seen):
             assert time.monotonic() < until, "nothing is sent"
             for side, end in self._ends.items():
@@ -134,7 +134,7 @@ def rig(live: tuple[Path, Seen], tmp_path_factory: pytest.TempPathFactory) -> It
 def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
     """A command from a shell."""
     command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(rig.file)]
-    return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=TIMEOUT, check=False)
 
 
 def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen], recording: LoadedRecording) -> None:

@@ -20,7 +20,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="systemd is Linux's"),
 ]
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 COMMANDS = {
     "server": ["server"],
     "logger": ["logger"],
@@ -35,7 +35,7 @@ class Supervised:
     def __init__(self, name: str, folder: Path, settings: list[str]) -> None:
         self._hears = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._hears.bind(str(folder / name))
-        self._hears.settimeout(PATIENCE)
+        self._hears.settimeout(TIMEOUT)
         self._said = (folder / f"{name}.log").open("wb")
         self.process = subprocess.Popen(
             [sys.executable, "-m", "netboard.services.cli", *COMMANDS[name], *settings],
@@ -80,4 +80,4 @@ def test_every_service_reports_to_systemd(all_of_them: dict[str, Supervised]) ->
         while (said := one.hear()) == "WATCHDOG=1":
             pass
         assert said == "STOPPING=1"
-        assert one.process.wait(PATIENCE) == 0, name
+        assert one.process.wait(TIMEOUT) == 0, name

@@ -33,7 +33,7 @@ QUICKLY = (
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
 )
-PATIENCE = 180.0
+TIMEOUT = 180.0
 
 
 def ip(*words: str) -> None:
@@ -96,9 +96,9 @@ class Machines:
 
     def until(self, pattern: str) -> None:
         """Wait for the server to say something."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not re.search(pattern, self.said("server")):
-            assert time.monotonic() < end, f"no {pattern} within {PATIENCE:.0f} s\n{self.said(*self._running)}"
+            assert time.monotonic() < end, f"no {pattern} within {TIMEOUT:.0f} s\n{self.said(*self._running)}"
             assert all(process.poll() is None for process in self._running.values()), self.said(*self._running)
             time.sleep(0.1)
 
@@ -106,7 +106,7 @@ class Machines:
         """Stop what runs on a machine; its exit code."""
         process = self._running.pop(machine)
         process.send_signal(signal.SIGTERM)
-        return process.wait(PATIENCE)
+        return process.wait(TIMEOUT)
 
     def destroy(self) -> None:
         """End everything, whatever has happened."""

@@ -11,12 +11,12 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Ping, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
-from netboard.nodes.ports.log_port import GONE_NS, LogPort
+from netboard.nodes.ports.log_port import SILENCE_TIMEOUT_NS, LogPort
 from netboard.recording.recovery.spill import Spill
 
 L, M = b"logger@1", b"logger@2"
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """The disk has written what it was given long before [s]."""
 
 
@@ -60,7 +60,7 @@ class Rig:
 
     def until(self, what: Callable[[], bool]) -> None:
         """Let the spill's thread work until something holds."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while time.monotonic() < end:
             if what():
                 return
@@ -72,7 +72,7 @@ class Rig:
         """Let a logger come and go, and many records be made after that."""
         self.join(L)
         self.pump(L, LogAck(0, 10**12, "a.mcap", 0))
-        self.clock.advance(2 * GONE_NS * 1e-9)
+        self.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
         for start in range(0, count, 1000):  # which would take a second in earnest
             self.record(min(1000, count - start), pump_each=20)
             self.until(lambda: not self.spill._unwritten or bool(self.spill.trouble))

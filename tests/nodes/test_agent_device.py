@@ -22,7 +22,7 @@ from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.agent import Agent
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""
 PATIENT = {"stale_after_ms": 1000.0, "disarm_after_ms": 10_000.0}
 """A machine that stands still for a moment takes no force away."""
@@ -103,7 +103,7 @@ class Rig:
 
     def run(self, *script: Step) -> None:
         steps = list(script)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
 
         def stopping() -> bool:
             assert time.monotonic() < end, f"waited in vain, {len(steps)} steps before the end"

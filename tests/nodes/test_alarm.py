@@ -1,7 +1,7 @@
 """Emergency stops; each trip of a device's safety chain is reported once."""
 
 from netboard.network.protocol.motion import Safeguard
-from netboard.nodes.ports.emergency import AGAIN_NS, RELEASE, STOP, WORDS, EmergencyStop
+from netboard.nodes.ports.emergency import RELEASE, REPEAT_INTERVAL_NS, STOP, WORDS, EmergencyStop
 from netboard.nodes.ports.samples import STOPPED, TRIPPED, TRIPS
 
 FINE = {"left": 0, "right": 0}
@@ -24,25 +24,25 @@ def test_an_emergency_stop_holds_until_it_is_released() -> None:
 def test_a_button_at_either_device_stops_everything() -> None:
     for found, side in ((STOPPED, "left"), (STOPPED << 1, "right")):
         alarm = EmergencyStop()
-        assert alarm.look(found, FINE, 0) == [(STOP, {"reason": f"emergency stop at the {side} device"})]
-        assert alarm.look(found, FINE, 1) == []
+        assert alarm.poll(found, FINE, 0) == [(STOP, {"reason": f"emergency stop at the {side} device"})]
+        assert alarm.poll(found, FINE, 1) == []
 
 
 def test_a_trip_is_told_with_its_cause_once_in_a_while() -> None:
     alarm = EmergencyStop()
     bits = {"left": Safeguard.ARMED.value, "right": (Safeguard.TOO_FAST | Safeguard.STALE).value}
-    told = alarm.look(TRIPPED << 1, bits, 0)
+    told = alarm.poll(TRIPPED << 1, bits, 0)
     assert [name for name, _ in told] == ["safeguard"] * 2
     assert {event["cause"] for _, event in told} == {WORDS[Safeguard.TOO_FAST], WORDS[Safeguard.STALE]}
     assert {event["side"] for _, event in told} == {"right"}
-    assert alarm.look(TRIPPED << 1, bits, AGAIN_NS - 1) == []
-    assert len(alarm.look(TRIPPED << 1, bits, AGAIN_NS)) == 2
+    assert alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS - 1) == []
+    assert len(alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS)) == 2
     assert alarm.halted == ""
 
 
 def test_why_a_device_is_not_armed_is_what_tripped_a_moment_ago() -> None:
     alarm = EmergencyStop()
-    alarm.look(TRIPPED, {"left": Safeguard.NOT_READY.value, "right": 0}, 0)
+    alarm.poll(TRIPPED, {"left": Safeguard.NOT_READY.value, "right": 0}, 0)
     assert alarm.why("left", 1) == f" ({WORDS[Safeguard.NOT_READY]})"
     assert alarm.why("right", 1) == ""
-    assert alarm.why("left", AGAIN_NS) == ""
+    assert alarm.why("left", REPEAT_INTERVAL_NS) == ""

@@ -72,10 +72,10 @@ class Table:
         self.stage.advance(self.state, self.rows, self.tick)
         cause = Cause(int(row["event"]))
         if cause:
-            self.told += self.attempts.happened(cause, row, self.now, self.rows, self.tick)
+            self.told += self.attempts.record_decision(cause, row, self.now, self.rows, self.tick)
         self.tick += 1
         if self.tick % 10 == 0:
-            self.attempts.look(self.rows, self.tick)
+            self.attempts.poll(self.rows, self.tick)
 
     def until(self, *phases: Phase, late_ns: int = 0) -> None:
         """Let the trial go on to a phase: the board is level, the ball in the target."""
@@ -270,7 +270,7 @@ def test_it_counts_what_a_station_had_not_and_hears_of_frames(path: Path) -> Non
         table.now["p"] = 0.0
         table.do()
         attempts.painted(FrameRecord(0, "left", table.tick, 0, 0, 0))
-    attempts.look(table.rows, table.tick)
+    attempts.poll(table.rows, table.tick)
     assert attempts.counts("left") == attempts.counts("right") == (20, 0)
     attempts.close()
 

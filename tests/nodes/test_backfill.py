@@ -14,15 +14,15 @@ from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRe
 from netboard.network.protocol.records import BackfillRecord
 from netboard.network.transport import sockets
 from netboard.nodes.agent.rendered_buffer import RenderedRing
-from netboard.nodes.ports.backfill import AGAIN_NS, MOST_GAPS, Backfiller
-from netboard.nodes.ports.motion_port import GONE_NS
+from netboard.nodes.ports.backfill import MAX_GAPS, REPEAT_INTERVAL_NS, Backfiller
+from netboard.nodes.ports.motion_port import SILENCE_TIMEOUT_NS
 from netboard.recording.format.backfill import Backfilled
 
 MS = 1_000_000
 AGENT = b"agent.left@1"
 CLOCK_NS = 10**15
 """The agent's clock minus the server's [ns]."""
-HOUSE_TICKS = 10
+HOUSEKEEPING_TICKS = 10
 
 
 def rendered(seq: int) -> float:
@@ -77,7 +77,7 @@ class Link:
         self.rig.port.fill(row.view(np.int64), self.number, now, 0)
         self.ticks.append(row.copy())
         self.number += 1
-        if self.number % HOUSE_TICKS == 0:
+        if self.number % HOUSEKEEPING_TICKS == 0:
             self.rig.port.expire(now)
             self.records += self.filler.attend(self.rig.port, self.rows, self.number, now)
 
@@ -124,14 +124,14 @@ def test_a_tick_without_a_sample_does_not_hold_an_old_force(link: Link) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("away", [30, 700, GONE_NS // MS + 500])
+@pytest.mark.parametrize("away", [30, 700, SILENCE_TIMEOUT_NS // MS + 500])
 def test_after_a_cut_every_tick_has_what_the_agent_remembers(link: Link, away: int) -> None:
     link.go(50)
     link.go(away, cut=True)
-    if away * MS > GONE_NS:
+    if away * MS > SILENCE_TIMEOUT_NS:
         link.greet()
     link.answers_lost = 2
-    link.go(50 + away // 2 + 3 * AGAIN_NS // MS)
+    link.go(50 + away // 2 + 3 * REPEAT_INTERVAL_NS // MS)
     known = link.filled()
     unknown = np.isnan(link.recorded()["left_rendered"])
     assert away - 5 < np.count_nonzero(unknown) <= away + 5
@@ -212,17 +212,17 @@ def test_the_ring_forgets_what_is_old_and_says_so() -> None:
 def test_of_too_many_interruptions_the_oldest_are_forgotten() -> None:
     filler, rows = Backfiller(), np.zeros(1024, TICK)
     number = 0
-    for _ in range(MOST_GAPS + 7):
+    for _ in range(MAX_GAPS + 7):
         for part in range(10):
             row = rows[number % 1024]
             row["left_seq"], row["left_rendered"] = number, np.nan if part < 5 and number >= 10 else 0.0
             number += 1
-        filler.look(rows, number)
+        filler.poll(rows, number)
     first = filler.due("left", 0)
     assert first is not None
     assert first.first > 20
-    assert filler.due("left", AGAIN_NS - 1) is None
-    assert filler.due("left", AGAIN_NS) == first
+    assert filler.due("left", REPEAT_INTERVAL_NS - 1) is None
+    assert filler.due("left", REPEAT_INTERVAL_NS) == first
     assert filler.due("right", 0) is None
 
 
@@ -232,9 +232,9 @@ def test_late_samples_that_pass_for_new_ones_hide_no_part_of_an_interruption() -
     rows["left_rendered"][:1000], rows["left_seq"][:1000] = 0.0, np.arange(1000)
     for tick, seq in ((6000, 5700), (6001, 5800), (6003, 6002), (6004, 6003)):  # the first two were held back for 0.3 s
         rows["left_rendered"][tick], rows["left_seq"][tick] = 0.0, seq
-    filler.look(rows, 6005)
+    filler.poll(rows, 6005)
     asked: set[int] = set()
-    while request := filler.due("left", AGAIN_NS):
+    while request := filler.due("left", REPEAT_INTERVAL_NS):
         asked |= set(range(request.first, request.stop))
         filler.take("left", Backfill(request.first, request.stop, np.zeros(1, RENDERED).tobytes()), 0)
     assert asked >= set(range(999, 6003))

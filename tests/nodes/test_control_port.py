@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welc
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.views import Frames
-from netboard.nodes.ports.control_port import MOST_PEERS, SILENT_NS, TRY_NS, ControlPort
+from netboard.nodes.ports.control_port import CONNECTION_CHECK_NS, MAX_PEERS, SILENCE_TIMEOUT_NS, ControlPort
 from netboard.nodes.ports.peer import PING_NS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
@@ -117,7 +117,7 @@ def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> Non
 
 def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
     rig = Rig()
-    rig.port.pump(SILENT_NS + PING_NS)
+    rig.port.pump(SILENCE_TIMEOUT_NS + PING_NS)
     assert rig.port.peers == ()
     assert not rig.port.is_there(C)
     rig.say(D, Frames("left", ((1, 2, 3),), 0))
@@ -159,7 +159,7 @@ def test_peers_that_come_and_go_with_full_queues_leave_nothing_owed() -> None:
     for number in range(2000):
         router.say(b"display.left@%d" % number, hello("display", "left"))
         router.say(b"console@%d" % number, hello("console"))
-        now_ns = number * TRY_NS
+        now_ns = number * CONNECTION_CHECK_NS
         port.drain(lambda now_ns=now_ns: now_ns)
         port.pump(now_ns)
-    assert len(router.owed) <= 2 * MOST_PEERS
+    assert len(router.owed) <= 2 * MAX_PEERS

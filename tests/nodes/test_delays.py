@@ -8,7 +8,7 @@ import pytest
 from netboard.base.config import Config
 from netboard.base.tables.rig import Network
 from netboard.base.tables.scene import Physics
-from netboard.nodes.ports.round_trips import DELAY_LIMIT, GAINS, MARGIN, PACE, REST, Delays, limit_ns, loops_of
+from netboard.nodes.ports.round_trips import DELAY_LIMIT, GAINS, MARGIN, MAX_GAIN_STEP, REST, Delays, limit_ns, loops_of
 from netboard.physics.stability.delayed_coupling import Mechanism, largest_round_trip
 
 FIXED = replace(Physics(), board="hinged", I=1e9, hold="zoh")
@@ -22,7 +22,7 @@ def looks(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> li
     """Look so many times; the names of what is to be recorded."""
     watch.news.clear()
     for _ in range(times):
-        watch.look([int(left_ms * 1e6), int(right_ms * 1e6)], felt=True)
+        watch.poll([int(left_ms * 1e6), int(right_ms * 1e6)], felt=True)
     return [name for name, _ in watch.news]
 
 
@@ -75,7 +75,7 @@ def test_a_loop_that_is_not_closed_has_no_delay() -> None:
     looks(watch, 5.0, 0.0)
     assert not isnan(watch.late[0])
     assert isnan(watch.late[1])
-    watch.look([5_000_000, 0], felt=False)
+    watch.poll([5_000_000, 0], felt=False)
     assert isnan(watch.late[0])
     assert not watch.notice
 
@@ -86,7 +86,7 @@ def test_a_trial_is_paused_and_none_begins_for_a_while() -> None:
     assert watch.trouble == watch.notice != ""
     for _ in range(REST):
         assert watch.lacking == ("a quicker network",)
-        watch.look([0, 0], felt=False)
+        watch.poll([0, 0], felt=False)
         assert not watch.trouble
     assert watch.lacking == ()
 
@@ -98,8 +98,8 @@ def test_a_hand_is_softened_smoothly_and_no_more_than_needed(physics: Physics) -
     quick, slow = 0.4 * watch.limit_ns * 1e-6 / MARGIN, 3.0 * watch.limit_ns * 1e-6 / MARGIN
     before, gains = 1.0, []
     for _ in range(100):
-        watch.look([int(slow * 1e6), int(quick * 1e6)], felt=True)
-        assert abs(watch.gains[0] - before) <= PACE + 1e-12
+        watch.poll([int(slow * 1e6), int(quick * 1e6)], felt=True)
+        assert abs(watch.gains[0] - before) <= MAX_GAIN_STEP + 1e-12
         before = float(watch.gains[0])
         gains.append(before)
     assert GAINS[-1] <= before < 1.0

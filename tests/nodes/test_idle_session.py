@@ -16,7 +16,7 @@ from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.session import Session
 from netboard.nodes.server.state import RING_ROWS
-from netboard.nodes.server.tick_clock import ALONE_TICKS
+from netboard.nodes.server.tick_clock import NO_PEER_TICKS
 from netboard.stage.stage import make_stage
 
 DUE = 10**12
@@ -44,7 +44,7 @@ def records(session: Session) -> list[TickRecord | EventRecord]:
     return [decode(frame) for frame in ring.batch(0, ring.next, 2**30).records]
 
 
-@pytest.mark.parametrize("rounds", [(1, 1, 1), (ALONE_TICKS, 1, 7), (RING_ROWS - 1, 50), (RING_ROWS,)])
+@pytest.mark.parametrize("rounds", [(1, 1, 1), (NO_PEER_TICKS, 1, 7), (RING_ROWS - 1, 50), (RING_ROWS,)])
 def test_ticks_with_nobody_there_are_those_of_one_by_one(
     session: Session, config: Config, rounds: tuple[int, ...]
 ) -> None:

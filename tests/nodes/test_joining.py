@@ -15,8 +15,9 @@ from netboard.network.protocol.joining import Hello, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import EventRecord, LogRequest
 from netboard.nodes.logger.logger import Logger
-from netboard.nodes.ports.control_port import MAY_SAY, MOST_FRAMES, MOST_PEERS, SILENT_NS, ControlPort
-from netboard.nodes.ports.log_port import GONE_NS, MOST_LOGGERS
+from netboard.nodes.ports.control_port import ALLOWED_MESSAGES, MAX_FRAMES, MAX_PEERS, ControlPort
+from netboard.nodes.ports.control_port import SILENCE_TIMEOUT_NS as CONTROL_TIMEOUT_NS
+from netboard.nodes.ports.log_port import MAX_LOGGERS, SILENCE_TIMEOUT_NS
 from netboard.recording.files.reader import Recording
 
 MS = 1_000_000
@@ -93,10 +94,10 @@ def test_a_logger_that_says_hello_again_counts_as_there_while_it_asks(tmp_path: 
 def test_a_logger_whose_word_waits_behind_a_flood_has_not_fallen_silent(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.join(L)
-    for _ in range(5 * MOST_FRAMES):
+    for _ in range(5 * MAX_FRAMES):
         rig.router.say(b"flood", b"\x00")
     rig.router.say(L, Pong(0, 0, 0))
-    rig.clock.advance(GONE_NS * 1e-9 + 0.1)
+    rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 0.1)
     for _ in range(8):
         rig.port.pump(rig.clock())
     assert "logger_left" not in rig.names()
@@ -130,7 +131,7 @@ def test_a_console_joins_while_others_say_all_they_can() -> None:
 
 def test_nobody_who_is_there_is_pushed_out_and_who_is_silent_makes_room() -> None:
     rig = Control()
-    consoles = [b"console %d" % number for number in range(MOST_PEERS)]
+    consoles = [b"console %d" % number for number in range(MAX_PEERS)]
     for name in consoles:
         rig.router.say(name, hello("console"))
         rig.tick()
@@ -140,7 +141,7 @@ def test_nobody_who_is_there_is_pushed_out_and_who_is_silent_makes_room() -> Non
     rig.router.say(b"display", hello("display", "left"))
     rig.tick()
     assert isinstance(rig.router.heard(b"display")[0], Welcome)
-    rig.clock.advance(SILENT_NS * 1e-9 + 1)
+    rig.clock.advance(CONTROL_TIMEOUT_NS * 1e-9 + 1)
     rig.port.pump(rig.clock())
     rig.router.say(b"late", hello("console"))
     rig.tick()
@@ -180,7 +181,7 @@ def test_commands_beyond_a_few_are_answered_and_not_carried_out_but_for_an_emerg
 
 
 def test_only_a_greeting_is_unpacked_of_a_stranger() -> None:
-    assert Hello in MAY_SAY[""]
+    assert Hello in ALLOWED_MESSAGES[""]
     rig = Control()
     rig.router.say(b"x", b"\x97\x15\xc1")  # a report of frames, and then nonsense
     rig.tick()
@@ -189,7 +190,7 @@ def test_only_a_greeting_is_unpacked_of_a_stranger() -> None:
 
 def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
     rig = Control()
-    for number in range(MOST_PEERS):
+    for number in range(MAX_PEERS):
         rig.router.say(b"guest %d" % number, hello("console"))
         rig.tick()
     rig.router.gone.add(b"guest 3")
@@ -201,7 +202,7 @@ def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
 
 def test_every_peer_whose_connection_has_ended_makes_room_at_once() -> None:
     rig = Control()
-    before = [b"guest %d" % number for number in range(MOST_PEERS)]
+    before = [b"guest %d" % number for number in range(MAX_PEERS)]
     for name in before:
         rig.router.say(name, hello("console"))
         rig.tick()
@@ -215,7 +216,7 @@ def test_every_peer_whose_connection_has_ended_makes_room_at_once() -> None:
 
 def test_a_logger_whose_connection_has_ended_makes_room_at_once(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    for number in range(MOST_LOGGERS):
+    for number in range(MAX_LOGGERS):
         rig.pump(b"guest %d" % number, hello("logger", name=str(number)))
     assert rig.pump(L, hello("logger")) == [Refusal("too many loggers")]
     rig.router.gone.add(b"guest 3")

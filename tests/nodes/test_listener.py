@@ -15,7 +15,7 @@ from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, TickRecord
 from netboard.nodes.logger.subscriber import EARLY_WELCOME_NS, Listener
-from netboard.nodes.ports.log_port import GONE_NS, LogPort
+from netboard.nodes.ports.log_port import SILENCE_TIMEOUT_NS, LogPort
 from netboard.recording.recovery.spill import Spill
 
 NAME = b"listener@1"
@@ -86,10 +86,10 @@ class Told:
     def begin(self, welcome: Welcome) -> None:
         self.sessions.append(welcome.session)
 
-    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+    def set_clock(self, offset_ns: int, bound_ns: int) -> None:
         self.clocks.append((offset_ns, bound_ns))
 
-    def tell_lost(self, first: int, count: int) -> None:
+    def report_lost(self, first: int, count: int) -> None:
         self.lost.append((first, count))
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
@@ -161,7 +161,7 @@ def test_a_link_that_was_gone_costs_nothing_the_ring_still_has(rig: Rig) -> None
     rig.step(3)
     rig.link.deaf = True
     server.tick(20)
-    rig.step(int(2 * GONE_NS / 20e6))
+    rig.step(int(2 * SILENCE_TIMEOUT_NS / 20e6))
     assert len(server.port.subscribers) == 0
     server.router.sent.clear()
     rig.link.deaf = False

@@ -15,7 +15,7 @@ from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
-from netboard.nodes.ports.subscribers import GONE_NS, MOST_LISTENERS, MOST_RECORDS
+from netboard.nodes.ports.subscribers import MAX_LISTENERS, MAX_RECORDS, SILENCE_TIMEOUT_NS
 
 E, F = b"listener@1", b"listener@2"
 
@@ -100,7 +100,7 @@ def test_who_may_not_listen_is_refused(rig: Rig) -> None:
     rig.router.forbidden = "this key is that of a logger"
     assert rig.pump(E, hello("listener")) == [Refusal("this key is that of a logger")]
     rig.router.forbidden = ""
-    for k in range(MOST_LISTENERS):
+    for k in range(MAX_LISTENERS):
         listen(rig, b"listener@%d" % k)
     assert rig.pump(b"listener@x", hello("listener")) == [Refusal("too many listeners")]
     rig.join(L)
@@ -124,8 +124,8 @@ def test_what_a_listener_does_not_take_in_time_is_lost_to_it_and_counted(tmp_pat
 
 def test_a_listener_that_is_behind_gets_one_batch_at_a_time(rig: Rig) -> None:
     rig.record(900)
-    assert len(rig.numbers(listen(rig, E, 0))) == MOST_RECORDS
-    assert len(rig.numbers(rig.pump(E))) == MOST_RECORDS
+    assert len(rig.numbers(listen(rig, E, 0))) == MAX_RECORDS
+    assert len(rig.numbers(rig.pump(E))) == MAX_RECORDS
 
 
 def test_a_listener_gets_nothing_from_the_spill(rig: Rig) -> None:
@@ -142,7 +142,7 @@ def test_a_silent_listener_is_gone_and_one_that_says_hello_again_goes_on(rig: Ri
     assert isinstance(rig.pump(E, hello("listener", name=E.decode()))[0], Welcome)
     rig.record(2)
     rig.pump(E, LogRequest(3))
-    rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
+    rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 1e-3)
     rig.pump(E)
     assert len(rig.port.subscribers) == 0
     assert rig.pump(E, LogRequest(0)) == [Refusal("say hello first")]

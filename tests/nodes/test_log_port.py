@@ -11,7 +11,7 @@ from log_rig import L, M, Rig, end
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.ports.log_port import GONE_NS, LISTEN_NS
+from netboard.nodes.ports.log_port import PONG_WAIT_NS, SILENCE_TIMEOUT_NS
 from netboard.nodes.ports.record_store import FULL_SHARE
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery import spill as spilling
@@ -74,7 +74,7 @@ def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again(rig: Rig) -
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1))
     assert rig.port.loggers == 1
-    rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
+    rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 1e-3)
     rig.pump(L)
     assert rig.port.loggers == 0
     assert rig.pump(L, LogAck(0, 0, "a.mcap", 0)) == [Refusal("say hello first")]
@@ -99,7 +99,7 @@ def test_a_logger_that_has_been_told_the_end_may_take_its_time(rig: Rig) -> None
     rig.pump(L, hello("logger"))
     rig.port.end()
     rig.pump(L, LogRequest(-1))
-    rig.clock.advance(3 * GONE_NS * 1e-9)
+    rig.clock.advance(3 * SILENCE_TIMEOUT_NS * 1e-9)
     rig.pump(L)
     assert rig.pump(L, LogAck(3, 0, "a.mcap", 0)) == []
     assert rig.port.done
@@ -129,7 +129,7 @@ def test_who_does_not_belong_is_refused(rig: Rig) -> None:
 
 def test_a_logger_that_is_silent_does_not_stop_the_trial_before_there_is_no_room(rig: Rig) -> None:
     rig.join(L)
-    rig.clock.advance(2 * GONE_NS * 1e-9)
+    rig.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
     rig.record(500)
     rig.pump(L)
     assert (rig.port.loggers, rig.port.trouble) == (0, "")
@@ -203,7 +203,7 @@ def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(spilling, "RETRY_SECONDS", 0.001)
-    monkeypatch.setattr(spilling, "MOST_WAITING", 2)
+    monkeypatch.setattr(spilling, "MAX_WAITING", 2)
     rig = Rig(tmp_path / "nowhere", capacity=100)
     rig.fill_spill(400)
     rig.until(lambda: rig.spill.trouble != "")
@@ -272,7 +272,7 @@ def test_the_clock_of_a_logger_is_probed(rig: Rig) -> None:
 
 def test_an_answer_is_listened_for_at_every_tick_for_a_while_only(rig: Rig) -> None:
     rig.join(L)
-    rig.clock.advance(LISTEN_NS * 1e-9)
+    rig.clock.advance(PONG_WAIT_NS * 1e-9)
     rig.router.say(L, LogAck(0, 7, "a.mcap", 0))
     rig.port.listen(rig.clock())
     assert rig.port.free_bytes == 0

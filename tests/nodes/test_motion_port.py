@@ -20,11 +20,11 @@ from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
 from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard, Stylus
 from netboard.network.transport import sockets
-from netboard.network.transport.sockets import LARGEST_SAMPLE
+from netboard.network.transport.sockets import MAX_SAMPLE
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.motion_port import BEAT_TICKS, GONE_NS
+from netboard.nodes.ports.motion_port import HEARTBEAT_TICKS, SILENCE_TIMEOUT_NS
 from netboard.nodes.ports.samples import ARMED, LIVE, MAX_STAMP_NS
-from netboard.nodes.ports.unregistered import DEAF_NS
+from netboard.nodes.ports.unregistered import UNREGISTERED_INTERVAL_NS
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
@@ -102,10 +102,10 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> No
     assert isinstance(answer, Refusal)
     assert "already has an agent: host:1" in answer.reason
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.drain(lambda: MS + TIMEOUT_NS + DEAF_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS + UNREGISTERED_INTERVAL_NS)
     assert isinstance(rig.router.heard(b"other")[0], Welcome)
     rig.router.say(A, STYLUS)
-    rig.drain(lambda: MS + TIMEOUT_NS + DEAF_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS + UNREGISTERED_INTERVAL_NS)
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
@@ -134,7 +134,7 @@ def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None
     rig.registered()
     rig.router.say(A, STYLUS, STYLUS)
     rig.router.say(A, b"", STYLUS, b"")
-    rig.router.say(A, bytes(LARGEST_SAMPLE + 1))
+    rig.router.say(A, bytes(MAX_SAMPLE + 1))
     rig.router.say(A, replace(STYLUS, seq=7))
     rig.drain(lambda: MS)
     assert rig.row(MS)["left_seq"] == 7
@@ -189,12 +189,12 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
 
 def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -> None:
     rig.registered()
-    for tick in range(2 * BEAT_TICKS):
+    for tick in range(2 * HEARTBEAT_TICKS):
         rig.force(tick, -0.5, 0.25)
-    assert [(m.tick, m.force) for m in rig.router.heard(A)] == [(t, -0.5) for t in range(2 * BEAT_TICKS)]  # type: ignore[union-attr]
-    assert [m.force for m in rig.router.heard(B)] == [0.25] * 2 * BEAT_TICKS  # type: ignore[union-attr]
-    for tick in range(2 * BEAT_TICKS):
-        rig.port.beat(tick, tick)
+    assert [(m.tick, m.force) for m in rig.router.heard(A)] == [(t, -0.5) for t in range(2 * HEARTBEAT_TICKS)]  # type: ignore[union-attr]
+    assert [m.force for m in rig.router.heard(B)] == [0.25] * 2 * HEARTBEAT_TICKS  # type: ignore[union-attr]
+    for tick in range(2 * HEARTBEAT_TICKS):
+        rig.port.send_heartbeat(tick, tick)
     beats = rig.router.heard(A)
     assert [type(m) for m in beats] == [Heartbeat, Heartbeat]
 
@@ -340,21 +340,21 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Ri
         rig.router.say(A, probe)
         rig.drain(lambda now=sent + 2 * delay_ns: now)
         rig.router.heard(A)
-        rig.port.beat(0, sent)
+        rig.port.send_heartbeat(0, sent)
         (beat,) = rig.router.heard(A)
         assert isinstance(beat, Heartbeat)
         assert beat.arm == may
-        lacking = rig.port.lacks(sent + 2 * delay_ns, SIDES)
+        lacking = rig.port.find_missing(sent + 2 * delay_ns, SIDES)
         assert any("clock" in what for what in lacking) != may, lacking
-    assert rig.port.lacks(MS, SIDES) == ["the left device to be armed", "the right agent"]
-    assert rig.port.lacks(MS, ("left",)) == ["the left device to be armed"]
+    assert rig.port.find_missing(MS, SIDES) == ["the left device to be armed", "the right agent"]
+    assert rig.port.find_missing(MS, ("left",)) == ["the left device to be armed"]
 
 
 def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
     rig.registered()
-    rig.port.expire(GONE_NS)
+    rig.port.expire(SILENCE_TIMEOUT_NS)
     assert not rig.port.empty
-    rig.port.expire(GONE_NS + 1)
+    rig.port.expire(SILENCE_TIMEOUT_NS + 1)
     assert rig.port.empty
     assert [details["reason"] for name, details in rig.port.news if name == "agent_left"] == ["fell silent"] * 2
 

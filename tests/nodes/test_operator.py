@@ -27,7 +27,7 @@ def said(router: endpoints.Router) -> list[tuple[bytes, Message]]:
 
 @pytest.mark.slow
 def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(operator, "SILENT_NS", 200_000_000)
+    monkeypatch.setattr(operator, "SILENCE_TIMEOUT_NS", 200_000_000)
     monkeypatch.setattr(sockets, "RENEW_S", 0.0)
     network = replace(Network(), port=free_port())
     with sockets.open_context() as context:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from netboard.base.errors import ConfigError
 from netboard.base.tables.experiment import Session
 from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
-from netboard.nodes.server.operators import ANYBODYS, CAUSES, UNOPENED, Operators, Situation, form_of, note_of
+from netboard.nodes.server.operators import BEFORE_OPENING, CAUSES, OPEN_TO_ALL, Operators, Situation, form_of, note_of
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
 A, B = b"console@1", b"console@2"
@@ -71,7 +71,7 @@ def test_before_the_form_is_complete_no_block_begins() -> None:
     one = Operators(opened=False, armed=True)
     decision = one.decide("start", A, "lab:1", NOW)
     assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
-    assert all(one.decide(name, A, "lab:1", NOW).accepted for name in UNOPENED)
+    assert all(one.decide(name, A, "lab:1", NOW).accepted for name in BEFORE_OPENING)
     one.opened = True
     assert one.decide("open", A, "lab:1", NOW).reason == "the session is open already"
 
@@ -133,7 +133,7 @@ def test_no_command_is_accepted_that_the_table_has_no_edge_for(commands: list[tu
         decision = one.decide(command, who, who.decode(), replace(NOW, phase=phase))
         assert not decision.cause or (decision.accepted and decision.cause in TABLE[phase])
         assert decision.accepted or decision.reason
-        if command not in ANYBODYS and decision.accepted:
+        if command not in OPEN_TO_ALL and decision.accepted:
             assert one.commander == who
         if command in CAUSES and decision.accepted:
             assert decision.cause is CAUSES[command]

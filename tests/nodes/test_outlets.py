@@ -13,7 +13,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.records import EventRecord
 from netboard.nodes.logger import lsl_outlets
-from netboard.nodes.logger.lsl_outlets import MOST_WAITING, Outlets, compare
+from netboard.nodes.logger.lsl_outlets import MAX_WAITING, Outlets, compare
 from netboard.recording.export.lsl_streams import COLUMNS, STREAMS, samples, seconds
 
 MS = 1_000_000
@@ -90,7 +90,7 @@ def event(seq: int) -> EventRecord:
 def test_on_one_clock_every_sample_has_exactly_the_time_of_its_tick(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
-    sent.tell_clock(-900, 1000)
+    sent.set_clock(-900, 1000)
     ticks = rows(0, 50)
     sent.take(ticks, [event(0), event(1)])
     values = np.array([value for value, _ in layer.pushed["netboard.ticks"]])
@@ -109,7 +109,7 @@ def test_samples_wait_until_the_clock_is_known_and_are_then_all_sent(layer: Laye
     sent.take(rows(0, 10), [event(0)])
     sent.take(rows(10, 10), [])
     assert layer.pushed["netboard.ticks"] == layer.pushed["netboard.markers"] == []
-    sent.tell_clock(7_000_000_000, 50_000)
+    sent.set_clock(7_000_000_000, 50_000)
     assert [value[0] for value, _ in layer.pushed["netboard.ticks"]] == list(range(20))
     assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 7
     assert layer.pushed["netboard.markers"] == [("event_0", 1e6 + 7)]
@@ -119,7 +119,7 @@ def test_a_clock_elsewhere_is_followed_and_every_estimate_is_told(layer: Layer) 
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     for k in range(3):
-        sent.tell_clock(7_000_000_000 + k, 50_000)
+        sent.set_clock(7_000_000_000 + k, 50_000)
         sent.take(rows(k, 1), [])
     stamps = [stamp for _, stamp in layer.pushed["netboard.ticks"]]
     assert stamps == seconds(10**15 + np.arange(3) * MS + 7_000_000_000 + np.arange(3)).tolist()
@@ -131,12 +131,12 @@ def test_a_clock_elsewhere_is_followed_and_every_estimate_is_told(layer: Layer) 
 def test_another_session_has_a_clock_of_its_own(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
-    sent.tell_clock(0, 1000)
-    sent.tell_clock(5, 900)
+    sent.set_clock(0, 1000)
+    sent.set_clock(5, 900)
     sent.begin(WELCOME)
     sent.take(rows(0, 1), [])
     assert layer.pushed["netboard.ticks"] == []
-    sent.tell_clock(10**12, 1000)
+    sent.set_clock(10**12, 1000)
     assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 1e3
     assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock"] * 2
 
@@ -144,13 +144,13 @@ def test_another_session_has_a_clock_of_its_own(layer: Layer) -> None:
 def test_what_is_lost_and_what_waited_too_long_is_told_in_the_stream(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
-    sent.tell_lost(10, 3)
-    for k in range(0, MOST_WAITING + 1000, 1000):
+    sent.report_lost(10, 3)
+    for k in range(0, MAX_WAITING + 1000, 1000):
         sent.take(rows(k, 1000), [])
-    sent.tell_clock(0, 1000)
+    sent.set_clock(0, 1000)
     told = {told["name"]: told["details"] for told in layer.events()}
     assert told["lsl_lost"] == {"first": "10", "count": "3"}
-    assert told["lsl_unsent"] == {"ticks": str(MOST_WAITING + 1000)}
+    assert told["lsl_unsent"] == {"ticks": str(MAX_WAITING + 1000)}
     assert layer.pushed["netboard.ticks"] == []
 
 

@@ -21,7 +21,7 @@ from netboard.nodes.agent.stylus_source import Player, stylus_source_of
 pytestmark = pytest.mark.integration
 
 MS = 1_000_000
-PATIENCE = 30.0
+TIMEOUT = 30.0
 
 
 class Station:
@@ -44,7 +44,7 @@ class Station:
         self.device.read(self.now_ns)
 
     def until(self, true: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not true():
             assert time.monotonic() < end, "waited in vain"
             self.step()

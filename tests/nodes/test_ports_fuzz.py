@@ -93,15 +93,15 @@ def test_the_motion_port_handles_any_message(seed: int) -> None:
         for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
             router.say(peer, message)
             rig.drain(clock, clock.now_ns)
-            port.refusals.look(clock.now_ns)
+            port.refusals.poll(clock.now_ns)
             port.fill(row.view(np.int64), tick, clock.now_ns, 0)
             assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
-            port.beat(tick, clock.now_ns)
+            port.send_heartbeat(tick, clock.now_ns)
             port.force(row.view(np.int64), row.view(np.int64))
             router.heard(peer)
             if tick % 5 == 0:
                 port.expire(clock.now_ns)
-                port.lacks(clock.now_ns, SIDES)
+                port.find_missing(clock.now_ns, SIDES)
                 encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
                 require_recordable(port.news, port.clock_records(tick))
             registered = [agent.peer for agent in port.agents.values() if agent.hello is not None]

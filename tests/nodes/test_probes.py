@@ -43,7 +43,7 @@ class Station:
         """Say nothing any more."""
         del self.clocks[name]
 
-    def go_on(self, seconds: float) -> None:
+    def run_once(self, seconds: float) -> None:
         for _ in range(round(seconds * 1000 / HOUSE_MS)):
             self.now_ms += HOUSE_MS
             now_ns = self.now_ms * MS
@@ -69,36 +69,36 @@ class Station:
 def two_displays(at: Station) -> None:
     at.join(b"one", "display", "left")
     at.join(b"two", "display", "left", ahead_s=-7.0)
-    at.go_on(12)
+    at.run_once(12)
 
 
 def several_consoles(at: Station) -> None:
     for number in range(4):
         at.join(b"console %d" % number, "console", ahead_s=number * 100.0)
-    at.go_on(12)
+    at.run_once(12)
 
 
 def a_display_that_is_restarted(at: Station) -> None:
     at.join(b"other", "display", "right")
     for number in range(3):
         at.join(b"run %d" % number, "display", "left", ahead_s=number * 1e6)
-        at.go_on(6)
+        at.run_once(6)
         at.leave(b"run %d" % number)
 
 
 def a_display_that_dies_and_another(at: Station) -> None:
     at.join(b"one", "display", "left")
-    at.go_on(6)
+    at.run_once(6)
     at.vanish(b"one")
     at.join(b"two", "display", "left")
-    at.go_on(12)
+    at.run_once(12)
 
 
 def a_display_that_says_hello_again(at: Station) -> None:
     at.join(b"one", "display", "left")
-    at.go_on(6)
+    at.run_once(6)
     at.join(b"one", "display", "left")
-    at.go_on(6)
+    at.run_once(6)
 
 
 TOPOLOGIES = (
@@ -153,7 +153,7 @@ def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
 def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:
     at = Station()
     at.join(b"one", "display", "left")
-    at.go_on(1.5)
+    at.run_once(1.5)
     (known,) = at.port.clock_records(0) or at.records[-1:]
     now_ns = at.now_ms * MS
     for number, pong in zip(

@@ -19,7 +19,7 @@ from netboard.network.protocol.records import EventRecord, LogRequest
 from netboard.network.transport import channels, poller, sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.operator import Operator
-from netboard.nodes.replay.replay_server import MOST_LETTERS, ReplayServer
+from netboard.nodes.replay.replay_server import MAX_CHARACTERS, ReplayServer
 from netboard.stage.curtain import make_curtain, view_of
 from netboard.stage.view import View
 
@@ -48,7 +48,7 @@ class Rig:
         self.status()
 
     def work(self) -> None:
-        self.server.go_on(self.milliseconds)
+        self.server.run_once(self.milliseconds)
         self.server.housekeeping()
         self.milliseconds += 1
 
@@ -167,7 +167,7 @@ def test_live_commands_are_refused_in_words(rig: Rig) -> None:
 def test_what_is_quoted_fits_into_an_answer(rig: Rig) -> None:
     reply = rig.do("seek", "\U0001f600" * 2000)
     assert not reply.accepted
-    assert len(reply.reason) == MOST_LETTERS
+    assert len(reply.reason) == MAX_CHARACTERS
 
 
 @pytest.mark.slow

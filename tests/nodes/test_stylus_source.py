@@ -14,7 +14,7 @@ from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.stylus_source import LiveController, LiveParticipant, SecondHand
 from netboard.participants.submovement import Submovement
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """Timeout, far above the usual time [s]."""
 
 
@@ -59,7 +59,7 @@ def create(config: Config) -> Iterator[Callable[[Side], LiveParticipant]]:
 def begin(participant: LiveParticipant, text: str) -> None:
     """Begin a block, and step until its configuration has been read."""
     participant.begin(text)
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + TIMEOUT
     while participant._configuration is not None:
         assert time.monotonic() < until
         participant.step(now_ns(), haptics=True)

@@ -4,7 +4,7 @@ from itertools import count, islice
 
 import pytest
 
-from netboard.nodes.server.supervision import LASTING_TICKS, READY_TICKS, Supervisor
+from netboard.nodes.server.supervision import PERSISTENT_TICKS, READY_TICKS, Supervisor
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 ALL_THERE: tuple[str, ...] = ()
@@ -39,7 +39,7 @@ def test_what_an_operator_was_refused_is_to_be_read_until_something_is_obeyed() 
     watch.refused("cannot start without the left agent")
     assert watch.command(next(TICKS), Phase.IDLE, ("the left agent",), "") is Cause.NONE
     assert watch.notice == "cannot start without the left agent"
-    watch.obeyed()
+    watch.command_carried_out()
     assert watch.notice == ""
 
 
@@ -58,7 +58,7 @@ def test_in_a_pause_the_reason_that_holds_now_is_shown() -> None:
     lost, stopped = "no sample from the left agent", "emergency stop at the left device"
     watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, lost)
     assert watch.notice == f"paused: {lost}"
-    wait(watch, Phase.PAUSED, LASTING_TICKS + 1, ALL_THERE, stopped)
+    wait(watch, Phase.PAUSED, PERSISTENT_TICKS + 1, ALL_THERE, stopped)
     assert watch.notice == f"paused: {stopped}"
     watch.await_operator()
     wait(watch, Phase.PAUSED, 5, ALL_THERE, "the left device is not armed")
@@ -66,7 +66,7 @@ def test_in_a_pause_the_reason_that_holds_now_is_shown() -> None:
     assert watch.notice == "paused: waiting for the logger"
     wait(watch, Phase.PAUSED, 1)
     assert watch.notice == f"ready to resume (paused: {stopped})"
-    watch.obeyed()
+    watch.command_carried_out()
     assert wait(watch, Phase.PAUSED, 1) is Cause.NONE
     assert watch.notice == ""
 

@@ -3,7 +3,7 @@
 import pytest
 
 from netboard.base.tick import TICK_NS
-from netboard.nodes.server.tick_clock import ALONE_TICKS, CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, TickClock
+from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, NO_PEER_TICKS, TickClock
 
 DUE = 5_000_000_000
 
@@ -21,22 +21,22 @@ def test_the_first_tick_is_due_when_it_was_said_to_be(clock: TickClock) -> None:
 
 def test_a_tick_waits_for_its_deadline_unless_both_samples_are_in(clock: TickClock) -> None:
     early = DUE - EARLIEST_NS
-    assert clock.is_time(DUE, complete=False)
-    assert not clock.is_time(DUE - 1, complete=False)
-    assert clock.is_time(early, complete=True)
-    assert not clock.is_time(early - 1, complete=True)
+    assert clock.is_due(DUE, complete=False)
+    assert not clock.is_due(DUE - 1, complete=False)
+    assert clock.is_due(early, complete=True)
+    assert not clock.is_due(early - 1, complete=True)
 
 
 def test_the_next_deadline_is_a_tick_later(clock: TickClock) -> None:
-    clock.did(1)
+    clock.advance(1)
     assert clock.due_ns == DUE + TICK_NS
-    clock.did(IDLE_TICKS)
+    clock.advance(IDLE_TICKS)
     assert clock.due_ns == DUE + (1 + IDLE_TICKS) * TICK_NS
 
 
 @pytest.mark.parametrize(("late", "due"), [(-1, 0), (0, 1), (TICK_NS - 1, 1), (TICK_NS, 2), (24 * TICK_NS, 25)])
 def test_what_has_become_due_is_counted(clock: TickClock, late: int, due: int) -> None:
-    assert clock.how_many(DUE + late) == due
+    assert clock.due_count(DUE + late) == due
 
 
 def test_late_is_more_than_half_a_tick(clock: TickClock) -> None:
@@ -45,7 +45,7 @@ def test_late_is_more_than_half_a_tick(clock: TickClock) -> None:
     assert clock.late_ticks == 2
 
 
-@pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + ALONE_TICKS)])
+@pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + NO_PEER_TICKS)])
 def test_a_standstill_moves_the_deadlines_by_whole_ticks_and_is_told_of_once(
     clock: TickClock, *, idle: bool, most: int
 ) -> None:
@@ -64,8 +64,8 @@ def test_one_sleeps_until_there_may_be_something_to_do(clock: TickClock) -> None
     clock.sleep(idle=False, complete=True)
     assert clock.wake_ns == DUE - EARLIEST_NS
     clock.sleep(idle=True, complete=True)
-    assert clock.how_many(clock.wake_ns) == IDLE_TICKS
+    assert clock.due_count(clock.wake_ns) == IDLE_TICKS
     clock.sleep(idle=True, complete=True, alone=True)
-    assert clock.how_many(clock.wake_ns) == ALONE_TICKS
+    assert clock.due_count(clock.wake_ns) == NO_PEER_TICKS
     clock.sleep(idle=False, complete=False, alone=True)
     assert clock.wake_ns == DUE

@@ -13,10 +13,10 @@ from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Refusal, Welcome
 from netboard.network.protocol.motion import Stylus
 from netboard.network.transport import sockets
-from netboard.network.transport.refusal_count import MOST_KINDS
-from netboard.nodes.ports.motion_port import MOST_ODD, ODD_AT_ONCE
-from netboard.nodes.ports.refusals import AGAIN_NS, CROWDED
-from netboard.nodes.ports.samples import MOST_FRAMES
+from netboard.network.transport.refusal_count import MAX_KINDS
+from netboard.nodes.ports.motion_port import MAX_OTHER_FRAMES, OTHER_FRAME_BURST
+from netboard.nodes.ports.refusals import REPEAT_INTERVAL_NS, TOO_MANY_MESSAGES
+from netboard.nodes.ports.samples import MAX_FRAMES
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
@@ -45,7 +45,7 @@ def newest(rig: MotionRig, now_ns: int) -> int:
 
 def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: MotionRig) -> None:
     register(rig)
-    flood = 10 * MOST_FRAMES
+    flood = 10 * MAX_FRAMES
     for _ in range(flood):
         rig.router.say(b"flood", b"\x00")
     rig.router.say(A, STYLUS)
@@ -57,7 +57,7 @@ def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: Moti
     rig.port.refusals.settle()
     assert {name for name, _ in rig.port.news} == {"refused"}
     whole = {(details["peer"], details["reason"]): int(details["times"]) for _, details in rig.port.news}
-    assert whole == {("flood", "1 bytes are no message"): 1, ("strangers", CROWDED): flood - 1}
+    assert whole == {("flood", "1 bytes are no message"): 1, ("strangers", TOO_MANY_MESSAGES): flood - 1}
     assert sum(rig.port.refusals.totals.values()) == flood
 
 
@@ -68,7 +68,7 @@ def test_a_stranger_is_heard_again_after_a_while_and_its_greeting_at_any_time(ri
     said = ["say hello first", "this is the motion channel, not one for a display"]
     assert rig.router.heard(b"x") == [Refusal(reason) for reason in said]
     rig.router.say(b"x", StatusRequest())
-    rig.drain(lambda: AGAIN_NS)
+    rig.drain(lambda: REPEAT_INTERVAL_NS)
     assert rig.router.heard(b"x") == [Refusal("say hello first")]
 
 
@@ -96,29 +96,29 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart_and_all_ar
         rig.router.go(b"stranger %d" % number)
     rig.port.refusals.settle()
     whole = {details["peer"]: int(details["times"]) for _, details in rig.port.news}
-    assert len(whole) == MOST_KINDS + 1
+    assert len(whole) == MAX_KINDS + 1
     assert sum(whole.values()) == 400
 
 
 def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: MotionRig) -> None:
     register(rig)
-    for seq in range(4 * MOST_ODD):
+    for seq in range(4 * MAX_OTHER_FRAMES):
         rig.router.say(A, replace(STYLUS, seq=seq))
         rig.router.say(A, b"\x00")
     taken = []
     for _ in range(4):
         rig.port.drain(lambda: MS, 0)
         taken.append(newest(rig, MS) + 1)
-    assert taken == [(tick + 1) * MOST_ODD // 2 for tick in range(4)]
+    assert taken == [(tick + 1) * MAX_OTHER_FRAMES // 2 for tick in range(4)]
 
 
 def test_a_registered_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig) -> None:
     register(rig)
-    for _ in range(2 * ODD_AT_ONCE):
+    for _ in range(2 * OTHER_FRAME_BURST):
         rig.router.say(A, hello("agent", "left"))
-    for _ in range(2 * ODD_AT_ONCE // MOST_ODD):
+    for _ in range(2 * OTHER_FRAME_BURST // MAX_OTHER_FRAMES):
         rig.port.drain(lambda: MS, 0)
-    assert rig.port.refusals.totals == {CROWDED: ODD_AT_ONCE}
+    assert rig.port.refusals.totals == {TOO_MANY_MESSAGES: OTHER_FRAME_BURST}
 
 
 def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:

@@ -12,7 +12,7 @@ from trajectories import scene_of, trajectory
 
 from netboard.base.errors import ConfigError
 from netboard.base.tables.scene import Physics
-from netboard.physics.stability.method_choice import MOST_SUBSTEPS, Choice, choose
+from netboard.physics.stability.method_choice import MAX_SUBSTEPS, Choice, choose
 
 H = 1e-3
 METHODS = ("euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853")
@@ -203,7 +203,7 @@ def test_every_method_taken_at_its_word_holds_the_full_equations(method: Any) ->
             assert scales == (1, 100)
             assert method in ("euler", "semi_implicit", "heun", "rk4", "dop853")
         else:
-            assert choice.substeps <= MOST_SUBSTEPS
+            assert choice.substeps <= MAX_SUBSTEPS
             assert run(physics, choice, 0.4, False, 0.1) < 0.05
 
 

@@ -120,7 +120,7 @@ def test_octave_reads_mat(two: list[Path], tmp_path: Path) -> None:
 def test_ticks_too_many_for_matlab_are_refused(
     two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(matlab, "MOST_BYTES", 1000)
+    monkeypatch.setattr(matlab, "MAX_BYTES", 1000)
     with pytest.raises(RecordingError, match=r"S01\.mcap: its ticks are .* use --to parquet"):
         export(two, "mat", tmp_path / "out", quiet)
     assert list(tmp_path.iterdir()) == []

@@ -14,10 +14,10 @@ from netboard.base.tables.rig import Recording as Settings
 from netboard.recording.files.reader import Recording
 from netboard.recording.format import partfile
 from netboard.recording.format.disk import (
-    LEAST_BYTES,
-    LEAST_S,
     LOW_BYTES,
     LOW_S,
+    MIN_BYTES,
+    MIN_S,
     STEP_NS,
     DiskUse,
     Space,
@@ -35,9 +35,9 @@ def test_space_is_judged_by_its_size_and_by_how_long_it_will_do() -> None:
     assert not Space(LOW_BYTES, LOW_S).low
     assert Space(LOW_BYTES - 1, LOW_S).low
     assert Space(LOW_BYTES, LOW_S - 1).low
-    assert not Space(LEAST_BYTES, LEAST_S).out
-    assert Space(LEAST_BYTES - 1, LEAST_S).out
-    assert Space(LEAST_BYTES, LEAST_S - 1).out
+    assert not Space(MIN_BYTES, MIN_S).out
+    assert Space(MIN_BYTES - 1, MIN_S).out
+    assert Space(MIN_BYTES, MIN_S - 1).out
     assert str(Space(12_340_000_000, float("inf"))) == "12.3 GB free"
     assert str(Space(150_000_000, 600.0)) == "150 MB free, for 10 min"
 
@@ -63,9 +63,9 @@ def test_a_burst_is_not_taken_for_the_rate() -> None:
 
 
 def test_nothing_is_begun_on_a_full_disk(tmp_path: Path) -> None:
-    require_space(tmp_path, LEAST_BYTES)
+    require_space(tmp_path, MIN_BYTES)
     with pytest.raises(RecordingError, match="only 200 MB free, and a recording stops at 200 MB"):
-        require_space(tmp_path, LEAST_BYTES - 1)
+        require_space(tmp_path, MIN_BYTES - 1)
 
 
 def test_room_behind_the_end_is_kept_and_given_back(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ TEXT = Path(__file__).parent.parent / "data" / "sched_switch.txt"
 DUE_NS, BEGAN_NS = 62_132_444_863_519, 62_132_448_682_159
 """Deadline and start of the tick, by the recording of that demo [ns]."""
 
-LONGEST_NS = 448_650_000 - 444_863_519
+MAX_NS = 448_650_000 - 444_863_519
 """From the deadline to the switch of core 1 away from that program [ns]."""
 
 runner = CliRunner()
@@ -29,7 +29,7 @@ def test_the_program_in_the_way_is_named() -> None:
     assert took is not None
     thread, longest_ns = took.most_common(1)[0]
     assert thread == "python (13823)"
-    assert longest_ns == pytest.approx(LONGEST_NS, abs=1000)
+    assert longest_ns == pytest.approx(MAX_NS, abs=1000)
     assert took.total() <= BEGAN_NS - DUE_NS
 
 

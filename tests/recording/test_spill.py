@@ -16,7 +16,7 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.records import EventRecord, LogBatch
 from netboard.recording.recovery import spill as module
-from netboard.recording.recovery.spill import MAGIC, MOST_WAITING, OPENED, Spill, read_spill, spill_path
+from netboard.recording.recovery.spill import MAGIC, MAX_WAITING, OPENED, Spill, read_spill, spill_path
 
 WELCOME = Welcome("c0ffee1234567890", PROTOCOL_VERSION, 17, '[session]\nname = "S07"\n')
 PLENTY = 10**8
@@ -157,7 +157,7 @@ def test_a_disk_that_refuses_is_tried_again_and_loses_nothing(
     while not spill.refusal:
         spill.put(batch(first, first + 10))
         first += 10
-    assert first == 10 * MOST_WAITING
+    assert first == 10 * MAX_WAITING
     settle(spill)
     assert spill.refusal == spill.trouble == "No such file or directory"
     assert caplog.text.count("No such file") == 1

@@ -10,7 +10,7 @@ from netboard.services.keyboard import ARROWS, Keyboard
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="terminals are POSIX's here")
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """A key is there long before, on a busy machine too [s]."""
 
 
@@ -25,7 +25,7 @@ def fingers(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 
 def key(keyboard: Keyboard) -> str:
-    while (pressed := keyboard.pressed(PATIENCE)) is None:
+    while (pressed := keyboard.pressed(TIMEOUT)) is None:
         pass
     return pressed
 
@@ -43,7 +43,7 @@ def test_letters_and_arrows_are_told_apart(fingers: int) -> None:
 def test_an_arrow_that_comes_in_pieces_is_one(fingers: int, sent: bytes, first: int) -> None:
     with Keyboard() as keyboard:
         os.write(fingers, sent[:first])
-        assert keyboard.pressed(PATIENCE) is None
+        assert keyboard.pressed(TIMEOUT) is None
         os.write(fingers, sent[first:])
         assert key(keyboard) == ARROWS[sent]
 
@@ -51,7 +51,7 @@ def test_an_arrow_that_comes_in_pieces_is_one(fingers: int, sent: bytes, first: 
 def test_what_is_no_arrow_after_all_is_the_key_that_it_is(fingers: int) -> None:
     with Keyboard() as keyboard:
         os.write(fingers, b"\x1b")
-        assert keyboard.pressed(PATIENCE) is None
+        assert keyboard.pressed(TIMEOUT) is None
         os.write(fingers, b"q")
         assert key(keyboard) == "q"
         os.write(fingers, b"\x1b[C")

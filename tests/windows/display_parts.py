@@ -38,11 +38,11 @@ VIEW = View(
 )
 
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""
 
 
-def until(app, true: Callable[[], bool], seconds: float = PATIENCE) -> bool:
+def until(app, true: Callable[[], bool], seconds: float = TIMEOUT) -> bool:
     """Let Qt work until something is true; tell whether it became so."""
     from PySide6.QtCore import QEventLoop, QTimer
 

@@ -17,11 +17,11 @@ from netboard.windows.operator.lamps import Level, limits_of
 pytestmark = pytest.mark.slow
 
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""
 
 
-def until(app, true: Callable[[], object], seconds: float = PATIENCE) -> None:
+def until(app, true: Callable[[], object], seconds: float = TIMEOUT) -> None:
     """Let Qt work until something is true."""
     from PySide6.QtCore import QEventLoop, QTimer
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.network.protocol.codec import decode, encode
-from netboard.windows.participant.frames import MOST_KEPT, FrameTally
+from netboard.windows.participant.frames import MAX_KEPT, FrameTally
 
 MS = 1_000_000
 PERIOD = 16 * MS
@@ -89,7 +89,7 @@ def test_every_painted_frame_is_reported_once(steps):
 
 def test_what_nobody_has_taken_for_long_still_fits_a_report():
     tally = FrameTally("left", PERIOD)
-    for number in range(2 * MOST_KEPT):
+    for number in range(2 * MAX_KEPT):
         tally.receive(number, number)
         tally.wait(number, -(2**62), 2**62)
         tally.paint(2**62)
@@ -101,4 +101,4 @@ def test_what_nobody_has_taken_for_long_still_fits_a_report():
         assert tally.report() == report
         told += [tick for tick, _, _ in report.shown]
         tally.clear()
-    assert told == list(range(MOST_KEPT, 2 * MOST_KEPT))
+    assert told == list(range(MAX_KEPT, 2 * MAX_KEPT))

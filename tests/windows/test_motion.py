@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.base.config import Config
-from netboard.windows.participant.motion import MOST_TICKS, motion_after
+from netboard.windows.participant.motion import MAX_TICKS, motion_after
 
 CONFIG = Config()
 MS = 1_000_000
@@ -68,7 +68,7 @@ def test_nothing_is_carried_across_a_change(change):
 
 
 def test_views_far_apart_say_nothing_of_rates():
-    assert moved({"tick": 100, "z": 0.0}, {"tick": 101 + MOST_TICKS, "z": 0.008}).rates is None
+    assert moved({"tick": 100, "z": 0.0}, {"tick": 101 + MAX_TICKS, "z": 0.008}).rates is None
     assert moved({"tick": 100, "z": 0.01}, {"tick": 108, "z": 0.01}).rates is None
 
 

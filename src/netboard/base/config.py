@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import NO_EXTRAS, read, write, write_template
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, read, write, write_template
 from netboard.base.tables.contradictions import of_block, of_design, of_force, of_safety, of_scene, of_sizes
 from netboard.base.tables.experiment import Block, Design, Quality, Session, Task
 from netboard.base.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
@@ -38,7 +38,7 @@ TEMPLATE_HEAD = """\
 class Config:
     """Everything: one rig and one experiment."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
     design: Design = field(default_factory=Design)

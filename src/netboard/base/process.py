@@ -34,7 +34,7 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 NAME = f"{platform.node()}:{os.getpid()}"
 """Identity of this process: host and process number."""
 
-SELDOM_S = 1.0
+LOG_INTERVAL_S = 1.0
 """Interval between log lines of a repeated event [s]."""
 
 OK, OFF = "ok", "off"
@@ -46,19 +46,19 @@ MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 PR_SET_TIMERSLACK = 29
 """Linux prctl option: the delay by which the kernel may wake a sleeping thread later, to coalesce timers."""
 
-AWAKE = Path("/dev/cpu_dma_latency")
+DMA_LATENCY_FILE = Path("/dev/cpu_dma_latency")
 """Linux PM QoS: while this file is open, cores use only sleep states with at most the written wake-up latency."""
 
-AWAKE_US = 2
+MAX_WAKE_UP_LATENCY_US = 2
 """Largest wake-up latency; it permits the lightest sleep state, while 0 would make idle cores spin [us]."""
 
-ALIVE_S = 1.0
+WATCHDOG_INTERVAL_S = 1.0
 """Interval of watchdog messages to the supervisor [s]."""
 
 SUPERVISOR = "NOTIFY_SOCKET"
 """Environment variable with the address of the supervisor's socket (sd_notify)."""
 
-WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
+STOP_WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
 """Environment variable of a process that stops when its parent ends."""
 
 log = logging.getLogger(__name__)
@@ -67,16 +67,16 @@ log = logging.getLogger(__name__)
 class Priority(IntEnum):
     """SCHED_FIFO priorities of netboard's loops; no others are in use.
 
-    The server precedes the agents, because both wait for it. ZeroMQ's threads precede their loop by `IO_ABOVE`, so that
-    messages leave at once and not after the rest of the tick, even on a shared core. Logger, displays and all others
-    have normal scheduling. Interrupt threads of a PREEMPT_RT kernel have 50.
+    The server precedes the agents, because both wait for it. ZeroMQ's threads precede their loop by `IO_PRIORITY_STEP`,
+    so that messages leave at once and not after the rest of the tick, even on a shared core. Logger, displays and all
+    others have normal scheduling. Interrupt threads of a PREEMPT_RT kernel have 50.
     """
 
     AGENT = 50
     SERVER = 60
 
 
-IO_ABOVE = 5
+IO_PRIORITY_STEP = 5
 """Priority of ZeroMQ's threads above that of their loop [1]."""
 
 
@@ -105,7 +105,7 @@ class Supervisor:
             return
         now = time.monotonic()
         if now >= self._due:
-            self._due = now + ALIVE_S
+            self._due = now + WATCHDOG_INTERVAL_S
             self._ready = self._notify("WATCHDOG=1" if self._ready else "READY=1") or self._ready
 
     def stopping(self) -> None:
@@ -137,7 +137,7 @@ class Stopping:
 
     def __init__(self) -> None:
         self._asked = False
-        self._parent = os.getppid() if os.environ.get(WITH_PARENT) else None
+        self._parent = os.getppid() if os.environ.get(STOP_WITH_PARENT) else None
         self._before: dict[int, object] = {}
         self._supervisor = Supervisor()
 
@@ -228,7 +228,7 @@ def cpus_for(loop: str, wanted: Realtime) -> str:
 
 def io_priority(came: dict[str, str], priority: int) -> int | None:
     """Return the SCHED_FIFO priority of ZeroMQ's threads, by the results of `prepare`; None for normal scheduling."""
-    return priority + IO_ABOVE if came["scheduling"] == OK else None
+    return priority + IO_PRIORITY_STEP if came["scheduling"] == OK else None
 
 
 def leave_reserved_cpus(wanted: Realtime) -> None:
@@ -319,8 +319,8 @@ def _wake_in_time() -> None:
 def _keep_awake() -> None:
     """Disable deep sleep states of all cores until this process ends, by keeping the file open."""
     _only_on("linux")
-    handle = os.open(AWAKE, os.O_WRONLY)
-    os.write(handle, AWAKE_US.to_bytes(4, sys.byteorder))
+    handle = os.open(DMA_LATENCY_FILE, os.O_WRONLY)
+    os.write(handle, MAX_WAKE_UP_LATENCY_US.to_bytes(4, sys.byteorder))
 
 
 def _libc(call: Callable[[ctypes.CDLL], int]) -> None:
@@ -357,12 +357,12 @@ class RateLimitedLog:
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
         self._times = 0
-        self._said = -SELDOM_S
+        self._said = -LOG_INTERVAL_S
 
     def log(self, text: str) -> None:
         """Log the event, or only count it."""
         self._times += 1
         now = time.monotonic()
-        if now - self._said >= SELDOM_S:
+        if now - self._said >= LOG_INTERVAL_S:
             self._log.warning("%s%s", text, f" (the last of {self._times})" if self._times > 1 else "")
             self._said, self._times = now, 0

@@ -21,7 +21,7 @@ from pydantic_core import ErrorDetails
 
 from netboard.base.errors import ConfigError
 
-NO_EXTRAS = ConfigDict(extra="forbid")
+FORBID_UNKNOWN_KEYS = ConfigDict(extra="forbid")
 """Configuration of every table: an unknown key is an error."""
 
 T = TypeVar("T")

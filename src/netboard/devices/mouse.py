@@ -21,10 +21,10 @@ from math import exp, hypot, isfinite
 from typing import Annotated, Literal, final
 
 from netboard.base.config import Config, Side
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 
-SILENT_NS = 1_000_000_000
+SILENCE_TIMEOUT_NS = 1_000_000_000
 """Timeout after which a silent window counts as gone [ns]."""
 
 MAX_FORCE = 3.3
@@ -38,7 +38,7 @@ ROUNDING = 1e-9
 class Options:
     """Options of the mouse."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     input: Annotated[
         Literal["pointer", "keys"],
         about("what moves the stylus: pointer (mouse, finger, or keys) or keys alone"),
@@ -120,7 +120,7 @@ class MouseStylus(Device):
         if now_ns > self._time_ns:
             self._live((now_ns - self._time_ns) * 1e-9)
             self._time_ns = now_ns
-        ready = self._in_hand and now_ns - self._pointed_ns <= SILENT_NS
+        ready = self._in_hand and now_ns - self._pointed_ns <= SILENCE_TIMEOUT_NS
         return Reading(now_ns, 0.0, 0.0, self._z, 0.0, 0.0, self._vz, 0, ready)
 
     def _live(self, dt: float) -> None:

@@ -19,7 +19,7 @@ from pydantic import StrictBool
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceLost, DeviceNotFound
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.registry import BACKENDS
 
@@ -38,10 +38,10 @@ MOTION_SIZE = 7
 BUTTON_BYTES = 4
 """Largest size of the button mask of any model [B]."""
 
-LARGEST_REPORT = 64
+MAX_REPORT = 64
 """Buffer size for a report [B]."""
 
-MOST_REPORTS = 64
+MAX_REPORTS = 64
 """Limit of reports per reading; a cap sends one or two in eight milliseconds [1]."""
 
 MULTI_AXIS = (0x01, 0x08)
@@ -50,7 +50,7 @@ MULTI_AXIS = (0x01, 0x08)
 CATCH_UP_NS = 50_000_000
 """Longest simulated time per reading; a longer pause between readings is cut to this [ns]."""
 
-LET_GO_NS = 500_000_000
+RELEASE_TIMEOUT_NS = 500_000_000
 """Timeout after which a push counts as released; a pushed cap keeps reporting [ns]."""
 
 LAG = 0.02
@@ -64,7 +64,7 @@ Vector = tuple[float, float, float]
 class Options:
     """Options of the SpaceMouse."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     serial: Annotated[str, about("serial number of the device; empty: any")] = ""
     path: Annotated[str, about("hidapi path of the device, if two of one kind are connected; empty: any")] = ""
     mode: Annotated[Literal["rate", "position"], about("rate control (a push sets the velocity) or position")] = "rate"
@@ -145,15 +145,15 @@ class SpaceMouse(Device):
         raise DeviceNotFound("no SpaceMouse is plugged in, or none may be seen: see docs/how-to/spacemouse.md")
 
     def _read(self, now_ns: int) -> Reading:
-        for _ in range(MOST_REPORTS):
+        for _ in range(MAX_REPORTS):
             try:
-                report = self._hid.read(LARGEST_REPORT)
+                report = self._hid.read(MAX_REPORT)
             except OSError as error:
                 raise DeviceLost(f"the SpaceMouse is gone ({error}): was its plug pulled out?") from error
             if not report:
                 break
             self._take(bytes(report), now_ns)
-        if now_ns - self._pushed_ns > LET_GO_NS:
+        if now_ns - self._pushed_ns > RELEASE_TIMEOUT_NS:
             self._push = AT_REST
         vx, vy, vz = self._moved(now_ns)
         return Reading(now_ns, *self._place, vx, vy, vz, self._buttons, True)

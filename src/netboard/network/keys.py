@@ -23,7 +23,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from netboard.base.config import SIDES
 from netboard.base.errors import ConfigError
-from netboard.base.settings import NO_EXTRAS, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, to_toml
 from netboard.base.tables.rig import Network
 from netboard.network.transport import authenticator, channels
 
@@ -55,7 +55,7 @@ T = TypeVar("T")
 class Peer:
     """A peer's entry in the server's list."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     name: str  # role and side, numbered from the second key on
     role: Role
     side: Literal["left", "right", ""]
@@ -73,7 +73,7 @@ class Peer:
 class _List:
     """Contents of ``authorized.toml``."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     peer: tuple[Peer, ...] = ()
 
 
@@ -81,7 +81,7 @@ class _List:
 class _KeyFile:
     """Contents of a secret key's file; a peer's also has the server's public key."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     name: str
     created: AwareDatetime
     secret: Z85Key

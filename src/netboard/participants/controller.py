@@ -67,7 +67,7 @@ REACTION_CV = 0.2
 FORESIGHT_STEPS = 6
 """Number of integration steps of the ball's prediction [1]."""
 
-LARGEST_THRESHOLD = 0.95
+MAX_THRESHOLD = 0.95
 """Largest threshold, as a share of the largest commanded tilt [1]. Without this limit, about one drawn threshold in two
 thousand could never be exceeded. As only an action draws a new one, the participant would never act again."""
 
@@ -327,10 +327,10 @@ def _done(intent: Any, when: float) -> float:
 
 @inlined
 def _draw_threshold(state: Any, k: Any, rng: np.random.Generator) -> float:
-    """Draw the tilt error that triggers the next submovement: log-normal, limited by `LARGEST_THRESHOLD` [rad]."""
+    """Draw the tilt error that triggers the next submovement: log-normal, limited by `MAX_THRESHOLD` [rad]."""
     spread = sqrt(log1p(k["threshold_cv"] ** 2))
     drawn = state["learning_factor"] * k["threshold_deg"] * exp(spread * rng.standard_normal())
-    return radians(min(drawn, LARGEST_THRESHOLD * k["max_tilt_deg"]))
+    return radians(min(drawn, MAX_THRESHOLD * k["max_tilt_deg"]))
 
 
 @inlined

@@ -23,7 +23,7 @@ from netboard.base.config import SIDES, Side
 from netboard.physics.scene.parameters import pack_scene, parts_of
 from netboard.physics.scene.rendering import gains_of
 
-LONGEST_LAG = 0.5
+MAX_LAG = 0.5
 """Largest delay in the cross-correlation [s]."""
 
 STIFFNESSES = (50, 150, 300)
@@ -41,9 +41,9 @@ _LEAST = 3
 def _lag(take: Take) -> dict[str, float]:
     window = take.trial.window()
     left, right = take.found.left_vz[window], take.found.right_vz[window]
-    if left.size < 2 * LONGEST_LAG * RATE:
+    if left.size < 2 * MAX_LAG * RATE:
         return {"lag": np.nan, "lag_correlation": np.nan, "correlation": np.nan}
-    found = lag_of(left, right, RATE, longest=LONGEST_LAG)
+    found = lag_of(left, right, RATE, longest=MAX_LAG)
     return {"lag": found.delay, "lag_correlation": found.coefficient, "correlation": found.at_once}
 
 

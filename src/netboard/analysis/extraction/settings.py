@@ -21,7 +21,7 @@ from netboard.analysis.measures.peaks import Extrema, Plateau
 from netboard.analysis.measures.performance import Level, TrialTime
 from netboard.analysis.measures.segments import Angle, Turning
 from netboard.analysis.measures.signals import CutoffOf, OrderOf, Padding
-from netboard.base.settings import NO_EXTRAS, about, read, write, write_template
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write, write_template
 from netboard.base.tables.experiment import Role
 from netboard.task.trials.quality import WORDS
 
@@ -47,7 +47,7 @@ TECHNICAL = tuple(word for word in WORDS if word != "too_long")
 class Filters:
     """Filters and velocities."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     fast: Annotated[float, about("cutoff for all force and kinematic data", "Hz", gt=0, le=400)] = 20.0
     slow: Annotated[
         float, about("cutoff for the board's angular velocity and the ball's speed", "Hz", gt=0, le=400)
@@ -70,7 +70,7 @@ class Filters:
 class Completion:
     """Criterion of the completion."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     inside: Annotated[Inside, about("part of the ball that must be in the target: its centre, or all of it")] = "centre"
 
 
@@ -78,7 +78,7 @@ class Completion:
 class Movements:
     """Classes of movement."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     window: Annotated[Window, about("time of which shares are computed: to the completion, or with the hold")] = (
         "to_completion"
     )
@@ -90,7 +90,7 @@ class Movements:
 class Segments:
     """Movements of the board."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     turning: Annotated[Turning, about("whether a reversal ends a movement, or only a low rate")] = "one_way"
     angle: Annotated[Angle, about("angle of a movement: net, range, or integral of the slow angular velocity")] = "net"
     ends: Annotated[
@@ -105,7 +105,7 @@ class Segments:
 class Delays:
     """Cooperative movements, and the delay between their sides."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     opposite: Annotated[Opposite, about("quantity that must be opposite: net displacements, or most samples")] = "net"
     amount: Annotated[Amount, about("quantity whose ratio between sides is limited: displacement, or path")] = "net"
     largest_ratio: Annotated[float, about("largest such ratio", "1", ge=1, le=1000)] = 9.0
@@ -118,7 +118,7 @@ class Delays:
 class Peaks:
     """Peaks of the ball's speed."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     window: Annotated[Window, about("time in which peaks count: to the completion, or with the hold")] = "to_completion"
     extrema: Annotated[Extrema, about("maxima only, or minima too")] = "maxima"
     plateau: Annotated[Plateau, about("time of a peak with several equal samples")] = "first_sample"
@@ -132,7 +132,7 @@ class Peaks:
 class Strategy:
     """The first braking movement."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     braking: Annotated[Braking, about("definition of braking: tilt against the ball, or any reversal of the board")] = (
         "tilt"
     )
@@ -145,7 +145,7 @@ class Strategy:
 class Summaries:
     """Summaries of the trials."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     shares: Annotated[Average, about("weights in the shares of a performer: equal trials, or equal seconds")] = "trials"
     delay: Annotated[Literal["absolute", "signed"], about("delay that is averaged: absolute or signed")] = "absolute"
     intervals: Annotated[
@@ -181,7 +181,7 @@ class Summaries:
 class Exclusions:
     """Trials that are excluded. Declare them before you look at results."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     flags: Annotated[
         tuple[Flag, ...],
         about("quality flags that exclude an attempt", strict=False),
@@ -205,7 +205,7 @@ class Exclusions:
 class Readings:
     """All settings of an analysis."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     filters: Filters = field(default_factory=Filters)
     completion: Completion = field(default_factory=Completion)
     movements: Movements = field(default_factory=Movements)

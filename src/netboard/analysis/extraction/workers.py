@@ -21,7 +21,7 @@ from netboard.recording.export.formats import library
 WorkerPool = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
 """Function of the absolute paths of the recordings; returns a context manager that provides the executor."""
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """Timeout for the scheduler to answer and to have workers [s]."""
 
 
@@ -57,7 +57,7 @@ def leave_stopping() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def dask(address: str, patience: float = PATIENCE, root: str = ROOT) -> WorkerPool:
+def dask(address: str, patience: float = TIMEOUT, root: str = ROOT) -> WorkerPool:
     """Measure on the workers of a Dask cluster, whose code of `root` must be the same; timeout `patience` [s]."""
     distributed = library("distributed", "dask")
 

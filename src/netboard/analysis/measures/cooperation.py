@@ -26,7 +26,7 @@ Velocity = Literal["own_direction", "magnitude"]
 PORTIONS = (0.1, 0.2, 0.3, 0.4)
 """Fractions of a peak velocity at which the paper measures delays [1]."""
 
-LARGEST_RATIO = 9.0
+MAX_RATIO = 9.0
 """Largest ratio of the two sides' displacements in a cooperative movement [1]."""
 
 SEARCH_BACK = 0.3
@@ -57,7 +57,7 @@ def contributions(
     *,
     opposite: Opposite = "net",
     amount: Amount = "net",
-    largest_ratio: float = LARGEST_RATIO,
+    largest_ratio: float = MAX_RATIO,
 ) -> Contributions:
     """Find the cooperative movements of the board.
 

@@ -24,7 +24,7 @@ Estimator = Literal["gaussian", "binned", "nearest"]
 Measure = Callable[[Sequence[NDArray[np.float64]], Sequence[NDArray[np.float64]]], float]
 """Function of the trials of a source and of a target; returns the influence of the one on the other."""
 
-MOST_UNITS = 8
+MAX_UNITS = 8
 """Largest number of dyads for which all permutations of partners are evaluated [1]."""
 
 
@@ -267,7 +267,7 @@ def chance_level(
     surrogates = means[(exchanges != own).all(axis=1)]
     level, least = float(surrogates.mean()), 1 / (1 + len(means))
     p = (1 + int((means >= true).sum())) * least if np.isfinite(true + means.sum()) else np.nan
-    return SurrogateComparison(true, level, true - level, p, least, surrogates, n, unit, n <= MOST_UNITS)
+    return SurrogateComparison(true, level, true - level, p, least, surrogates, n, unit, n <= MAX_UNITS)
 
 
 # --- embedding ---------------------------------------------------------------------------------------------------
@@ -316,7 +316,7 @@ def _matched(
 
 def _exchanges(n: int, rng: np.random.Generator, most: int) -> NDArray[np.int64]:
     """Return all permutations of partners except the identity, or a random sample of them."""
-    if n <= MOST_UNITS:
+    if n <= MAX_UNITS:
         return np.array(list(permutations(range(n)))[1:])
     drawn = (rng.permutation(n) for _ in range(most))
     return np.array([exchange for exchange in drawn if (exchange != np.arange(n)).any()])

@@ -28,7 +28,7 @@ Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 """Function of the heights of the left and right stylus in a trial; returns the compared quantity."""
 
 
-LONGEST_STEP = 0.25e-3
+MAX_STEP = 0.25e-3
 """Largest integration step for a hand with friction, the same as for simulated participants [s]."""
 
 
@@ -169,7 +169,7 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     if not len(f):
         return f
     if hand.friction > 0.0:
-        parts = max(1, ceil(1.0 / (rate * LONGEST_STEP)))
+        parts = max(1, ceil(1.0 / (rate * MAX_STEP)))
         step = 1.0 / (rate * parts)
         return np.asarray(_rubbed(f - f[0], parts, step, hand.mass, hand.damping, hand.stiffness, hand.friction))
     above, below = _discretised(hand, rate)

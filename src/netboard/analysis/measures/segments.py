@@ -16,13 +16,13 @@ from netboard.analysis.measures.signals import lasting
 Turning = Literal["one_way", "either_way"]
 Angle = Literal["net", "range", "integral"]
 
-LEAST_RATE = float(np.radians(1.0))
+MIN_RATE = float(np.radians(1.0))
 """Minimum angular speed of a movement of the board [rad/s]."""
 
 SHORTEST = 0.1
 """Minimum duration of a movement of the board [s]."""
 
-LEAST_ANGLE = float(np.radians(1.0))
+MIN_ANGLE = float(np.radians(1.0))
 """Minimum angle of a movement of the board [rad]."""
 
 
@@ -98,9 +98,9 @@ def board_segments(
     *,
     turning: Turning = "one_way",
     angle: Angle = "net",
-    least_rate: float = LEAST_RATE,
+    least_rate: float = MIN_RATE,
     shortest: float = SHORTEST,
-    least_angle: float = LEAST_ANGLE,
+    least_angle: float = MIN_ANGLE,
 ) -> Segments:
     """Find the movements of the board: faster than 1 degree/s for at least 100 ms, over at least 1 degree.
 

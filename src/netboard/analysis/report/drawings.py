@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from netboard.analysis.report.wording import visible
 from netboard.analysis.topics.figure import Picture, as_bytes
 
-LARGEST_SVG = 400_000
+MAX_SVG = 400_000
 """Largest SVG file that is embedded; larger figures are embedded as PNG, in bytes [1]."""
 
 _SVG = "http://www.w3.org/2000/svg"
@@ -37,7 +37,7 @@ def drawing(picture: Picture) -> Drawing:
     if picture.figure is None:
         return Drawing(*words)
     file = as_bytes(picture.figure, "svg")
-    if len(file) > LARGEST_SVG:
+    if len(file) > MAX_SVG:
         data = base64.b64encode(as_bytes(picture.figure, "png")).decode("ascii")
         return Drawing(*words, png=f"data:image/png;base64,{data}")
     return Drawing(*words, svg=_inline(file, *words))

@@ -17,7 +17,7 @@ from netboard.analysis.statistics.estimates import known, mean
 
 Alternative = Literal["two-sided", "greater", "less"]
 
-MOST_EXACT = 100_000
+MAX_EXACT = 100_000
 """Largest number of arrangements that are all evaluated [1]."""
 
 
@@ -145,7 +145,7 @@ def permutation_p(
         If there are too many units for all arrangements, and no generator is given.
     """
     n = differences.shape[1]
-    exact = 2**n <= MOST_EXACT
+    exact = 2**n <= MAX_EXACT
     if exact:  # an arrangement and its mirror image have the same magnitude, so one of both is enough
         signs = 1.0 - 2.0 * (np.arange(2 ** max(n - 1, 0))[:, None] >> np.arange(n) & 1)
     elif rng is None:
@@ -179,7 +179,7 @@ def permutation_test_between(
     alternative : {"two-sided", "greater", "less"}
         Alternative hypothesis; "greater": the first mean is larger, "less": smaller.
     rng : numpy.random.Generator or None
-        Random generator for more than `MOST_EXACT` divisions.
+        Random generator for more than `MAX_EXACT` divisions.
     resamples : int
         Number of random arrangements then [1].
     unit : str
@@ -221,7 +221,7 @@ def _permuted(
     resamples: int,
 ) -> tuple[float, bool]:
     """Return the p value from all arrangements, or from a random sample of them."""
-    exact = arrangements <= MOST_EXACT
+    exact = arrangements <= MAX_EXACT
     if not exact and rng is None:
         raise ValueError(f"{arrangements} arrangements are too many to look at all of them: give a random generator")
     found = stats.permutation_test(

@@ -22,7 +22,7 @@ INTERCEPT, PRACTICE = "intercept", "log trial"
 COLUMNS = (INTERCEPT, "haptics", "configuration", "haptics x configuration", PRACTICE)
 """Columns of a design with the two factors of the paper."""
 
-MOST_VALUES = 12
+MAX_VALUES = 12
 """Largest number of values of a numeric factor that are listed one by one [1]."""
 
 
@@ -385,7 +385,7 @@ def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
 
 
 def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometric: bool = False) -> tuple[Cell, ...]:
-    """Return each condition with trials; a numeric factor with more than `MOST_VALUES` values is ignored.
+    """Return each condition with trials; a numeric factor with more than `MAX_VALUES` values is ignored.
 
     Parameters
     ----------
@@ -396,7 +396,7 @@ def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometr
         Whether values are logarithms, so that the mean is the geometric mean of the original quantity.
     """
     factors = design.factors if factors is None else factors
-    listed = [one for one in factors if not one.numeric or len(one.present) <= MOST_VALUES]
+    listed = [one for one in factors if not one.numeric or len(one.present) <= MAX_VALUES]
     numbers = _combinations(listed, len(design.values))
     cells = []
     for number in np.unique(numbers):

@@ -30,7 +30,7 @@ from netboard.analysis.topics.marks import (
     apart,
     draw_dyads,
     draw_mean,
-    how_many,
+    due_count,
     look_of,
     new_mosaic,
     styled,
@@ -238,5 +238,5 @@ def _caption(study: Study, found: list[Shares]) -> str:
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
         f"(competitive), one moves (single) or none (still); {weight} of a performer has equal weight. A: means over "
         "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t confidence intervals (large). "
-        f"{how_many(known)}"
+        f"{due_count(known)}"
     )

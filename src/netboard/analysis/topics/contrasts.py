@@ -32,7 +32,7 @@ Kind = Literal["forces", "configuration", "interaction", "factor"]
 
 T = TypeVar("T")
 
-LEAST_FOR_SKEWNESS = 4
+MIN_FOR_SKEWNESS = 4
 """Minimum number of differences for a skewness [1]."""
 
 SEED = 20_220_302
@@ -143,7 +143,7 @@ def _rows(one: Comparison) -> Iterator[Result]:
 
 def _symmetry(contrast: Contrast) -> str:
     """Return a note on the permutation test's symmetry assumption and the skewness of the differences."""
-    if contrast.n < LEAST_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
+    if contrast.n < MIN_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
         return SYMMETRIC
     return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
 

@@ -35,7 +35,7 @@ from netboard.analysis.topics.marks import (
     beside,
     draw_dyads,
     draw_mean,
-    how_many,
+    due_count,
     in_lines,
     listed,
     look_of,
@@ -302,7 +302,7 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
     known = [(one.condition.label, one.as_set.means[0].n, one.as_set.means[0].unit) for one in shown]
-    each = how_many(known, [one.movements for one in shown], "movement")
+    each = due_count(known, [one.movements for one in shown], "movement")
     warning = (
         " Movements of one performer are not independent, so these confidence intervals are too narrow."
         if unit == "movements"

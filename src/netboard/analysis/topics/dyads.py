@@ -36,7 +36,7 @@ from netboard.analysis.topics.marks import (
     Look,
     draw_dyads,
     draw_mean,
-    how_many,
+    due_count,
     look_of,
     new_mosaic,
     styled,
@@ -240,5 +240,5 @@ def _caption(found: list[Comparison]) -> str:
         "A, B: one point for each participant, with the two of a dyad joined. To the right: better than the partner, "
         "both alone with the same force; upwards: the dyad takes longer than the participant alone. C, D: gains of the "
         "dyads (small points), and their means with 95 % t confidence intervals (large). "
-        f"{how_many(known)}{power}"
+        f"{due_count(known)}{power}"
     )

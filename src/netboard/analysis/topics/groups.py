@@ -22,7 +22,7 @@ from netboard.task.studies.factors import level_text
 FORCES = {name: condition.label for name, condition in CONDITIONS.items()}
 """Name of each haptic condition, in display order."""
 
-MOST_CONDITIONS = 6
+MAX_CONDITIONS = 6
 """Largest number of conditions in a figure, if there are factors to pool over [1]."""
 
 CONFIGURATIONS = ("bimanual", "dyadic")
@@ -113,7 +113,7 @@ def bounded(study: Study) -> tuple[Study, str]:
     within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
     over: list[StudyFactor] = []
     fewer = study
-    while len(conditions(fewer)) > MOST_CONDITIONS and len(over) < len(within_first):
+    while len(conditions(fewer)) > MAX_CONDITIONS and len(over) < len(within_first):
         over.append(within_first[len(over)])
         fewer = pooled(study, [one.name for one in over])
     if not over:

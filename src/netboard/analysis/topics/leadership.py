@@ -16,7 +16,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import Picture
 from netboard.analysis.topics.groups import estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.marks import draw_dyads, draw_mean, due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.measures import BESIDE, Levels, Measure, column, legend, levels_of, places
 from netboard.analysis.topics.result import Result
 
@@ -121,7 +121,7 @@ def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
 
 def _caption(found: Leaders) -> str:
     own = [one for one in found.leads if one.measure == QUESTIONS[1]]
-    known = how_many([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
+    known = due_count([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
     seats = ", ".join(found.changed)
     changed = f" In {seats} partners changed seats: there a side is not one participant." if seats else ""
     return (

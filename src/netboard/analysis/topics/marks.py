@@ -237,7 +237,7 @@ def many(count: int, word: str) -> str:
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
-def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
+def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
     """Return a sentence with the sample sizes of names and their units of replication, once if they are equal."""
     if not known:
         return ""

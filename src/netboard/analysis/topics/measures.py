@@ -17,7 +17,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import Picture
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled
+from netboard.analysis.topics.marks import draw_dyads, draw_mean, due_count, look_of, new_mosaic, styled
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -381,5 +381,5 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
         "points: dyads, joined. Completion times: geometric means; SPARC and LDLJ: closer to zero is smoother; "
         "reaction times: of the first hand, which is earlier by chance with two participants. On a light board, "
         "mechanics alone makes the share of forces one half, and the interaction force half the spring force. "
-        f"{how_many(known)}{less}"
+        f"{due_count(known)}{less}"
     )

@@ -19,7 +19,7 @@ from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.topics.figure import BLACK, Picture
 from netboard.analysis.topics.groups import Condition, conditions, estimated
-from netboard.analysis.topics.marks import how_many, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.marks import due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -221,7 +221,7 @@ def _course(axes: "Axes", one: Course) -> None:
 def _caption(found: tuple[Course, ...]) -> str:
     low, high = (round(100 * share) for share in BAND)
     own = [one for one in found if one.quantity == "ball"]
-    known = how_many(
+    known = due_count(
         [(one.condition.label, len(one.dyads), "dyad") for one in own], [one.trials for one in own], "trial"
     )
     return (

@@ -64,13 +64,13 @@ UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueErro
 T = TypeVar("T")
 
 
-MOST_KEPT = 4
+MAX_KEPT = 4
 """Studies whose results are cached: the reported one, and those pooled from it [1]."""
 
 
 def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
     """Cache a costly computation for the most recent studies, which must not be changed."""
-    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MOST_KEPT)
+    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MAX_KEPT)
 
     @wraps(find)
     def once(study: Study) -> T:

@@ -5,7 +5,7 @@ Each function checks some tables; `netboard.base.config.contradictions` calls th
 
 from collections.abc import Iterator
 
-from netboard.base.tables.experiment import MOST_TRIALS, Block, Design, Task
+from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Task
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import Safety
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
@@ -78,8 +78,8 @@ def of_block(block: Block) -> Iterator[str]:
     if block.configuration == "bimanual" and (block.left, block.right) != ("person", "person"):
         yield '[block] left, right: expected "person" and "person" in a bimanual block'
     for trial in block.catch:
-        if not 1 <= trial <= MOST_TRIALS:
-            yield f"[block] catch: found {trial}, expected numbers of trials, from 1 to {MOST_TRIALS}"
+        if not 1 <= trial <= MAX_TRIALS:
+            yield f"[block] catch: found {trial}, expected numbers of trials, from 1 to {MAX_TRIALS}"
     for scale in block.trial_scales:
         if not 0 <= scale <= 2:
             yield f"[block] trial_scales: found {scale:g}, expected numbers from 0 to 2"

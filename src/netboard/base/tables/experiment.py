@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool, StrictInt
 
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.forces import Force
 
-MOST_TRIALS = 10_000
+MAX_TRIALS = 10_000
 """Largest number of trials in a block [1]."""
 
 
@@ -19,7 +19,7 @@ MOST_TRIALS = 10_000
 class Session:
     """Who takes part, and how the session is labelled."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     name: Annotated[str, about("label of the session, part of the recording's name", pattern=r"^[A-Za-z0-9_-]+$")] = (
         "S01"
     )
@@ -43,7 +43,7 @@ class Session:
 class Block:
     """One block: trials under one condition; a plan has many."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     number: Annotated[int, about("number of the block in its plan", "1", ge=1, le=1000)] = 1
     blocks: Annotated[int, about("how many blocks the plan has", "1", ge=1, le=1000)] = 1
     label: Annotated[str, about("label of the block, as shown; empty: its condition")] = ""
@@ -72,7 +72,7 @@ class Block:
         about("who moves the left hand: a person, nobody (it is held still at height 0), or a simulated partner"),
     ] = "person"
     right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
-    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
+    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MAX_TRIALS)] = 60
     duration: Annotated[float, about("no trial begins after this time; 0: no time limit", "s", ge=0, le=36_000)] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
     rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
@@ -97,7 +97,7 @@ FactorType = Literal["numeric", "categorical", "boolean"]
 class Design:
     """What a block is in the design of its study: its role, and the level of each factor."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     kind: Annotated[str, about("kind of block, as in the study; empty: none")] = ""
     role: Annotated[
         Literal["auto", "practice", "familiarisation", "baseline", "test"],
@@ -127,7 +127,7 @@ class Design:
 class Quality:
     """Rules by which an attempt is flagged. Declare them before the data are collected."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     late_ticks: Annotated[int, about("largest number of deadline misses in a trial", "1", ge=0, le=1_000_000)] = 20
     lost_share: Annotated[float, about("largest share of a trial without a fresh sample", "1", ge=0, le=1)] = 0.02
     clipped_share: Annotated[float, about("largest share with a force at its limit", "1", ge=0, le=1)] = 0.05
@@ -152,7 +152,7 @@ class Quality:
 class Task:
     """The rules of a trial. The defaults interpret the paper where it leaves them open."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     hold_time: Annotated[float, about("time the ball must stay in the target", "s", gt=0, le=60)] = 1.5
     level_angle_deg: Annotated[float, about("tilt below which the board counts as level", "deg", gt=0, le=45)] = 1.0
     level_rate_deg_s: Annotated[

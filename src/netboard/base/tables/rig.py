@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import StrictBool
 
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 
 MOUSE = "mouse"
 """Device backend of a side that a person plays in the display's window."""
@@ -18,7 +18,7 @@ MOUSE = "mouse"
 class Network:
     """Where the server listens, and how peers are watched."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     host: Annotated[str, about("address of the physics server as the peers see it", min_length=1)] = "127.0.0.1"
     bind: Annotated[str, about("address the server binds to", min_length=1)] = "127.0.0.1"
     port: Annotated[int, about("first of the six TCP ports in use", "1", ge=1024, le=65_000)] = 5550
@@ -53,7 +53,7 @@ class Network:
 class Realtime:
     """Real-time resources that each process requests. If one is refused, the process logs it and continues without."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
     lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
     server_cpus: Annotated[
@@ -68,7 +68,7 @@ class Realtime:
 class Safety:
     """Limits that the agent enforces at the motor, whatever force is commanded."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
     mean_force: Annotated[
         float,
@@ -93,7 +93,7 @@ class Safety:
 class Fixture:
     """The lateral constraint: the agent holds the stylus on the vertical line x = y = 0, in all blocks."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     stiffness: Annotated[float, about("stiffness towards x = y = 0", "N/m", ge=0, le=2000)] = 400.0
     damping: Annotated[float, about("damping of x and y", "N s/m", ge=0, le=20)] = 4.0
 
@@ -102,7 +102,7 @@ class Fixture:
 class Agent:
     """One device and the agent that owns it."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     device: Annotated[
         str, about("device backend, of those that `netboard devices list` names: openhaptics, mouse, ...", min_length=1)
     ] = "virtual"
@@ -126,7 +126,7 @@ class Agent:
 class Agents:
     """The two agents."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     profiles: Annotated[
         str, about("folder of the profiles of devices, which are named after serial numbers", min_length=1)
     ] = "profiles"
@@ -138,7 +138,7 @@ class Agents:
 class Display:
     """The participants' windows."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
     height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
     fullscreen: Annotated[StrictBool, about("true: the whole screen, no frame")] = False
@@ -161,7 +161,7 @@ class Display:
 class Recording:
     """Where and how the logger writes."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     directory: Annotated[str, about("folder of the recordings", min_length=1)] = "recordings"
     flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 200.0
     chunk_bytes: Annotated[

@@ -6,7 +6,7 @@ Defaults are the paper's. `netboard.base.config` reads the tables and gives the 
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_type_hints
 
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.declared import Extrapolation
 from netboard.base.tables.friction import ROLLING, VISCOUS, Friction
 
@@ -15,7 +15,7 @@ from netboard.base.tables.friction import ROLLING, VISCOUS, Friction
 class Physics:
     """The virtual board and ball, in the paper's symbols (its Table I)."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
     m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
     g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
@@ -122,7 +122,7 @@ def friction_rate(physics: Physics) -> float:
 class Geometry:
     """Sizes that are drawn and that end a trial."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     board_length: Annotated[float, about("length of the board", "m", gt=0, le=5)] = 0.700
     board_thickness: Annotated[float, about("height of the board as drawn", "m", gt=0, le=1)] = 0.050
     ball_radius: Annotated[float, about("radius of the ball as drawn", "m", gt=0, le=1)] = 0.025

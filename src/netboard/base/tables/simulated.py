@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 
 OfModel = Literal["model"]
 OfNoise = Literal["noise"]
@@ -17,7 +17,7 @@ OfPlan = Literal["plan"]
 class VirtualDevice:
     """The simulated device of the ``virtual`` backend; "model" stands for the value of its model."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     model: Annotated[
         Literal["touch", "omni", "touch_x", "premium_1_5", "premium_3_0", "falcon", "omega_3"],
         about("simulated device; its values are the defaults of the keys below"),
@@ -54,7 +54,7 @@ class VirtualDevice:
 class Participant:
     """The simulated participant: arm, senses and controller."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     arm_mass: Annotated[float, about("effective mass of hand and arm", "kg", gt=0, le=10)] = 0.5
     arm_damping: Annotated[float, about("damping of the arm", "N s/m", ge=0, le=100)] = 8.0
     arm_stiffness: Annotated[

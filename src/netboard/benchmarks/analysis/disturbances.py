@@ -31,7 +31,7 @@ BALL, TILT = ("p",), ("theta",)
 TOUCH = 5.5e-5
 """Position resolution of a Touch: one encoder count of 0.024 degrees at a link of 0.133 m [m]."""
 
-LONGEST_BRIDGE = 0.02
+MAX_BRIDGE = 0.02
 """Longest gap that is filled by linear interpolation [s]."""
 
 
@@ -69,14 +69,14 @@ def lost(
 
     - `share`: share of lost samples [1].
     - `length`: duration of each gap; 0 for single samples [s].
-    - `bridged`: whether gaps up to `LONGEST_BRIDGE` are then filled by linear interpolation.
+    - `bridged`: whether gaps up to `MAX_BRIDGE` are then filled by linear interpolation.
     """
     width = max(round(length * RATE), 1)
     count = next(iter(columns.values())).size
     started = np.cumsum(generator.random(count) < share / width)
     gone = started > np.concatenate([np.zeros(width, np.int64), started])[:count]
     gapped = {name: np.where(gone, np.nan, values) for name, values in columns.items()}
-    return {name: bridge(values, RATE, LONGEST_BRIDGE) for name, values in gapped.items()} if bridged else gapped
+    return {name: bridge(values, RATE, MAX_BRIDGE) for name, values in gapped.items()} if bridged else gapped
 
 
 def downsampled(columns: Columns, generator: np.random.Generator, *, rate: float) -> dict[str, NDArray[np.float64]]:

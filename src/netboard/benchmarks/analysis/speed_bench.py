@@ -33,7 +33,7 @@ from netboard.recording.files.locate import find_recordings
 SHARES = (0.25, 0.5, 0.75, 1.0)
 """Shares of the study's recordings that are analysed [1]."""
 
-LEAST_R2 = 0.98
+MIN_R2 = 0.98
 """Coefficient of determination from which CPU time counts as proportional to the number of trials [1]."""
 
 WORKER_GROWTH = 1.1
@@ -169,7 +169,7 @@ def _scaling(rows: Sequence[Row]) -> Part:
         [
             Verdict(
                 "CPU time grows in proportion to the number of attempts",
-                explained >= LEAST_R2,
+                explained >= MIN_R2,
                 f"R2 = {explained:.4f}",
             ),
             Verdict(

@@ -20,7 +20,7 @@ from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.devices.safety.virtual_coupling import REACH
 from netboard.physics.stability.delayed_coupling import FIXED, At, Loop, Mechanism, ends_of, largest_delay, turning
-from netboard.physics.stability.delayed_coupling import LONGEST as LONGEST_WAY
+from netboard.physics.stability.delayed_coupling import LONGEST as MAX_WAY
 
 HANDS = {
     "bare stylus": Mechanism(0.045, 0.1),
@@ -237,7 +237,7 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
                 ways[substeps] = {name: largest_delay(loop) for name, loop in loops.items()}
             mode = min(ways[SUBSTEPS], key=lambda name: ways[SUBSTEPS][name])
             way = ways[SUBSTEPS][mode]
-            tried = [(way, True), (way + 1, False)] if way < LONGEST_WAY else [(way, True)]
+            tried = [(way, True), (way + 1, False)] if way < MAX_WAY else [(way, True)]
             right = [simulated_is_stable(Case(hand, at, end, w), physics.k_h, mode) == so for w, so in tried]
             agreeing, checked = agreeing + sum(right), checked + len(right)
             rows.append((at, end, hand, _way(min(ways[0].values())), _way(way), "yes" if all(right) else "no"))
@@ -258,4 +258,4 @@ def delays_part(hands: Sequence[str], tell: Tell) -> Part:
 
 def _way(way: int) -> str:
     """Format a delay for the table."""
-    return f">= {LONGEST_WAY}" if way >= LONGEST_WAY else str(way)
+    return f">= {MAX_WAY}" if way >= MAX_WAY else str(way)

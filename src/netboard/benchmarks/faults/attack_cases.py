@@ -30,7 +30,7 @@ from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, sockets
-from netboard.nodes.operator.operator import HELLO_NS
+from netboard.nodes.operator.operator import HELLO_INTERVAL_NS
 from netboard.nodes.server.tick_clock import LATE_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
@@ -165,7 +165,7 @@ def _join(site: Site) -> float:
         next_hello = began
         while (now := time.monotonic()) - began < JOIN_TIMEOUT_S:
             if now >= next_hello and sockets.send(console, hello):
-                next_hello = now + HELLO_NS * 1e-9
+                next_hello = now + HELLO_INTERVAL_NS * 1e-9
             frame = sockets.receive(console)
             if frame is not None and isinstance(decode(frame), Welcome):
                 sockets.send(console, encode(Goodbye("joined")))

@@ -27,7 +27,7 @@ from netboard.network.protocol.joining import Goodbye, Hello, Pong
 from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import LogAck, LogRequest
-from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import authenticator, channels, sockets
 
 MESSAGES_PER_TURN = 32
@@ -59,7 +59,7 @@ def hello(role: str, side: str = "", pairs: int = 0) -> Hello:
     return Hello(role, side, PROTOCOL_VERSION, "attacker:1", "0", details)
 
 
-FRAMES = Frames("left", ((2**60,) * 3,) * MOST_SHOWN, 0)
+FRAMES = Frames("left", ((2**60,) * 3,) * MAX_SHOWN, 0)
 """The longest report of a display, with times in the far future [ns]."""
 
 ROLE_MESSAGES: dict[str, tuple[tuple[int, str, Sequence[Message], Sequence[Message]], ...]] = {
@@ -138,7 +138,7 @@ def flood_as_stranger(config: Config, stop: Callable[[], bool], stack: ExitStack
     frames = [encode(message) for message in (FRAMES, STYLUS, refused, LogRequest(0), StatusRequest())]
     frames += [b"\xc1" * 4000, b"\xdc" + b"\x01" * 4000]
     addresses = channels.addresses(config.network)
-    short = [frame for frame in frames if len(frame) <= sockets.LARGEST_SAMPLE]  # a longer one closes the connection
+    short = [frame for frame in frames if len(frame) <= sockets.MAX_SAMPLE]  # a longer one closes the connection
     connections = [
         Connection(
             connect(context, addresses.reach(channel), f"stranger-{number}"),

@@ -47,7 +47,7 @@ CALM_S = 0.5
 AGAIN = "pauses while a trial was waited for"
 """Name of the number of pauses before the fault could be injected."""
 
-MOST_AGAIN = 3
+MAX_AGAIN = 3
 """Most repetitions of a case that the machine disturbed [1]."""
 
 Tell = Callable[[str], object]
@@ -154,7 +154,7 @@ def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
     kept = []
     for outcome in outcomes:
         name = outcome.case.name
-        if outcome.disturbed and again[name] < MOST_AGAIN:
+        if outcome.disturbed and again[name] < MAX_AGAIN:
             again[name] += 1
         else:
             kept.append(replace(outcome, again=outcome.again + again[name]))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from netboard.base.clock import now_ns
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceLost, DeviceNotFound
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.rig import Agent
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.contract.registry import GROUP
@@ -47,7 +47,7 @@ JUMP = 0.1
 class Options:
     """Options of the tampered device."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     folder: Annotated[str, about("folder of both files", min_length=1)] = "."
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.tick import TICK_NS
-from netboard.devices.safety.chain import LONGEST_STEP_NS
+from netboard.devices.safety.chain import MAX_STEP_NS
 from netboard.network.protocol.records import EventRecord
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -71,7 +71,7 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
         zero = (int(times[stop + zeros[0]]) - last) * 1e-9 if gone else float("nan")
         until = stop + int(zeros[0]) if gone else min(stop, forces.size - 1)
         gaps = np.diff(times[first : until + 1])
-        held_up = float(np.sum(gaps[gaps > LONGEST_STEP_NS] - TICK_NS)) * 1e-9
+        held_up = float(np.sum(gaps[gaps > MAX_STEP_NS] - TICK_NS)) * 1e-9
         found.append(Fade(last, float(forces[first]), (int(times[stop - 1]) - last) * 1e-9, begun, zero, held_up))
     return found
 
@@ -99,14 +99,14 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
     """Return the change of force that is largest relative to the slew limit.
 
     The chain limits a force some time before it is written, but after the one before it was. So the time step of the
-    chain is at most that from two rows before, and at most `LONGEST_STEP_NS`.
+    chain is at most that from two rows before, and at most `MAX_STEP_NS`.
     """
     if trace.size < 3:
         return Step(0, 0.0, 0.0)
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]])
     sizes = np.sqrt(np.sum(np.diff(force, axis=1)[:, 1:] ** 2, axis=0))
     times = trace["time_ns"]
-    allowed = slew * 1e-9 * np.minimum(times[2:] - times[:-2], LONGEST_STEP_NS)
+    allowed = slew * 1e-9 * np.minimum(times[2:] - times[:-2], MAX_STEP_NS)
     shares = sizes / allowed
     worst = int(np.argmax(shares))
     return Step(int(times[worst + 2]), float(sizes[worst]), float(shares[worst]))

@@ -18,7 +18,7 @@ from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
 from netboard.benchmarks.faults.fuzz_server import server_parts
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
-from netboard.benchmarks.faults.process_health import LARGEST_GROWTH
+from netboard.benchmarks.faults.process_health import MAX_GROWTH
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.network.protocol.codec import decode, encode
@@ -122,8 +122,8 @@ def codec_part(count: int, tell: Tell) -> Part:
                 f"{slowest:.1f} ms for {len(counts.slowest_frame)} bytes",
             ),
             Verdict(
-                f"memory grows by less than {LARGEST_GROWTH * 1e-6:g} MB",
-                growth < LARGEST_GROWTH,
+                f"memory grows by less than {MAX_GROWTH * 1e-6:g} MB",
+                growth < MAX_GROWTH,
                 f"{growth * 1e-6:.1f} MB after the first quarter",
             ),
         ],

@@ -20,7 +20,7 @@ from netboard.benchmarks.faults.evidence import between
 from netboard.benchmarks.faults.hostile_server import FORCE, HostileServer, NonZmqServer
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
 from netboard.benchmarks.faults.process_health import memory, memory_part, require_running
-from netboard.benchmarks.faults.rigs import PATIENCE, Rig, tampered
+from netboard.benchmarks.faults.rigs import TIMEOUT, Rig, tampered
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
 from netboard.network.transport import sockets
@@ -114,7 +114,7 @@ def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
 def _serve_without_zmq(groups: Sequence[PeerGroup]) -> int:
     """Answer the peers with invalid bytes for a while; return the number of connections [1]."""
     servers = [NonZmqServer(group.rig.config.network, seed) for seed, group in enumerate(groups)]
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     all_connected = False
     while time.monotonic() < deadline:
         for server in servers:
@@ -131,11 +131,11 @@ def _serve_without_zmq(groups: Sequence[PeerGroup]) -> int:
 
 def _step_until(groups: Sequence[PeerGroup], condition: Callable[[], bool]) -> None:
     """Serve without malformed messages until a condition holds."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not condition():
         _step(groups, 0)
         if time.monotonic() > deadline:
-            raise NetboardError(f"the agents, the display or the logger do not work after {PATIENCE:g} s")
+            raise NetboardError(f"the agents, the display or the logger do not work after {TIMEOUT:g} s")
 
 
 def _step(groups: Sequence[PeerGroup], count: int) -> None:
@@ -170,7 +170,7 @@ def _stop(groups: Sequence[PeerGroup]) -> dict[str, int]:
     """End the log, then stop every process; return the exit codes by process name."""
     left = groups[0]
     left.server.end_log()
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while left.rig.running["logger"].poll() is None and time.monotonic() < deadline:
         _step(groups, 0)
     codes = {"logger": left.rig.wait("logger")}

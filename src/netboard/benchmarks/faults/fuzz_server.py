@@ -51,7 +51,7 @@ REPORT_SECONDS = 2.0
 FINAL_MESSAGES = 100
 """Messages of each client after that wait: most kinds of refusal occur again, and are reported with their total [1]."""
 
-LEAST_COUNTED = 0.7
+MIN_COUNTED = 0.7
 """Smallest share of the malformed messages that must be reported as refused; closed connections lose some [1]."""
 
 Period: TypeAlias = tuple[str, Window]
@@ -153,8 +153,8 @@ def _sockets_part(events: Sequence[EventRecord], clients: Sequence[FuzzingClient
         rows,
         [
             Verdict(
-                f"the server counts and records at least {LEAST_COUNTED:.0%} of the refusals on every channel",
-                min(shares) > LEAST_COUNTED,
+                f"the server counts and records at least {MIN_COUNTED:.0%} of the refusals on every channel",
+                min(shares) > MIN_COUNTED,
                 f"at least {min(shares):.1%} of the malformed messages",
             )
         ],

@@ -21,7 +21,7 @@ from netboard.base.clock import now_ns
 from netboard.benchmarks.faults.devices import Trick, play_trick, read_trace, trace_file
 from netboard.benchmarks.faults.links import Spaces
 from netboard.benchmarks.faults.relay import FAIR, Relay, Weather
-from netboard.benchmarks.faults.rigs import PATIENCE
+from netboard.benchmarks.faults.rigs import TIMEOUT
 from netboard.benchmarks.faults.sites import START_S, Site, side_of
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.joining import Hello, Refusal
@@ -200,7 +200,7 @@ def second_agent(site: Site) -> Facts:
     """Start a second agent for a side."""
     second = site.rig.start("second left agent", "agent", "--side", "left")
     wanted = "already has an agent"
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + TIMEOUT
     while wanted not in site.rig.said("second left agent") and time.monotonic() < until:
         time.sleep(0.1)
     time.sleep(1.0)

@@ -29,7 +29,7 @@ RATE_HZ = 450.0
 STREAMS_HZ = 20.0
 """Rate of connections per socket that do not speak ZeroMQ [Hz]."""
 
-MOST_OPEN = 20
+MAX_OPEN = 20
 """Number of these connections that are open at a time [1]."""
 
 MESSAGES_PER_CONNECTION = 100
@@ -103,7 +103,7 @@ class FuzzingClient:
 
     def _is_skipped(self, frame: bytes) -> bool:
         """Return whether to skip a frame: most oversized ones, and those that have an effect."""
-        if len(frame) > sockets.LARGEST_REQUEST:
+        if len(frame) > sockets.MAX_REQUEST:
             return self._rng.random() > OVERSIZED_SHARE
         return self._joined and _has_effect(decode_or_none(frame))
 
@@ -129,7 +129,7 @@ class NonZmqClient:
         self._addresses = [(network.host, network.port + channel) for channel in range(channels.CONTROL + 1)]
         self.count = count * len(self._addresses)
         self.sent = 0
-        self._streams = zmtp.StreamSender(MOST_OPEN, seed=77)
+        self._streams = zmtp.StreamSender(MAX_OPEN, seed=77)
 
     def send_until(self, due: float) -> None:
         """Open connections until `due` are made, and send the next part over those that are open."""

@@ -42,7 +42,7 @@ BLOCK_STEPS = 5000
 BLOCK_COUNT = 1000
 """Number of blocks, after which the block number restarts at 1 [1]."""
 
-MOST_OPEN = 4
+MAX_OPEN = 4
 """Connections without ZeroMQ that are open at a time [1]."""
 
 EFFECTIVE: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Heartbeat, LogBatch, LogEnd)
@@ -186,7 +186,7 @@ class NonZmqServer:
 
     def __init__(self, network: Network, seed: int) -> None:
         self.connections = 0
-        self._streams = zmtp.StreamSender(MOST_OPEN, seed)
+        self._streams = zmtp.StreamSender(MAX_OPEN, seed)
         addresses = [(network.host, network.port + channel) for channel in range(channels.MOVES)]
         self._listeners = [net.create_server(address) for address in addresses]
         for listener in self._listeners:

@@ -22,7 +22,7 @@ from netboard.base.errors import WireError
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.messages import CHOICES, KINDS, Message
 
-LARGEST_FRAME = 2**20
+MAX_FRAME = 2**20
 """Largest size of a malformed frame; sockets refuse larger ones [bytes]."""
 
 NESTING_DEPTH = 1200
@@ -160,7 +160,7 @@ class MalformedFrames:
             at = 0 if rng.random() < 0.1 else 2  # mostly after the kind byte, so that the codec reads further
             mutate = rng.choice(BYTE_MUTATIONS)
             frame = frame[:at] + mutate(rng, frame[at:], rng.choice(self._frames)[at:])
-        return frame[:LARGEST_FRAME]
+        return frame[:MAX_FRAME]
 
     def _mutated_tree(self) -> Any:
         """Return a message as a list of its kind and fields, corrupted in one or more places."""

@@ -5,7 +5,7 @@ from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.rigs import Rig
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 
-LARGEST_GROWTH = 32e6
+MAX_GROWTH = 32e6
 """Largest growth of a process's resident memory [bytes]."""
 
 
@@ -35,8 +35,8 @@ def memory_part(name: str, title: str, before: dict[str, float], after: dict[str
         rows,
         [
             Verdict(
-                f"no process grows by more than {LARGEST_GROWTH * 1e-6:g} MB",
-                not most > LARGEST_GROWTH,
+                f"no process grows by more than {MAX_GROWTH * 1e-6:g} MB",
+                not most > MAX_GROWTH,
                 f"growth of at most {most * 1e-6:.1f} MB",
             )
         ],

@@ -32,7 +32,7 @@ STALL_NS = 200_000_000
 """Shortest TCP retransmission timeout [ns]."""
 
 CHUNK_BYTES = 65_536
-MOST_BYTES = 2**20
+MAX_BYTES = 2**20
 """Bytes in transit above which the relay does not read from a sender [bytes]."""
 
 CONNECT_SECONDS = 1.0
@@ -80,7 +80,7 @@ class Flow:
     @property
     def open(self) -> bool:
         """Return whether the flow accepts more bytes."""
-        return not self.ended and self.bytes < MOST_BYTES
+        return not self.ended and self.bytes < MAX_BYTES
 
     @property
     def over(self) -> bool:

@@ -17,18 +17,18 @@ from typing import Self
 
 from netboard.base.config import SIDES, Config, Side, parse, resolve
 from netboard.base.errors import NetboardError
-from netboard.base.process import WITH_PARENT
+from netboard.base.process import STOP_WITH_PARENT
 from netboard.benchmarks.faults.devices import NAME, install, read_trace, trace_file
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets
 from netboard.network.transport.ports import free_port
 from netboard.nodes.operator.operator import Operator
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 """Timeout of every wait; only a broken process takes this long [s]."""
 
 ANSWER_SECONDS = 0.2
-LOOK_SECONDS = 0.02
+POLL_INTERVAL_S = 0.02
 
 ACTIVE = ("levelling", "running", "holding")
 """Lasting phases in which forces are rendered."""
@@ -71,7 +71,9 @@ class Rig:
         self.config: Config = parse("", "rig", (*own, *settings))
         self.file = self._write("rig", self.config)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
-        self._environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", WITH_PARENT: "1"} | dict(environment or {})
+        self._environment = (
+            os.environ | {"QT_QPA_PLATFORM": "offscreen", STOP_WITH_PARENT: "1"} | dict(environment or {})
+        )
         self._ways = dict(ways or {})
         self._stack = ExitStack()
         self.context = self._stack.enter_context(sockets.open_context())
@@ -136,14 +138,14 @@ class Rig:
         """Start an agent."""
         return self.start(f"{side} agent", "agent", "--side", side)
 
-    def until(self, what: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
+    def until(self, what: Callable[[Status], bool], seconds: float = TIMEOUT) -> Status:
         """Wait for a status that meets a condition."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not self._lost_server():
             status = self.operator.ask(ANSWER_SECONDS)
             if status is not None and what(status):
                 return status
-            time.sleep(LOOK_SECONDS)
+            time.sleep(POLL_INTERVAL_S)
         raise NetboardError(
             f"waited {seconds:g} s, or for a server that ended: {self.operator.status}; {self._last_words('server')}"
         )
@@ -164,7 +166,7 @@ class Rig:
         self.until(lambda status: True)
         self.operator.command("end")
 
-    def until_felt(self, seconds: float = PATIENCE) -> Status:
+    def until_felt(self, seconds: float = TIMEOUT) -> Status:
         """Wait until forces are rendered in a trial to both hands; for a rig with tampered devices."""
 
         def felt(status: Status) -> bool:
@@ -173,7 +175,7 @@ class Rig:
 
         return self.until(felt, seconds)
 
-    def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
+    def until_undisturbed(self, seconds: float, patience: float = TIMEOUT) -> int:
         """Wait until forces have been rendered for this duration without a pause [s]; return the pauses before."""
         pauses = 0
         end = time.monotonic() + patience
@@ -225,9 +227,9 @@ class Rig:
     def wait(self, name: str) -> int:
         """Wait until a process has ended by itself; return its exit code."""
         try:
-            code = self.running[name].wait(PATIENCE)
+            code = self.running[name].wait(TIMEOUT)
         except subprocess.TimeoutExpired as error:
-            raise NetboardError(f"the {name} did not end within {PATIENCE:g} s: {self._last_words(name)}") from error
+            raise NetboardError(f"the {name} did not end within {TIMEOUT:g} s: {self._last_words(name)}") from error
         del self.running[name]
         self._forget(name)
         return code

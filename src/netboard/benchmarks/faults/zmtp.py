@@ -17,7 +17,7 @@ MORE, LONG, COMMAND = 1, 2, 4
 
 CONNECT_SECONDS = 5.0
 """Timeout for a TCP connection [s]."""
-LARGEST_BACKLOG = 2**18
+MAX_BACKLOG = 2**18
 """Number of unsent bytes above which a connection accepts no more messages [bytes]."""
 
 Stream: TypeAlias = tuple[bytes, ...]
@@ -72,7 +72,7 @@ class Connection:
     def send(self, *parts: bytes) -> bool:
         """Queue a message; return False if the backlog is full."""
         self._flush()
-        if len(self._backlog) > LARGEST_BACKLOG:
+        if len(self._backlog) > MAX_BACKLOG:
             return False
         self._backlog += message(parts)
         self._flush()

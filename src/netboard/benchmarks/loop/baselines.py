@@ -23,7 +23,7 @@ from netboard.network.protocol.fixed import FORCE, STYLUS
 from netboard.network.transport import channels, endpoints, sockets
 from netboard.network.transport.authenticator import Authenticator
 
-PATIENCE_MS = 10_000
+PACKET_TIMEOUT_MS = 10_000
 """Timeout of an echo, after which the benchmark ends [ms]."""
 
 Order = dict[str, Any]
@@ -108,12 +108,12 @@ def _role(role: str, name: str, config: Config, context: sockets.Context) -> Cal
             authenticator = keys.make_authenticator(config.network)
             where = channels.addresses(config.network, authenticator).listen(channels.MOTION)
             router = sockets.motion_server(context, where)
-            router.socket.rcvtimeo = PATIENCE_MS
+            router.socket.rcvtimeo = PACKET_TIMEOUT_MS
             return partial(echo, router, authenticator)
         case "peer":
             where = keys.reach(config.network, name).reach(channels.MOTION)
             socket = sockets.motion_agent(context, where, f"{name}@{NAME}")
-            socket.rcvtimeo = socket.sndtimeo = PATIENCE_MS
+            socket.rcvtimeo = socket.sndtimeo = PACKET_TIMEOUT_MS
             return partial(peer, socket)
     return timer
 

@@ -39,7 +39,7 @@ TURN_SECONDS, QUICK_TURN_SECONDS = 6.0, 2.0
 MINUTES, QUICK_MINUTES = 30.0, 0.5
 """Default duration of a soak test [min]."""
 
-MOST_DYADS = 256
+MAX_DYADS = 256
 
 Transport = Literal["tcp", "ipc"]
 
@@ -75,8 +75,8 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
         numbers = tuple(int(word) for word in words.split(",")) if words else ()
     except ValueError:
         numbers = (0,)
-    if not all(0 < number <= MOST_DYADS for number in numbers):
-        raise ConfigError(f"--dyads: found {words}, expected numbers from 1 to {MOST_DYADS} with commas between")
+    if not all(0 < number <= MAX_DYADS for number in numbers):
+        raise ConfigError(f"--dyads: found {words}, expected numbers from 1 to {MAX_DYADS} with commas between")
     return numbers
 
 

@@ -44,8 +44,8 @@ HEIGHT, FREQUENCY = 0.005, 0.5
 TAKE_NS = 400_000
 """Delay between sending a sample and polling for its force [ns]."""
 
-HELLO_NS = 500_000_000
-LOOK_NS = 2_000_000
+HELLO_INTERVAL_NS = 500_000_000
+CHECK_INTERVAL_NS = 2_000_000
 """Interval at which loggers and displays poll [ns]."""
 
 PLENTY = 10**12
@@ -131,11 +131,11 @@ class LightDyad:
     def __init__(self, config: Config, context: sockets.Context, frames: NDArray[Any], *, moving: bool) -> None:
         self._agents = [LightAgent(config, side, context, frame) for side, frame in zip(SIDES, frames, strict=True)]
         self._height = HEIGHT if moving else 0.0
-        self._greeted_ns = -HELLO_NS
+        self._greeted_ns = -HELLO_INTERVAL_NS
 
     def send(self, at_ns: int) -> None:
         """Send both samples."""
-        if at_ns - self._greeted_ns >= HELLO_NS and not all(agent.welcome for agent in self._agents):
+        if at_ns - self._greeted_ns >= HELLO_INTERVAL_NS and not all(agent.welcome for agent in self._agents):
             self._greeted_ns = at_ns
             for agent in self._agents:
                 agent.greet()
@@ -201,11 +201,11 @@ class LightLogger:
         self._socket = sockets.log_client(context, where.reach(channels.LOG), f"logger@{NAME}")
         self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
         self._welcomed = False
-        self._greeted_ns = -HELLO_NS
+        self._greeted_ns = -HELLO_INTERVAL_NS
 
-    def look(self, now: int, counts: Counter[str]) -> None:
+    def poll(self, now: int, counts: Counter[str]) -> None:
         """Process the received frames."""
-        if not self._welcomed and now - self._greeted_ns >= HELLO_NS:
+        if not self._welcomed and now - self._greeted_ns >= HELLO_INTERVAL_NS:
             self._greeted_ns = now
             sockets.send(self._socket, encode(self._hello))
         while (frame := sockets.receive(self._socket)) is not None:
@@ -251,10 +251,10 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
             measuring = True
             counts.clear()
         for logger in loggers:
-            logger.look(now, counts)
+            logger.poll(now, counts)
         for view in views:
             counts["views"] += sockets.receive(view) is not None
-        time.sleep(max(0.0, (now + LOOK_NS - now_ns()) * 1e-9))
+        time.sleep(max(0.0, (now + CHECK_INTERVAL_NS - now_ns()) * 1e-9))
     return {"counts": counts, **_ticks_of(loggers, order["from_ns"])}
 
 

@@ -48,8 +48,8 @@ Frame = tuple[int, int, int, float]
 SPARE = 2.0
 """Time for which views continue after the last measured frame [s]."""
 
-LOOK_SECONDS = 0.01
-PATIENCE_NS = 60_000_000_000
+POLL_INTERVAL_S = 0.01
+POLL_TIMEOUT_NS = 60_000_000_000
 """Timeout of the view sender for the first subscriber [ns]."""
 
 
@@ -87,8 +87,8 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     with sockets.open_context() as context:
         publisher = sockets.view_publisher(context, channels.addresses(config.network).listen(channels.VIEW["left"]))
         start = now_ns()
-        while not publisher.wanted() and now_ns() - start < PATIENCE_NS:
-            time.sleep(LOOK_SECONDS)
+        while not publisher.wanted() and now_ns() - start < POLL_TIMEOUT_NS:
+            time.sleep(POLL_INTERVAL_S)
         start = now_ns()
         for seq in range(round(seconds * 1000 / ticks)):
             time.sleep(max(0.0, (start + seq * ticks * 1_000_000 - now_ns()) * 1e-9))

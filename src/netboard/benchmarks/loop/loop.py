@@ -98,7 +98,7 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
             for where in (costs, found[-1].costs):
                 add_costs(where, stretch.before, stretch.after)
                 add_costs(where, before, after)
-            rig.go_on()
+            rig.run_once()
         tell("reading the recording", 1.0)
         (path,) = rig.finish()
     with Recording(path) as recording:
@@ -151,14 +151,14 @@ class Baselines:
         return found
 
 
-MOST_RATIOS = {"50 %": 1.3, "99 %": 1.5, "99.9 %": 1.2}
+MAX_RATIOS = {"50 %": 1.3, "99 %": 1.5, "99.9 %": 1.2}
 """Largest ratios of the loop to an echo, at each percentile [1]."""
 
 MANY = 100_000
-MOST_MISSED = 5.0
+MAX_MISSED = 5.0
 """Largest number of deadline misses in `MANY` ticks, beyond those of the timer [1]."""
 
-MOST_CPU = 1.4
+MAX_CPU = 1.4
 """Largest ratio of the CPU time of server and agent to that of the echo and its peer [1]."""
 
 LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
@@ -179,7 +179,7 @@ def ratios_part(found: Measured) -> Part:
     for one in found.rounds:
         for name, value in _ratios(one, played(found.ticks, [one.span_ns])).items():
             columns.setdefault(name, []).append(value)
-    wanted = [*MOST_RATIOS.values(), MOST_MISSED, MOST_CPU, MOST_CPU]
+    wanted = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
     rows: list[tuple[Value, ...]] = []
     verdicts = []
     for (name, values), most in zip(columns.items(), wanted, strict=True):
@@ -196,7 +196,7 @@ def _ratios(one: Round, ours: Played) -> dict[str, float]:
     spent = {name: total(cost.spent.values()).seconds / cost.seconds for name, cost in one.costs.items()}
     agents, peers = (sum(spent[f"{side} agent"] for side in SIDES), sum(spent[f"peer {side}"] for side in SIDES))
     return {
-        **{f"stylus to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MOST_RATIOS, ratios, strict=False)},
+        **{f"stylus to force / echo, {at} [1]": float(ratio) for at, ratio in zip(MAX_RATIOS, ratios, strict=False)},
         f"missed of {MANY}, more than the timer [1]": ours.ticks.missed_of(MANY) - one.timer.missed_of(MANY),
         "CPU of the server / echo [1]": spent["server"] / spent["echo"],
         "CPU of the agents / peers [1]": agents / peers,

@@ -36,7 +36,7 @@ END_SECONDS = 60.0
 SETTLE_SECONDS = 2.0
 """Settling time after a block begins or resumes, in which agents adjust their phase and forces ramp up [s]."""
 
-LOOK_SECONDS = 1.0
+POLL_INTERVAL_S = 1.0
 """Interval at which the processes are checked during a measurement [s]."""
 
 ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phase))
@@ -82,7 +82,7 @@ class Rig:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        self.go_on()
+        self.run_once()
         self._launcher.stop(*self._launcher.running())
 
     def _start(self, name: str, *arguments: str) -> None:
@@ -101,7 +101,7 @@ class Rig:
         """Poll a server's status until it meets a condition."""
         until = time.monotonic() + START_SECONDS
         while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
-            self.look()
+            self.poll()
             if time.monotonic() > until:
                 said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
                 raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
@@ -112,8 +112,8 @@ class Rig:
         before, start_ns = self.usage(), now_ns()
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
-            time.sleep(min(LOOK_SECONDS, seconds - done))
-            self.look()
+            time.sleep(min(POLL_INTERVAL_S, seconds - done))
+            self.poll()
         return Stretch(start_ns, now_ns(), before, self.usage())
 
     def usage(self) -> dict[str, Usage]:
@@ -124,7 +124,7 @@ class Rig:
         """Suspend all processes."""
         self._signal(signal.SIGSTOP)
 
-    def go_on(self) -> None:
+    def run_once(self) -> None:
         """Resume all processes."""
         self._signal(signal.SIGCONT)
 
@@ -145,7 +145,7 @@ class Rig:
             raise NetboardError(f"expected one recording of each dyad, found {[len(paths) for paths in found]}")
         return [path for (path,) in found]
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Check that the processes still run."""
         if (ended := self._launcher.ended()) is not None:
             raise NetboardError(str(ended))

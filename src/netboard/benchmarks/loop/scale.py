@@ -18,16 +18,16 @@ from netboard.benchmarks.loop.spreads import HEADS, in_milliseconds
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, total
 from netboard.recording.format.summary import spread
 
-MOST_LATE, LEAST_ACTIVE = 0.02, 0.99
+MAX_LATE, MIN_ACTIVE = 0.02, 0.99
 """Criteria for the capacity: largest share of deadline misses, smallest share of ticks in a trial [1]."""
 
 MANY_DYADS = 8
 """Dyads that one core should hold [1]."""
 
-MOST_GROWTH = 1.2
+MAX_GROWTH = 1.2
 """Largest ratio of the cost per dyad among many to that of one alone; up to it, cost counts as linear [1]."""
 
-MOST_IDLE = 0.005
+MAX_IDLE = 0.005
 """Largest share of a core for a dyad without peers [1]."""
 
 
@@ -39,7 +39,7 @@ def on_cores(config: Config) -> Config:
 
 def holds(served: Served) -> bool:
     """Return whether a server met the criteria for its dyads."""
-    return served.ticks.late <= MOST_LATE * served.ticks.ticks and served.active >= LEAST_ACTIVE
+    return served.ticks.late <= MAX_LATE * served.ticks.ticks and served.active >= MIN_ACTIVE
 
 
 def core_share(served: Served) -> float:
@@ -112,7 +112,7 @@ def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
         fit = (
             f"{100 * base:.2f} % + {100 * slope:.2f} % a dyad; each costs at most {growth:.2f} times as much as {least}"
         )
-        verdicts.append(Verdict("cost grows linearly", growth <= MOST_GROWTH, fit))
+        verdicts.append(Verdict("cost grows linearly", growth <= MAX_GROWTH, fit))
     return verdicts
 
 
@@ -138,11 +138,11 @@ def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
         (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
     ]
     idle = core_share(found["nobody"]) / dyads
-    claim = f"a dyad with nobody costs less than {MOST_IDLE:.1%} of a core"
+    claim = f"a dyad with nobody costs less than {MAX_IDLE:.1%} of a core"
     return Part(
         "waiting",
         f"{dyads} dyads that wait, at one server process",
         ("who is there", "all [%]", "each dyad [%]"),
         rows,
-        [Verdict(claim, idle < MOST_IDLE, f"{idle:.2%}")],
+        [Verdict(claim, idle < MAX_IDLE, f"{idle:.2%}")],
     )

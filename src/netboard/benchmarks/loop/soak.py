@@ -36,13 +36,13 @@ RING_SECONDS = 5.0
 STRETCHES = 10
 """Number of rows in which a short soak is shown; a longer one is shown minute by minute [1]."""
 
-MOST_LEAK, LEAST_SEEN = 4e6 / 3600, 1e6
+MAX_LEAK, MIN_SEEN = 4e6 / 3600, 1e6
 """Largest growth of constant memory, per second or in total, in bytes [1/s, 1]."""
 
 INDEX = 100e6 / 3600
 """A logger keeps an entry of the recording's index for every chunk: it may grow by this in a second, in bytes [1/s]."""
 
-MOST_SLOWER = 1.5
+MAX_SLOWER = 1.5
 """Largest ratio of the 99th percentile in the last third of the run to that in the first third [1]."""
 
 
@@ -103,7 +103,7 @@ def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> li
     while (done := time.monotonic() - begun) < seconds:
         tell(f"{done / 60:.1f} of {seconds / 60:g} minutes", done / seconds)
         time.sleep(min(SAMPLE_SECONDS, seconds - done))
-        rig.look()
+        rig.poll()
         samples.append(rig.usage())
     return samples
 
@@ -173,7 +173,7 @@ def _flat(name: str, slope: float, seconds: float) -> Verdict:
     """Return the claim that memory does not grow."""
     logger = name.startswith("logger")
     claim = f"memory of the {name} " + ("grows by no more than its index" if logger else "is flat")
-    flat = slope < (INDEX if logger else MOST_LEAK) or slope * seconds < LEAST_SEEN
+    flat = slope < (INDEX if logger else MAX_LEAK) or slope * seconds < MIN_SEEN
     return Verdict(claim, flat, f"{slope * seconds / 1e6:+.2f} MB in {seconds:.0f} s")
 
 
@@ -222,4 +222,4 @@ def steady(what: str, p99: Sequence[float]) -> Verdict:
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
     claim = f"in the end {what} as promptly as in the beginning, at 99 %"
-    return Verdict(claim, last <= max(MOST_SLOWER * first, first + 0.1), f"{last:.3f} ms, at first {first:.3f} ms")
+    return Verdict(claim, last <= max(MAX_SLOWER * first, first + 0.1), f"{last:.3f} ms, at first {first:.3f} ms")

@@ -17,9 +17,9 @@ Times = NDArray[np.int64]
 HEADS = ("50 % [ms]", "99 % [ms]", "99.9 % [ms]", "largest [ms]")
 """Heads of the columns that `in_milliseconds` fills."""
 
-LEAST_NS, MOST_NS = 1_000, 1_000_000_000
+MIN_NS, MAX_NS = 1_000, 1_000_000_000
 PER_DECADE = 20
-EDGES_NS: NDArray[np.float64] = np.geomspace(LEAST_NS, MOST_NS, 1 + PER_DECADE * round(np.log10(MOST_NS / LEAST_NS)))
+EDGES_NS: NDArray[np.float64] = np.geomspace(MIN_NS, MAX_NS, 1 + PER_DECADE * round(np.log10(MAX_NS / MIN_NS)))
 """Edges of the bins: from a microsecond to a second [ns]."""
 
 
@@ -41,7 +41,7 @@ def ratio_row(name: str, above: Times, below: Times) -> tuple[Value, ...]:
 
 def histogram(times: Times) -> NDArray[np.int64]:
     """Count durations between `EDGES_NS`; shorter or longer ones go to the first or the last bin [1]."""
-    inside = np.clip(times, LEAST_NS, MOST_NS)
+    inside = np.clip(times, MIN_NS, MAX_NS)
     counts: NDArray[np.int64] = np.histogram(inside, EDGES_NS)[0]
     return counts
 
@@ -82,6 +82,6 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
         ax.legend()
     axes[0].set_title(title)
     axes[-1].set_xscale("log")
-    axes[-1].set_xlim(LEAST_NS * 1e-6, MOST_NS * 1e-6)
+    axes[-1].set_xlim(MIN_NS * 1e-6, MAX_NS * 1e-6)
     axes[-1].set_xlabel("duration [ms]; dotted: 50, 99 and 99.9 %")
     return figure

@@ -19,7 +19,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import fast, inlined, relaxed, specialised
-from netboard.physics.arithmetic.trig import EIGHTH_TURN, LARGEST_ANGLE, reduced, sincos, small
+from netboard.physics.arithmetic.trig import EIGHTH_TURN, MAX_ANGLE, reduced, sincos, small
 from netboard.physics.arithmetic.vectors import calm
 from netboard.physics.methods.one_step import rk4
 from netboard.physics.scene.models import stopped
@@ -47,7 +47,7 @@ def anywhere(x: float) -> tuple[float, float]:
     odd, turned = n - 2.0 * half, half - 2.0 * np.floor(0.5 * half)
     sine, cosine = c if odd > 0.0 else s, s if odd > 0.0 else c
     sine, cosine = -sine if turned > 0.0 else sine, -cosine if odd != turned else cosine
-    fine = abs(x) <= LARGEST_ANGLE
+    fine = abs(x) <= MAX_ANGLE
     return sine if fine else math.nan, cosine if fine else math.nan
 
 

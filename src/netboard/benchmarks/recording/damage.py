@@ -15,7 +15,7 @@ from netboard.recording.format.chunks import MAGIC
 from netboard.recording.format.summary import find_gaps
 from netboard.recording.recovery.recover import Report, recover
 
-LONGEST_STRETCH = 4096
+MAX_STRETCH = 4096
 """Longest destroyed stretch, in bytes: one disk sector [1]."""
 
 
@@ -69,7 +69,7 @@ def flips(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[
 def zeroed(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
     """Yield copies with a random stretch set to zero."""
     for at in chance.integers(0, len(whole.data), count):
-        stop = min(len(whole.data), int(at) + int(chance.integers(1, LONGEST_STRETCH)))
+        stop = min(len(whole.data), int(at) + int(chance.integers(1, MAX_STRETCH)))
         yield Harm(whole.data[:at] + bytes(stop - at) + whole.data[stop:], int(at), stop)
 
 

@@ -44,7 +44,7 @@ FOLLOWED = 0.1
 
 TILT = math.radians(10.0)
 
-MOST_SCALE = 1e4
+MAX_SCALE = 1e4
 """Largest scale that is tried [1]."""
 
 
@@ -185,7 +185,7 @@ def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Ver
 def largest_scale(stable: Callable[[float], bool]) -> float:
     """Return the scale up to which theory predicts stability."""
     good = 1.0
-    for scale in np.geomspace(1.0, MOST_SCALE, 161):
+    for scale in np.geomspace(1.0, MAX_SCALE, 161):
         if not stable(float(scale)):
             bad = float(scale)
             while bad > 1.001 * good:

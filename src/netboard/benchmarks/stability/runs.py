@@ -40,7 +40,7 @@ SHOWS = 1e6
 OFF = 1.03
 """Relative error of a largest step that most runs should detect [1]."""
 
-MOST_STEPS = 1_000_000
+MAX_STEPS = 1_000_000
 """Largest number of steps of a run [1]."""
 
 FIXED_PLACE = 0.15
@@ -152,7 +152,7 @@ def telling_duration(method: str, a: Array, h: float) -> float:
     if math.isinf(h):
         return DURATION
     growth = math.log(spectral_radius(method, a, OFF * h))
-    steps = min(math.log(SHOWS) / growth if growth > 0.0 else math.inf, MOST_STEPS)
+    steps = min(math.log(SHOWS) / growth if growth > 0.0 else math.inf, MAX_STEPS)
     return max(DURATION, math.ceil(2.0 * steps * h))
 
 

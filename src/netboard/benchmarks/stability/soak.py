@@ -24,8 +24,8 @@ from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_
 from netboard.benchmarks.stability.soak_audit import (
     BEYOND,
     GROWTH,
-    LARGEST_TILT,
-    MOST_TURN,
+    MAX_TILT,
+    MAX_TURN,
     SUMS,
     SUPPLY,
     THROUGH,
@@ -55,7 +55,7 @@ RUN_AWAY = 0.5
 BALANCE = 0.25
 """Largest allowed imbalance of energy relative to the flows between two checks [1]."""
 
-LEAST_FLOW = 1e-9
+MIN_FLOW = 1e-9
 """Sum of the flows between two checks below which the balance is not checked [J]."""
 
 
@@ -77,7 +77,7 @@ class Tally:
         fine: NDArray[np.bool_] = np.isfinite(np.concatenate([x, sums], axis=1)).all(axis=1)
         self.checks += len(x)
         self.lost += int(np.count_nonzero(~fine))
-        flowed = sums[fine, THROUGH] + LEAST_FLOW
+        flowed = sums[fine, THROUGH] + MIN_FLOW
         self.excess = max(self.excess, float(np.max((sums[fine, GROWTH] - sums[fine, SUPPLY]) / flowed, initial=-1.0)))
         self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, WRONG]) / flowed, initial=0.0)))
 
@@ -169,11 +169,11 @@ def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text,
     lost, checks = sum(tally.lost for tally in within), sum(tally.checks for tally in within)
     checks_beyond = sum(tally.checks for tally in beyond)
     lost_beyond, worst_beyond = sum(tally.lost for tally in beyond), max(tally.excess for tally in beyond)
-    degrees = math.degrees(LARGEST_TILT)
+    degrees = math.degrees(MAX_TILT)
     return Part(
         "soak",
         f"Soak: {done:.4g} steps of 1 ms in {len(KINDS) * scenes} random scenes, {seconds:.3g} s, {restarts} balls put "
-        f"back; within: tilts to {degrees:.0f} deg, turns to {MOST_TURN:g} rad in a step, balls to twice the arm",
+        f"back; within: tilts to {degrees:.0f} deg, turns to {MAX_TURN:g} rad in a step, balls to twice the arm",
         (
             "kind of scene",
             "where",

@@ -24,10 +24,10 @@ from netboard.physics.stability.method_choice import TILTS
 
 Array = NDArray[np.float64]
 
-LARGEST_TILT = max(TILTS)
+MAX_TILT = max(TILTS)
 """Largest tilt for which the method is chosen [rad]."""
 
-MOST_TURN = 0.1
+MAX_TURN = 0.1
 """Largest rotation in a step that a method can follow [rad]."""
 
 THROUGH, SUPPLY, GROWTH, WRONG, BEYOND = range(5)
@@ -79,8 +79,8 @@ def _farthest(x: Any, length: int) -> float:
 @inlined
 def _is_beyond(x: Any, length: int, scene: Any) -> bool:
     """Return whether board or balls are outside the range for which the method was chosen."""
-    slow = abs(x[3]) * TICK_SECONDS <= MOST_TURN
-    return not (slow and abs(x[2]) <= LARGEST_TILT and _farthest(x, length) <= 2.0 * scene["l"])
+    slow = abs(x[3]) * TICK_SECONDS <= MAX_TURN
+    return not (slow and abs(x[2]) <= MAX_TILT and _farthest(x, length) <= 2.0 * scene["l"])
 
 
 @cache

@@ -37,7 +37,7 @@ DYADS = 16 * LANES
 RANGE = 0.075
 """Styluses stay within +- this [m]."""
 
-LARGEST_ACCELERATION = 50.0
+MAX_ACCELERATION = 50.0
 """As in the live tick [m/s2]."""
 
 # What a hand is made of: a wave and a tremor round a place, and how it is sampled and held.
@@ -138,8 +138,8 @@ def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
             frozen = hand[b, FROZEN, j] > 0.0
             z, vz = last_z if frozen else z, 0.0 if frozen else vz
             az = (vz - last_vz) / h
-            az = LARGEST_ACCELERATION if az > LARGEST_ACCELERATION else az
-            az = -LARGEST_ACCELERATION if az < -LARGEST_ACCELERATION else az
+            az = MAX_ACCELERATION if az > MAX_ACCELERATION else az
+            az = -MAX_ACCELERATION if az < -MAX_ACCELERATION else az
             az *= hand[b, BENDS, j]
             goes_on = hand[b, GOES_ON, j]
             done[0, j], done[1, j], done[2, j], done[3, j] = cos, sin, shake_cos, shake_sin

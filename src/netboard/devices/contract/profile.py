@@ -18,7 +18,7 @@ from urllib.parse import quote
 from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import NO_EXTRAS, about, read, write
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, read, write
 
 REACH = 1.0
 """Upper bound for the distance of any workspace from the device's origin [m]."""
@@ -28,7 +28,7 @@ REACH = 1.0
 class Identity:
     """Identity of the profiled device."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     model: Annotated[str, about("maker's name of the device")] = ""
     serial: Annotated[str, about("serial number of the device")] = ""
 
@@ -37,7 +37,7 @@ class Identity:
 class Mechanics:
     """Mechanics that the hand feels with the motors off, with half-widths of the 95 % confidence intervals."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     mass: Annotated[float, about("apparent mass at the stylus", "kg", ge=0)] = 0.0
     mass_half_width: Annotated[float, about("half width of its confidence interval", "kg", ge=0)] = 0.0
     damping: Annotated[float, about("viscous damping", "N s/m", ge=0)] = 0.0
@@ -51,7 +51,7 @@ class Mechanics:
 class Placement:
     """Transform from the device's own frame to the scene's: scene = (device - zero) * scale, inside the box."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     zero_x: Annotated[float, about("the scene's origin, out of the screen", "m", ge=-REACH, le=REACH)] = 0.0
     zero_y: Annotated[float, about("the scene's origin, to the right", "m", ge=-REACH, le=REACH)] = 0.0
     zero_z: Annotated[float, about("the scene's origin, upwards", "m", ge=-REACH, le=REACH)] = 0.0
@@ -74,7 +74,7 @@ class Placement:
 class Profile:
     """Profile of one device. All positions are in the device's frame: x out of the screen, y right, z up."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     device: Identity = field(default_factory=Identity)
     mechanics: Mechanics = field(default_factory=Mechanics)
     placement: Placement = field(default_factory=Placement)

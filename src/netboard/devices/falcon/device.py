@@ -8,7 +8,7 @@ is read at the next reading, whose time stamp is the time at which the frame was
 
 A motor command is the torque about its arm's axis times `Options.torque_scale`, with inverted sign. The scale of 10000
 per N m is the one with which libnifalcon's authors reproduced the commands of the manufacturer's library, which takes
-newtons. They capped a command at 4095, here `LARGEST_COMMAND`. Ten centimetres in front of the base this cap is a
+newtons. They capped a command at 4095, here `MAX_COMMAND`. Ten centimetres in front of the base this cap is a
 lateral force of 8.7 to 8.9 N; the manufacturer specifies 8.9 N (two pounds). Both values are therefore plausible, but
 need a test with a spring balance. (The present libnifalcon has a limit of 30 N m instead, a command of 300000, which no
 frame can carry.) If a command exceeds the cap, all three are scaled, so that the force keeps its direction.
@@ -24,7 +24,7 @@ from time import monotonic_ns
 from typing import Annotated, final
 
 from netboard.base.config import Config, Side
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
 from netboard.devices.contract.registry import BACKENDS
 from netboard.devices.contract.velocity import Velocimeter
@@ -44,7 +44,7 @@ ROUNDING = 0.01
 CONTINUOUS_SHARE = 0.25
 """Ratio of continuous to peak force. The manufacturer specifies none; this is a Touch's, rounded down [1]."""
 
-LARGEST_COMMAND = 4095
+MAX_COMMAND = 4095
 """Largest motor command [1]."""
 
 REST: Vector = (0.0, 0.0, 0.0)
@@ -54,7 +54,7 @@ REST: Vector = (0.0, 0.0, 0.0)
 class Options:
     """Options of the Falcon."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     serial: Annotated[str, about("USB serial number of the device; empty: the first one that is plugged in")] = ""
     firmware: Annotated[
         str, about("file with Novint's firmware, loaded if the device has none; never part of netboard")
@@ -114,7 +114,7 @@ class Falcon(Device):
         details = {
             "firmware": loaded,
             "torque_scale": f"{self._options.torque_scale!r} 1/(N m)",
-            "largest_command": f"{LARGEST_COMMAND} 1",
+            "largest_command": f"{MAX_COMMAND} 1",
             "angle_per_count": f"{kinematics.ANGLE_PER_COUNT!r} rad",
             "axes": "scene x, y, z = Falcon z, x, y",
             "origin": f"{CENTRE[2]!r} m in front of the base",
@@ -184,6 +184,6 @@ class Falcon(Device):
         a, b, c = kinematics.torques(self._angles, self._place, self._force)
         scale = -share * self._options.torque_scale
         most = abs(scale) * max(abs(a), abs(b), abs(c))
-        if most > LARGEST_COMMAND:
-            scale *= LARGEST_COMMAND / most
+        if most > MAX_COMMAND:
+            scale *= MAX_COMMAND / most
         return round(scale * a), round(scale * b), round(scale * c)

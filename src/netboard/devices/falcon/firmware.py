@@ -19,7 +19,7 @@ LARGEST = 1_000_000
 LATENCY_MS = 16
 """Latency timer of the FTDI chip during upload [ms]."""
 
-PATIENCE_MS = 100
+PACKET_TIMEOUT_MS = 100
 """Timeout of a packet during upload [ms]."""
 
 QUIET = 30
@@ -107,9 +107,9 @@ def _call(chip: ftdi.Chip) -> bool:
     heard = b""
     for _ in range(CALLS):
         chip.send(CALL)
-        heard += chip.receive(PATIENCE_MS)
+        heard += chip.receive(PACKET_TIMEOUT_MS)
         if REPLY in heard:
-            return any(not chip.receive(PATIENCE_MS) for _ in range(CALLS))  # drain replies to earlier calls
+            return any(not chip.receive(PACKET_TIMEOUT_MS) for _ in range(CALLS))  # drain replies to earlier calls
     return False
 
 
@@ -118,7 +118,7 @@ def _echoes(chip: ftdi.Chip, block: bytes) -> bool:
     chip.send(block)
     heard, quiet = b"", 0
     while len(heard) < len(block) and quiet < QUIET:
-        more = chip.receive(PATIENCE_MS)
+        more = chip.receive(PACKET_TIMEOUT_MS)
         heard += more
         quiet = 0 if more else quiet + 1
     return heard == block

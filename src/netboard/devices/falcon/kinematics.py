@@ -51,16 +51,16 @@ CENTRE: Vector = (0.0, 0.0, 0.115)
 REACH = 0.04
 """Half the side of that cube; inside it, torques for the same force differ by a factor of at most 6.4 [m]."""
 
-LARGEST_ANGLE = radians(120.0)
+MAX_ANGLE = radians(120.0)
 """Largest arm angle in either direction; larger ones mean invalid encoder values [rad]."""
 
 TOLERANCE = 1e-13
 """Newton step below which the search ends; one count moves the grip by 4e-5 m [m]."""
 
-MOST_STEPS = 30
+MAX_STEPS = 30
 """Limit of Newton steps; three are usual when starting from the previous position [1]."""
 
-LONGEST_STEP = 0.02
+MAX_STEP = 0.02
 """Longest Newton step [m]."""
 
 
@@ -142,10 +142,10 @@ def forward(angles: Vector, guess: Vector) -> Vector:
     The position is NaN if the search from `guess` failed [m].
     """
     lost = (nan, nan, nan)
-    if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > LARGEST_ANGLE:
+    if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > MAX_ANGLE:
         return lost
     x, y, z = guess
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         g1, ax, ay, az, t1 = _closure(0, angles[0], (x, y, z))
         g2, bx, by, bz, t2 = _closure(1, angles[1], (x, y, z))
         g3, cx, cy, cz, t3 = _closure(2, angles[2], (x, y, z))
@@ -161,7 +161,7 @@ def forward(angles: Vector, guess: Vector) -> Vector:
         dy = -(g1 * u[1] + g2 * v[1] + g3 * w[1]) / volume
         dz = -(g1 * u[2] + g2 * v[2] + g3 * w[2]) / volume
         size = sqrt(dx * dx + dy * dy + dz * dz)
-        share = 1.0 if size <= LONGEST_STEP else LONGEST_STEP / size
+        share = 1.0 if size <= MAX_STEP else MAX_STEP / size
         x, y, z = x + share * dx, y + share * dy, z + share * dz
         if size < TOLERANCE:
             outside = t1 < 0.0 and t2 < 0.0 and t3 < 0.0

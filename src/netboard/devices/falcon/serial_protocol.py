@@ -40,7 +40,7 @@ LATENCY_MS = 1
 BAUD = 0x2
 """Divisor of 3 MHz for 1.5 Mbaud."""
 
-PATIENCE_MS = 5
+PACKET_TIMEOUT_MS = 5
 """Timeout of a packet [ms]."""
 
 QUIET = 8
@@ -125,7 +125,7 @@ class Link:
         return True
 
     def _send(self) -> None:
-        self._chip.send(self._frame, PATIENCE_MS)
+        self._chip.send(self._frame, PACKET_TIMEOUT_MS)
         self.sent_ns = monotonic_ns()
         self.awaited += 1
 
@@ -139,7 +139,7 @@ class Link:
         """Receive until all expected answers have arrived; return the last one."""
         newest, quiet = None, 0
         for _ in range(MOST):
-            more = self._chip.receive(PATIENCE_MS)
+            more = self._chip.receive(PACKET_TIMEOUT_MS)
             self._heard += more
             quiet = 0 if more else quiet + 1
             for found in self._frames():

@@ -8,7 +8,7 @@ transitions are the edges of `TABLE`, and only three states let a force through.
 force at zero until the requested vertical force is below `arm_gate`.
 
 Rule 1: the force never exceeds the clamp, and never changes faster than the slew limit. A late step allows no larger
-change than a step of `LONGEST_STEP_NS`.
+change than a step of `MAX_STEP_NS`.
 Rule 2: a fault is the only exception to the slew limit. If a number is not finite or the device is lost, neither can be
 trusted with a gradual decrease, so the force is zero at once.
 Rule 3: a force that was cut returns only by the ramp. After a short outage the ramp starts from the remaining gain.
@@ -31,7 +31,7 @@ from netboard.base.compiled import inlined, kernel
 from netboard.base.tables.rig import Safety as Limits
 from netboard.network.protocol.motion import Safeguard
 
-LONGEST_STEP_NS = 2_000_000
+MAX_STEP_NS = 2_000_000
 """Upper bound of the step duration wherever the force may grow [ns]."""
 
 MEAN_TIME = 10.0
@@ -226,7 +226,7 @@ def _fade_or_grow(c: Any, dt: float) -> None:
     if c["guard"] == _HOLDS:
         c["vertical_gain"] = max(0.0, c["vertical_gain"] - dt / (c["fade_ms"] * 1e-3))
         return
-    growth = min(dt, LONGEST_STEP_NS * 1e-9) / c["arm_time"]
+    growth = min(dt, MAX_STEP_NS * 1e-9) / c["arm_time"]
     c["vertical_gain"] = min(1.0, c["vertical_gain"] + growth)
     c["lateral_gain"] = min(1.0, c["lateral_gain"] + growth)
 
@@ -263,7 +263,7 @@ def _aim(chain: Any, dt: float, fx: float, fy: float, fz: float, vz: float) -> t
 def _slew(chain: Any, dt: float, fx: float, fy: float, fz: float) -> int:
     """Move the force towards the target, within the slew limit."""
     c = chain[0]
-    most = c["max_slew"] * min(dt, LONGEST_STEP_NS * 1e-9)
+    most = c["max_slew"] * min(dt, MAX_STEP_NS * 1e-9)
     dx, dy, dz = fx - c["fx"], fy - c["fy"], fz - c["fz"]
     size = _size(dx, dy, dz)
     if size <= most:

@@ -10,7 +10,7 @@ answered samples) minus the work on the hand (force times displacement of the st
 board enters at the server's end and causes no deficit. A delay alone causes a deficit as large as that of a negative
 damper of stiffness times round trip.
 
-Rule 1: while the energy is below zero, damping dissipates the deficit, up to `MOST_DAMPING`.
+Rule 1: while the energy is below zero, damping dissipates the deficit, up to `MAX_DAMPING`.
 Rule 2: while the deficit exceeds `STORED`, forces in the direction of motion are withheld. So even with a wrong damping
 or velocity, a tick increases the deficit only by motion that the velocity estimate missed.
 Rule 3: the stored energy is at most `STORED`: energy dissipated earlier must not feed an oscillation later.
@@ -28,7 +28,7 @@ from netboard.base.tick import TICK_SECONDS
 STORED = 2e-3
 """Largest deficit before forces are withheld, and largest stored energy [J]."""
 
-MOST_DAMPING = 5.0
+MAX_DAMPING = 5.0
 """Maximum damping; a device of 45 g with a velocity estimate 4 ms late remains stable with it [N s/m]."""
 
 SLOW = 0.005
@@ -100,6 +100,6 @@ class Passivity:
         if self.energy >= 0.0:
             return force
         slow = abs(velocity) < SLOW
-        missing = MOST_DAMPING if slow else -self.energy / (velocity * velocity * TICK_SECONDS)
-        limited = force - min(missing, MOST_DAMPING) * velocity
+        missing = MAX_DAMPING if slow else -self.energy / (velocity * velocity * TICK_SECONDS)
+        limited = force - min(missing, MAX_DAMPING) * velocity
         return 0.0 if self.energy < -STORED and not slow and limited * velocity > 0.0 else limited

@@ -18,7 +18,7 @@ from netboard.devices.setup.loop import Track
 STILL = 5e-3
 """Largest movement of a stylus that counts as held still [m]."""
 
-LEAST_SIDE = 0.01
+MIN_SIDE = 0.01
 """Shortest plausible side of a workspace [m]."""
 
 Point = tuple[float, float, float]
@@ -40,10 +40,10 @@ def box_between(one: Point, other: Point) -> Box:
     """Return the box with these opposite corners."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     for axis, side in zip("xyz", high - low, strict=True):
-        if side < LEAST_SIDE:
+        if side < MIN_SIDE:
             raise NetboardError(
                 f"the two corners are {side * 1e3:.0f} mm apart along {axis}, expected at least "
-                f"{LEAST_SIDE * 1e3:.0f} mm: choose corners opposite each other in all three directions"
+                f"{MIN_SIDE * 1e3:.0f} mm: choose corners opposite each other in all three directions"
             )
     return Box(*map(float, low), *map(float, high))
 
@@ -54,7 +54,7 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
     ``needed``: height above and below neutral that the task needs, ``task.stylus_range`` [m].
     """
     room = min(zero_z - box.z_min, box.z_max - zero_z)
-    if room < 0.5 * LEAST_SIDE:
+    if room < 0.5 * MIN_SIDE:
         raise NetboardError(
             f"the neutral height, {zero_z * 1e3:.0f} mm, is not well within the workspace, {box.z_min * 1e3:.0f} to "
             f"{box.z_max * 1e3:.0f} mm: measure the corners again"

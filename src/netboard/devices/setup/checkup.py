@@ -24,7 +24,7 @@ PERIOD_MS = (1.2, 2.0, 4.0)
 ANSWER_MS = 0.5
 """Limit of the reading time, 99th percentile [ms]."""
 
-LEAST_HZ = 900.0
+MIN_HZ = 900.0
 """Lowest good rate of new positions [Hz]."""
 
 QUIET = 1.0
@@ -161,7 +161,7 @@ def _answer(track: Track) -> Finding:
 def _positions(track: Track) -> Finding:
     new = int(np.count_nonzero(np.diff(track.time) > 0.0))
     rate = new / float(track.begun[-1] - track.begun[0])
-    good = rate >= LEAST_HZ
+    good = rate >= MIN_HZ
     advice = "" if good else "the device is slower than the loop, so forces are computed from older positions"
     return Finding("position updates", "green" if good else "yellow", f"{rate:.0f} Hz", advice, {"rate_hz": rate})
 

@@ -43,7 +43,7 @@ BUMP = 0.12
 SLOW = 0.004
 """Speed below which the stylus may stick; such samples are left out of the initial guess [m/s]."""
 
-LONGEST_DELAY = 0.02
+MAX_DELAY = 0.02
 """Upper bound of the delay [s]."""
 
 NAMES = ("mass", "damping", "friction", "load", "delay", "stiffness")
@@ -55,7 +55,7 @@ SCALES = np.array([0.05, 0.5, 0.1, 0.1, 1e-3, 50.0])
 STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-4, 1e-5, 1e-2])
 """Steps of the finite differences, in the same units."""
 
-GOOD, MOST_ROUNDS = 1e-5, 60
+GOOD, MAX_ROUNDS = 1e-5, 60
 """Convergence tolerance (relative change per iteration), and limit of iterations [1]."""
 
 CONFIDENCE = 0.95
@@ -104,7 +104,7 @@ def identify(motion: Motion, held: bool) -> Identified:
     free = np.array([True, True, True, True, True, held])
     first = _first_guess(motion, held)
     least = np.where(free, [1e-3, 0.0, 0.0, -np.inf, 0.0, 0.0], 0.0)
-    most = np.where(free, [50.0, 500.0, 50.0, np.inf, LONGEST_DELAY, 1e4], 1.0)
+    most = np.where(free, [50.0, 500.0, 50.0, np.inf, MAX_DELAY, 1e4], 1.0)
 
     def split(x: Floats) -> tuple[Floats, Floats]:
         globals_ = np.zeros(len(NAMES))
@@ -125,7 +125,7 @@ def identify(motion: Motion, held: bool) -> Identified:
     inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
     scales = np.concatenate([SCALES[free], np.repeat([1e-3, 0.1], windows.count)])
     fit = least_squares(
-        residuals, inside, jac=slopes, bounds=bounds, x_scale=scales, ftol=GOOD, xtol=GOOD, max_nfev=MOST_ROUNDS
+        residuals, inside, jac=slopes, bounds=bounds, x_scale=scales, ftol=GOOD, xtol=GOOD, max_nfev=MAX_ROUNDS
     )
     values, half_widths = np.zeros(len(NAMES)), np.zeros(len(NAMES))
     values[free] = fit.x[: free.sum()]

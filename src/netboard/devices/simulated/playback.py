@@ -25,7 +25,7 @@ from pydantic import StrictBool
 
 from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError, DeviceNotFound
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.recording.files.reader import Recording
 
@@ -44,7 +44,7 @@ Vector = tuple[float, float, float]
 class Options:
     """Options of the recorded stylus."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     file: Annotated[str, about("file to play: a recording (.mcap) or a .csv file")] = ""
     side: Annotated[Literal["same", "left", "right"], about("whose stylus in a recording; same: of this side")] = "same"
     trial: Annotated[int, about("number of the trial that is played; 0: the whole recording", "1", ge=0)] = 0

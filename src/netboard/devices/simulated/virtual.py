@@ -25,7 +25,7 @@ from pydantic import StrictBool
 
 from netboard.base.compiled import inlined, kernel
 from netboard.base.config import SIDES, Config, Side
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 from netboard.devices.contract.velocity import Velocimeter
@@ -49,7 +49,7 @@ Vector = tuple[float, float, float]
 class Options:
     """Options of the virtual device."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     held: Annotated[StrictBool, about("false: no hand on the stylus")] = True
 
 

@@ -30,7 +30,7 @@ INVALID_HANDLE = 0xFFFFFFFF
 MAX_PRIORITY, DEFAULT_PRIORITY = 65535, 32767
 """Priorities of callbacks; within a tick, higher ones run first."""
 
-MOST_ERRORS = 64
+MAX_ERRORS = 64
 """Limit of errors taken off the stack at a time, in case the library never stops reporting [1]."""
 
 
@@ -193,7 +193,7 @@ class Library:
     def drain(self) -> list[Fault]:
         """Take all errors off the stack, newest first."""
         faults: list[Fault] = []
-        while len(faults) < MOST_ERRORS and (info := self.calls.hdGetError()).code != Error.SUCCESS:
+        while len(faults) < MAX_ERRORS and (info := self.calls.hdGetError()).code != Error.SUCCESS:
             faults.append(self.fault(info.code, info.internal, info.handle))
         return faults
 

@@ -19,7 +19,7 @@ from typing import Annotated, Literal, final
 
 from netboard.base.config import Config, Side
 from netboard.base.errors import DeviceLost, DeviceTimeout
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.devices.contract.device import Device, DeviceInfo, Found, Reading
 from netboard.devices.touch.api import Error, Fault
 from netboard.devices.touch.find import calibrate, candidates, describe, enable, find, present
@@ -38,7 +38,7 @@ FIRST_TICK_NS = 1_000_000_000
 REST_NS = 1_000_000_000
 """Time for which the device is not ready after a motor error [ns]."""
 
-SAID_AGAIN_NS = 1_000_000_000
+REPEAT_INTERVAL_NS = 1_000_000_000
 """Quiet time after which the same error is logged again [ns]."""
 
 TIRED = frozenset(
@@ -60,7 +60,7 @@ LATE = frozenset({Error.TIMER_ERROR})
 class Options:
     """Options of a device of OpenHaptics."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     serial: Annotated[str, about("serial number of the device; empty for the one by that name, or the only one")] = ""
     name: Annotated[str, about("name of the device in the vendor's set-up tool; empty: the default names")] = ""
     library: Annotated[str, about("file of the vendor's library; empty to look for libHD.so or HD.dll")] = ""
@@ -174,7 +174,7 @@ class OpenHaptics(Device):
         """Process errors of the library: make the device not ready for a while, or report it lost."""
         fatal = [fault for fault in faults if fault.code not in TIRED]
         for fault in faults:
-            if now_ns - self._said.get(fault.code, -SAID_AGAIN_NS) >= SAID_AGAIN_NS:
+            if now_ns - self._said.get(fault.code, -REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS:
                 log.warning("the haptic device reports %s", fault)
             self._said[fault.code] = now_ns
         if faults:

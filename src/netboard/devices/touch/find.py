@@ -32,7 +32,7 @@ OTHER_NAMES = ("Left Device", "Right Device", "Phantom2", "Phantom3", "Phantom4"
 CALIBRATE_S = 2.0
 """Time limit for the library to calibrate a device [s]."""
 
-ASK_AGAIN_S = 0.02
+RETRY_INTERVAL_S = 0.02
 
 LIMITS = (
     Capability.MAX_FORCE_CLAMPING,
@@ -208,11 +208,11 @@ def calibrate(rig: Rig, opened: OpenDevice, pause: Callable[[float], None] = tim
     best = next((style for style in (Style.CALIBRATION_AUTO, Style.CALIBRATION_INKWELL) if style in styles), None)
     if state == Calibration.CALIBRATION_NEEDS_UPDATE and best is not None:
         rig.ask(opened, "calibrating", lambda: hd.hdUpdateCalibration(best) or 0)
-        for _ in range(round(CALIBRATE_S / ASK_AGAIN_S)):
+        for _ in range(round(CALIBRATE_S / RETRY_INTERVAL_S)):
             if (state := _state(rig, opened)) == Calibration.CALIBRATION_OK:
                 log.info("the haptic device has been calibrated")
                 break
-            pause(ASK_AGAIN_S)
+            pause(RETRY_INTERVAL_S)
     if state != Calibration.CALIBRATION_OK:
         known = f"HD_{Calibration(state).name}" if state in set(Calibration) else f"an unknown state, 0x{state:04x}"
         todo = MANUAL[best or Style.CALIBRATION_ENCODER_RESET]

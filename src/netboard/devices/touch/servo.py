@@ -16,7 +16,7 @@ from ctypes import byref, c_double, c_int32, c_ubyte, c_void_p
 from time import monotonic_ns
 from typing import Any, NamedTuple, Protocol
 
-from netboard.devices.touch.api import CALLBACK, MOST_ERRORS, After, Library, Parameter
+from netboard.devices.touch.api import CALLBACK, MAX_ERRORS, After, Library, Parameter
 
 Vector = tuple[float, float, float]
 Raw = tuple[int, int, int]
@@ -117,7 +117,7 @@ class PythonServo:
         out[0], out[1], out[2] = self._chosen(stamp_ns)
         self._set_doubles(Parameter.CURRENT_FORCE, out)
         self._end(self._handle)
-        for _ in range(MOST_ERRORS):
+        for _ in range(MAX_ERRORS):
             error = self._next_error()
             if not error.code:
                 break

@@ -33,7 +33,7 @@ COMPILERS = ("cc", "gcc", "clang")
 
 FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC")
 
-INSTEAD = 'install a C compiler (Debian, Ubuntu: gcc and libc6-dev), or set the option servo = "python"'
+NO_COMPILER_HINT = 'install a C compiler (Debian, Ubuntu: gcc and libc6-dev), or set the option servo = "python"'
 
 
 CALLED = (
@@ -107,7 +107,9 @@ def build(folder: Path) -> Path:
             _compile([*command, "-o", str(fresh), str(SOURCE)])
             fresh.replace(kept)  # atomic, even if another process compiles it now
     except OSError as error:
-        raise DeviceNotFound(f"the servo callback in C cannot be kept in {folder}: {error}; {INSTEAD}") from error
+        raise DeviceNotFound(
+            f"the servo callback in C cannot be kept in {folder}: {error}; {NO_COMPILER_HINT}"
+        ) from error
     return kept
 
 
@@ -116,7 +118,7 @@ def _compile(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
-        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {said}; {INSTEAD}")
+        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {said}; {NO_COMPILER_HINT}")
 
 
 def _compiler() -> list[str]:
@@ -126,7 +128,7 @@ def _compiler() -> list[str]:
         if shutil.which(words[0]):
             return words
     looked = " ".join(named) or ", ".join(COMPILERS)
-    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({looked}); {INSTEAD}")
+    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({looked}); {NO_COMPILER_HINT}")
 
 
 class ShimServo:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 NEVER_NS = 2**63 - 1
 """Age of a peer that never sent a frame, and error bound of a clock that was never probed [ns]."""
 
-FAR_NS = 2**61
+MAX_OFFSET_NS = 2**61
 """Clock offsets beyond this (73 years) are invalid; below it, every number of an estimate fits 64 bits [ns]."""
 
 _MILLION = 1_000_000
@@ -120,7 +120,7 @@ class ClockEstimator:
             Received by the server, on its clock [ns].
         """
         highest, lowest = t1_ns - t0_ns, t2_ns - t3_ns
-        if t2_ns < t1_ns or not -FAR_NS < lowest <= highest < FAR_NS:  # which also rules out t3 before t0
+        if t2_ns < t1_ns or not -MAX_OFFSET_NS < lowest <= highest < MAX_OFFSET_NS:  # which also rules out t3 before t0
             self.rejected += 1
             return False
         self.accepted += 1

@@ -43,7 +43,7 @@ from netboard.network.protocol.records import (
     LogRequest,
     TickRecord,
 )
-from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.stage.view import View
 
 PROTOCOL_VERSION = 5
@@ -132,7 +132,7 @@ KINDS: dict[int, Kind] = {
     14: Kind(BackfillRequest, 64, down=_AGENT),
     15: Kind(Backfill, 2304, up=_AGENT),
     20: Kind(View, 4096, down=_DISPLAY),
-    21: Kind(Frames, 8192, MOST_SHOWN, up=_DISPLAY),
+    21: Kind(Frames, 8192, MAX_SHOWN, up=_DISPLAY),
     30: Kind(LogRequest, 64, up=_LOGGERS),
     31: Kind(LogBatch, 1_048_576, 4096, down=_LOGGERS),
     32: Kind(LogAck, 1024, up=_LOGGER),

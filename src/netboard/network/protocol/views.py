@@ -7,7 +7,7 @@ A message is data only; `netboard.network.protocol.messages` holds the rules for
 
 from dataclasses import dataclass
 
-MOST_SHOWN = 256
+MAX_SHOWN = 256
 """Frames in one report: those of a second at 240 Hz, the highest supported refresh rate, with some margin [1]."""
 
 

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
-MOST_HANDSHAKES = 3
+MAX_HANDSHAKES = 3
 """Handshakes answered, and failures read of a channel, in one call; it limits what unknown peers take of a tick [1]."""
 MAX_FULL_READS = 20
 """Consecutive full readings of failed handshakes after which a channel is not read for a while [1]."""
@@ -164,7 +164,7 @@ class _ZapHandler:
         """Answer some of the waiting handshakes."""
         until_ns = self._low_priority_until_ns
         self._context.set_low_priority(until_ns > 0 and time.monotonic_ns() < until_ns)
-        for _ in range(MOST_HANDSHAKES):
+        for _ in range(MAX_HANDSHAKES):
             if not readable(self._socket):
                 return
             version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(NOBLOCK)
@@ -198,7 +198,7 @@ class _HandshakeMonitor:
             if time.monotonic_ns() < self._paused_until_ns:
                 return
             self._paused_until_ns, self._monitor = 0, self._open()
-        for _ in range(MOST_HANDSHAKES):
+        for _ in range(MAX_HANDSHAKES):
             if self._monitor.closed or not readable(self._monitor):
                 self._full = 0
                 return

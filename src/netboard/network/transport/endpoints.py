@@ -16,11 +16,11 @@ GOODBYE_LINGER_MS = 200
 
 SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
 """What an XPUB receives when the first subscriber subscribes to everything, and when the last one leaves."""
-MOST_SUBSCRIPTIONS = 16
+MAX_SUBSCRIPTIONS = 16
 """Subscriptions read at once [1]."""
-MOST_PARTS = 64
+MAX_PARTS = 64
 """Parts of a message skipped at once; a peer may send any number, although netboard's messages have one [1]."""
-MOST_NAMES = 1000
+MAX_NAMES = 1000
 """Peers whose name is known to match their key [1]."""
 NOBLOCK_MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
 """A plain number, as `NOBLOCK`."""
@@ -30,14 +30,14 @@ NOBODY = b"", b""
 """Result in place of a peer and its frame, if the name was not the sender's and the frame was refused."""
 
 _SECRET = re.compile(r"\.([0-9a-f]{4})[0-9a-f]{12}$")
-MOST_LETTERS = 64
+MAX_CHARACTERS = 64
 """Length up to which a name is shown [1]."""
 
 
 def shown(peer: bytes) -> str:
     """Return a peer's name for people, without most of the random part at its end."""
     name = _SECRET.sub(r".\1...", peer.decode(errors="replace"))
-    return name if len(name) <= MOST_LETTERS else f"{name[:MOST_LETTERS]}..."
+    return name if len(name) <= MAX_CHARACTERS else f"{name[:MAX_CHARACTERS]}..."
 
 
 class Router:
@@ -77,7 +77,7 @@ class Router:
 
     def _skip_parts(self) -> bool:
         """Skip the rest of a multipart message, a bounded number of parts; return whether a new message can be read."""
-        for _ in range(MOST_PARTS):
+        for _ in range(MAX_PARTS):
             if not self._more:
                 break
             self.socket.recv(NOBLOCK)
@@ -145,7 +145,7 @@ class Router:
         if peer.partition(b"@")[0] != authenticator.ring.owner(key).encode():
             authenticator.refuse(self.channel, address, key, f"it calls itself {shown(peer)}")
             return False
-        if len(self._names) >= MOST_NAMES:
+        if len(self._names) >= MAX_NAMES:
             self._names.clear()
         self._names[peer] = key
         return True
@@ -168,7 +168,7 @@ class Publisher:
 
     def wanted(self) -> bool:
         """Return whether anybody has subscribed."""
-        for _ in range(MOST_SUBSCRIPTIONS):
+        for _ in range(MAX_SUBSCRIPTIONS):
             if not readable(self.socket):
                 break
             word = self.socket.recv(NOBLOCK)

@@ -36,7 +36,7 @@ KEY_SIZE = 40
 
 ADDRESS_ROOM = 64
 
-MOST_PARTS = 256
+MAX_PARTS = 256
 """Parts of a message skipped at once; a peer may send any number, although netboard's messages have one [1]."""
 
 NOTHING, OTHER, FAILED = -1, -2, -3
@@ -180,7 +180,7 @@ def _skip_parts(fast: Any) -> bool:
     """Skip the rest of a multipart message, a bounded number of parts; return whether nothing is left of it."""
     us = fast[0]
     message = us["message"].ctypes.data
-    for _ in range(MOST_PARTS):
+    for _ in range(MAX_PARTS):
         if us["more"] == 0:
             return True
         _msg_init(message)

@@ -8,17 +8,17 @@ Pure: time is an argument.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-FIRST_WAIT_NS, LONGEST_WAIT_NS = 1_000_000_000, 64_000_000_000
+FIRST_WAIT_NS, MAX_WAIT_NS = 1_000_000_000, 64_000_000_000
 """Wait between the first two reports of a kind; it doubles up to the longest [ns]."""
 
-LOOK_NS = 100_000_000
-MOST_REPORTS = 8
+CHECK_INTERVAL_NS = 100_000_000
+MAX_REPORTS = 8
 """Largest number of reports in each tenth of a second [1]."""
 
-MOST_KINDS = 64
+MAX_KINDS = 64
 """Kinds counted separately; beyond those, as many again by channel and reason alone [1]."""
 
-MOST_REASONS = 32
+MAX_REASONS = 32
 """Reasons counted separately in the totals [1]."""
 
 OTHERS = "others"
@@ -51,13 +51,13 @@ class RefusalCount:
     def count(self, kind: tuple[str, ...], details: dict[str, str], times: int = 1) -> None:
         """Count refusals of a kind; ``details`` describe it, including its ``reason``."""
         reason = details["reason"]
-        if reason not in self.totals and len(self.totals) >= MOST_REASONS:
+        if reason not in self.totals and len(self.totals) >= MAX_REASONS:
             reason = OTHER_REASONS
         self.totals[reason] = self.totals.get(reason, 0) + times
-        if kind not in self._kinds and len(self._kinds) >= MOST_KINDS:
+        if kind not in self._kinds and len(self._kinds) >= MAX_KINDS:
             channel, reason = details.get("channel", ""), details["reason"]
             kind = OTHERS, channel, reason
-            if kind not in self._kinds and len(self._kinds) >= 2 * MOST_KINDS:
+            if kind not in self._kinds and len(self._kinds) >= 2 * MAX_KINDS:
                 kind, reason = (OTHERS, channel), OTHER_REASONS
             details = {"channel": channel, "peer": OTHERS, "reason": reason}
         known = self._kinds.setdefault(kind, _Kind(details))
@@ -67,14 +67,14 @@ class RefusalCount:
     def reports(self, now_ns: int, *, again: bool = True) -> list[dict[str, str]]:
         """Return the reports that are due, with ``again`` those of known kinds too: details, and ``times`` so far."""
         if self._look_ns is None or now_ns >= self._look_ns:
-            self._look_ns, self._reports = now_ns + LOOK_NS, 0
-        elif self._reports >= MOST_REPORTS:
+            self._look_ns, self._reports = now_ns + CHECK_INTERVAL_NS, 0
+        elif self._reports >= MAX_REPORTS:
             return []
         due = [kind for kind in self._untold.values() if kind.due_ns is None or (again and now_ns >= kind.due_ns)]
-        due = due[: MOST_REPORTS - self._reports]
+        due = due[: MAX_REPORTS - self._reports]
         self._reports += len(due)
         for kind in due:
-            kind.due_ns, kind.wait_ns = now_ns + kind.wait_ns, min(2 * kind.wait_ns, LONGEST_WAIT_NS)
+            kind.due_ns, kind.wait_ns = now_ns + kind.wait_ns, min(2 * kind.wait_ns, MAX_WAIT_NS)
         return list(self._report(due))
 
     def rest(self) -> list[dict[str, str]]:

@@ -48,14 +48,14 @@ HANDSHAKE_MS = 5_000
 
 VIEW_HWM = 2
 LOG_LINGER_MS = 2000
-LARGEST_FRAME = 2**20
+MAX_FRAME = 2**20
 """Size above which a frame is rejected unread and its sender disconnected [bytes]."""
-LARGEST_SAMPLE, LARGEST_REQUEST = 2**12 + 2**8, 2**13 + 2**8
+MAX_SAMPLE, MAX_REQUEST = 2**12 + 2**8, 2**13 + 2**8
 """The same for frames to the server on the motion channel, and on the log and control channels [bytes].
 
 This is a peer's largest message plus the overhead of encryption.
 """
-LARGEST_SUBSCRIPTION = 2**10
+MAX_SUBSCRIPTION = 2**10
 """The same for views, where peers only subscribe: each byte of a subscription becomes a node of a tree [bytes]."""
 _THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
 """Thread of the second context that serves each channel that may wait."""
@@ -67,7 +67,7 @@ KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
-RENEW_S, MOST_RENEW_S = 2.0, 16.0
+RENEW_S, MAX_RENEW_S = 2.0, 16.0
 """Time after which a peer that finds no server reconnects, doubled each time up to the longest [s].
 
 A server that is slow to answer must not get new handshakes before it has answered.
@@ -173,7 +173,7 @@ def _granted(what: str, ask: Callable[[], None]) -> bool:
 # --- sockets -----------------------------------------------------------------------------------------------------
 
 
-def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: int = LARGEST_FRAME) -> Socket:
+def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0, largest: int = MAX_FRAME) -> Socket:
     """Make a socket with the options that all have in common."""
     socket: Socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, linger_ms)
@@ -275,7 +275,7 @@ def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linge
 
 def motion_server(context: Context, endpoint: Endpoint) -> Router:
     """Make the server's socket of the motion channel."""
-    return _router(context, endpoint, MOTION_HWM, LARGEST_SAMPLE)
+    return _router(context, endpoint, MOTION_HWM, MAX_SAMPLE)
 
 
 def motion_agent(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -285,7 +285,7 @@ def motion_agent(context: Context, endpoint: Endpoint, identity: str) -> Socket:
 
 def log_server(context: Context, endpoint: Endpoint) -> Router:
     """Make the server's socket of the log channel."""
-    return _router(context, endpoint, LOG_HWM, LARGEST_REQUEST, LOG_LINGER_MS)
+    return _router(context, endpoint, LOG_HWM, MAX_REQUEST, LOG_LINGER_MS)
 
 
 def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -295,7 +295,7 @@ def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
 
 def control_server(context: Context, endpoint: Endpoint) -> Router:
     """Make the server's socket of the control channel."""
-    return _router(context, endpoint, SERVED_HWM, LARGEST_REQUEST)
+    return _router(context, endpoint, SERVED_HWM, MAX_REQUEST)
 
 
 def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -306,7 +306,7 @@ def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socke
 def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
     """Make the server's socket of one station's view channel."""
     context, threads = _place_of(context, endpoint)
-    socket = _make(context, zmq.XPUB, VIEW_HWM, largest=LARGEST_SUBSCRIPTION)
+    socket = _make(context, zmq.XPUB, VIEW_HWM, largest=MAX_SUBSCRIPTION)
     socket.setsockopt(zmq.AFFINITY, threads)
     return Publisher(_bind(context, socket, endpoint))
 
@@ -379,12 +379,12 @@ def renew(socket: Socket) -> None:
     """Reconnect, unless that was done recently: libzmq itself does not retry after a failed handshake."""
     now = time.monotonic()
     since, wait = _renewed.get(socket, (now, RENEW_S))
-    if now - since > 2 * MOST_RENEW_S:  # the connection has worked since then
+    if now - since > 2 * MAX_RENEW_S:  # the connection has worked since then
         since, wait = now, RENEW_S
     _renewed[socket] = since, wait
     if now - since < wait:
         return
-    _renewed[socket] = now, min(2 * wait, MOST_RENEW_S)
+    _renewed[socket] = now, min(2 * wait, MAX_RENEW_S)
     endpoint = socket.getsockopt_string(zmq.LAST_ENDPOINT)
     socket.disconnect(endpoint)
     socket.connect(endpoint)

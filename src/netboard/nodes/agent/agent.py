@@ -48,10 +48,10 @@ LEAD_NS = 300_000
 SHIFT_SHARE = 0.02
 """Share of the phase error that is corrected with each message [1]."""
 
-LARGEST_SHIFT_NS = 5_000
+MAX_SHIFT_NS = 5_000
 """Largest phase shift in a tick, which keeps the interval of the samples within 0.5 % of 1 ms [ns]."""
 
-SEEK_NS = 500_000_000
+SEARCH_INTERVAL_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
 
 LIMITED = -5
@@ -106,7 +106,7 @@ def phase_shift(lead_ns: int) -> int:
     """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
     # Wrapped to half a tick: a sample that misses its tick is early for the next one.
     error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
-    return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
+    return min(max(round(SHIFT_SHARE * error), -MAX_SHIFT_NS), MAX_SHIFT_NS)
 
 
 class StylusSource(Protocol):
@@ -194,17 +194,17 @@ class Agent:
 
     def _seek(self, stopping: Callable[[], bool]) -> None:
         """Look for the lost device until it is back."""
-        log.info("looking for the device every %g s", SEEK_NS * 1e-9)
+        log.info("looking for the device every %g s", SEARCH_INTERVAL_NS * 1e-9)
         trouble = RateLimitedLog(log)
         while not stopping():
             try:
                 info = self._device.open()
             except DeviceNotFound:
-                Pacer(now_ns() + SEEK_NS).wait()
+                Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
             except DeviceError as error:
                 trouble.log(f"the device is back, but cannot be used yet: {error}")
-                Pacer(now_ns() + SEEK_NS).wait()
+                Pacer(now_ns() + SEARCH_INTERVAL_NS).wait()
                 continue
             log.info("the device is back: %s %s", info.model, info.serial)
             self._safety = Safety(self._config.safety, info.max_force, info.continuous_force)
@@ -245,7 +245,7 @@ class Agent:
             )
             if came == LIMITED:
                 self._write(fx, fy, fz, safeguards)
-            elif link.understand(came):
+            elif link.handle_found(came):
                 if not alone:
                     self._render(reading)
             elif came == fastpath.NOTHING:

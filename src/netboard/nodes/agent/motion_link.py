@@ -26,13 +26,13 @@ from netboard.network.transport import fastpath, sockets
 
 log = logging.getLogger(__name__)
 
-HELLO_NS = 500_000_000
+HELLO_INTERVAL_NS = 500_000_000
 """Silence of the server after which `Hello` is sent again [ns]."""
 
 REMEMBERED = 256
 """Samples whose stamps are remembered [1]."""
 
-PARTING_TRIES = 50
+GOODBYE_ATTEMPTS = 50
 """Attempts to send the goodbye after a lost device, one each millisecond [1]."""
 
 NEVER_NS = -(2**62)
@@ -193,12 +193,12 @@ class Link:
         self.asked: BackfillRequest | None = None
         self._socket = socket
         self._path = fastpath.FastPath(socket)
-        self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.LARGEST_FRAME, np.uint8), empty()
+        self.fast, self.frame, self.state = self._path.record, np.zeros(sockets.MAX_FRAME, np.uint8), empty()
         self.state[0]["timeout_ns"] = timeout_ns
         self._sample = np.zeros(fixed.STYLUS.size, np.uint8)
         self._send_sample, self._close_loop = send_sample, close_loop
         self.introduce(hello)
-        self._hello_ns = -HELLO_NS
+        self._hello_ns = -HELLO_INTERVAL_NS
         self._refused = ""
         self._nonsense = RateLimitedLog(log)
 
@@ -264,15 +264,15 @@ class Link:
         )
         if said == fastpath.FAILED:
             self._path.fail("motion")
-        if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_NS:
+        if stamp_ns - max(self.answer_ns, self._hello_ns) >= HELLO_INTERVAL_NS:
             self._hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
 
     def receive(self, until_ns: int = 0) -> bool:
         """Wait for a message until a time; return True if it is a newer answer."""
-        return self.understand(wait_for_answer(self.fast, self.frame, self.state, until_ns))
+        return self.handle_found(wait_for_answer(self.fast, self.frame, self.state, until_ns))
 
-    def understand(self, came: int) -> bool:
+    def handle_found(self, came: int) -> bool:
         """Handle what `wait_for_answer` has found; return True if it is a newer answer."""
         if came == fastpath.FAILED:
             self._path.fail("motion")
@@ -312,7 +312,7 @@ class Link:
 
     def part(self, reason: str) -> None:
         """Leave the session with a goodbye, trying again while samples fill the queue."""
-        for _ in range(PARTING_TRIES):
+        for _ in range(GOODBYE_ATTEMPTS):
             if sockets.send(self._socket, encode(Goodbye(reason))):
                 break
             Pacer(now_ns() + TICK_NS).wait()

@@ -32,10 +32,10 @@ from netboard.stage.view import View
 HOST: Side = "left"
 """Side whose agent runs the controller of a bimanual participant."""
 
-SHORTEST_MOVE = 1e-3
+MIN_MOVE = 1e-3
 """Shortest movement that may be commanded to the other hand [s]."""
 
-FELT_NS = 8_000_000
+FORCE_VIEW_INTERVAL_NS = 8_000_000
 """Interval at which a player's display receives the force on the hand: the interval of views [ns]."""
 
 
@@ -77,7 +77,7 @@ class ViewReceiver:
         self.glimpse: Glimpse | None = None
         self._socket = socket
 
-    def look(self, now_ns: int) -> None:
+    def poll(self, now_ns: int) -> None:
         """Take the newest view."""
         frame = sockets.receive(self._socket)
         if frame is None:
@@ -126,7 +126,7 @@ class LiveController:
     def step(self, now_ns: int, haptics: bool) -> None:
         """Look, feel, decide, move."""
         self._device.live(now_ns)
-        self._views.look(now_ns)
+        self._views.poll(now_ns)
         felt = self._device.felt if haptics and self._reads and self._moves is None else None
         moves = self._controller.step(now_ns * 1e-9, self._views.glimpse, felt)
         for move in moves:
@@ -184,7 +184,7 @@ class Player:
         frame = sockets.receive(self._pointer)
         if frame is not None:
             self._take(frame, now_ns)
-        if now_ns - self._published_ns >= FELT_NS:
+        if now_ns - self._published_ns >= FORCE_VIEW_INTERVAL_NS:
             self._published_ns = now_ns
             self._felt.send(encode(Felt(self._device.side, self._device.felt)))
 
@@ -199,7 +199,7 @@ class Player:
 
 def _is_possible(move: Move) -> bool:
     """Return whether a movement is within the limits of a hand."""
-    return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
+    return abs(move.displacement) <= 1.0 and MIN_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 
 class LiveParticipant:

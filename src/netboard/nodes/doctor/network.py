@@ -27,7 +27,7 @@ if sys.platform != "win32":
     import fcntl
 
 LOOPBACK = "127.0.0.1"
-PATIENCE_NS = 5_000_000_000
+POLL_TIMEOUT_NS = 5_000_000_000
 """Timeout for one frame over loopback [ns]."""
 
 NET = Path("/sys/class/net")
@@ -77,18 +77,18 @@ def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator
 
 def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
     """Send as soon as a peer is connected."""
-    until = now_ns() + PATIENCE_NS
+    until = now_ns() + POLL_TIMEOUT_NS
     while not sockets.send(peer, frame):
         if now_ns() > until:
-            raise NetboardError(f"no connection over loopback within {PATIENCE_NS * 1e-9:g} s")
+            raise NetboardError(f"no connection over loopback within {POLL_TIMEOUT_NS * 1e-9:g} s")
         time.sleep(0.001)
 
 
 def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
     """Wait for the next result of `receive`, and return it."""
-    heard = receive() if waiter.wait(PATIENCE_NS * 1e-9) else None
+    heard = receive() if waiter.wait(POLL_TIMEOUT_NS * 1e-9) else None
     if heard is None:
-        raise NetboardError(f"a frame did not come through loopback within {PATIENCE_NS * 1e-9:g} s")
+        raise NetboardError(f"a frame did not come through loopback within {POLL_TIMEOUT_NS * 1e-9:g} s")
     return heard
 
 

@@ -26,7 +26,7 @@ LIGHT_SLEEP_US = 20
 
 LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in again"
 
-LEAST_RUNTIME = 0.8
+MIN_RUNTIME = 0.8
 """Smallest share of a core that real-time loops should be allowed [1]."""
 
 QT_SECONDS = 60.0
@@ -50,7 +50,7 @@ def throttle(root: Path = ROOT) -> Finding:
         return Finding(
             name, "yellow", "off", "a hung loop can freeze the machine: sysctl kernel.sched_rt_runtime_us=950000"
         )
-    if int(runtime) < LEAST_RUNTIME * int(period):
+    if int(runtime) < MIN_RUNTIME * int(period):
         return Finding(name, "red", found, "too little for a loop: sysctl kernel.sched_rt_runtime_us=950000")
     return Finding(name, "green", found)
 

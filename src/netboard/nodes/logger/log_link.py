@@ -17,10 +17,10 @@ from netboard.network.transport import channels, poller, sockets
 
 log = logging.getLogger(__name__)
 
-HELLO_NS = 500_000_000
+HELLO_INTERVAL_NS = 500_000_000
 """Time without an answer after which `Hello` is sent again [ns]."""
 
-SILENT_NS = 1_000_000_000
+SILENCE_TIMEOUT_NS = 1_000_000_000
 """Silence after which the server may have been restarted and is sent another `Hello` [ns]."""
 
 WAIT_SECONDS = 0.02
@@ -75,7 +75,7 @@ class Connection:
         self.answered_ns: deque[int] = deque(maxlen=ANSWERS)  # when the last answers to probes were sent [ns]
         self._link, self._clock = link, clock
         self._hello = Hello(role, "", PROTOCOL_VERSION, NAME, version("netboard"), details)
-        self._last_message_ns = self._greeted_ns = clock() - SILENT_NS
+        self._last_message_ns = self._greeted_ns = clock() - SILENCE_TIMEOUT_NS
         self._refused = ""
 
     def messages(self) -> Iterator[Message | None]:
@@ -119,8 +119,8 @@ class Connection:
         records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
         """
         now = self._clock()
-        silent = now - self._last_message_ns >= SILENT_NS
-        if (silent or not self.welcomed) and now - self._greeted_ns >= HELLO_NS:
+        silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
+        if (silent or not self.welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
             self._greeted_ns = now
             self.welcomed = False
             self.send(self._hello)

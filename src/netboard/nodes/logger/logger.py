@@ -21,7 +21,7 @@ from netboard.base.tables.rig import Recording
 from netboard.network.protocol.joining import Goodbye, Welcome
 from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.logger.log_link import SILENT_NS, Connection, Link
+from netboard.nodes.logger.log_link import SILENCE_TIMEOUT_NS, Connection, Link
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import begun, record_of
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 ASK_NS = 200_000_000
 """Interval at which missing records are requested again [ns]."""
 
-LOOK_NS = 1_000_000_000
+CHECK_INTERVAL_NS = 1_000_000_000
 """Interval at which the logger checks that the file still exists while nothing arrives [ns]."""
 
 
@@ -79,7 +79,7 @@ class Logger:
         self._session = ""
         self._ended = ""
         self._log_time_minus_clock = 0
-        self._asked_ns = -SILENT_NS
+        self._asked_ns = -SILENCE_TIMEOUT_NS
         self._looked_ns = 0
         self._end_doubted = False
         self._space_is_low = False
@@ -117,7 +117,7 @@ class Logger:
         due = writer.is_due(self._log_time())
         if due:
             writer.flush(self._log_time())
-        if due or self._clock() - self._looked_ns >= LOOK_NS:
+        if due or self._clock() - self._looked_ns >= CHECK_INTERVAL_NS:
             self._acknowledge(writer)
 
     def _log_time(self) -> int:
@@ -178,7 +178,7 @@ class Logger:
         self._writer = writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
         self._end_doubted = False
         log.info("recording to %s", path)
-        self._look_at_space(writer.space(utc_ns))
+        self._check_space(writer.space(utc_ns))
         return writer
 
     def _ask(self) -> None:
@@ -279,9 +279,9 @@ class Logger:
         space = writer.space(self._log_time())
         if writer.durable is not None and self._server.welcomed:
             self._server.send(LogAck(writer.durable, space.free, writer.path.name, writer.size))
-        self._look_at_space(space)
+        self._check_space(space)
 
-    def _look_at_space(self, space: Space) -> None:
+    def _check_space(self, space: Space) -> None:
         """Warn when space becomes scarce; stop while there is enough to finish the recording."""
         if space.low and not self._space_is_low:
             log.warning("%s: only %s", self._settings.directory, space)

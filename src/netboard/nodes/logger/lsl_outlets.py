@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 COMPARISONS = 100
 """Comparisons of the LSL clock with the machine's at the start; the closest one counts [1]."""
 
-MOST_WAITING = 10_000
+MAX_WAITING = 10_000
 """Largest number of ticks that wait for the clock offset [1]."""
 
 
@@ -104,7 +104,7 @@ class Outlets:
         log.info("session %s", welcome.session)
         self._remark("lsl_session", {"session": welcome.session, "config": welcome.config})
 
-    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+    def set_clock(self, offset_ns: int, bound_ns: int) -> None:
         """Set the clock offset [ns]; within its bound of zero both machines are taken to share one clock."""
         known = self._shift_ns is not None
         if known and self._exact and abs(offset_ns) <= bound_ns:
@@ -122,7 +122,7 @@ class Outlets:
         for ticks, events in held:
             self._send(self._shift_ns, ticks, events)
 
-    def tell_lost(self, first: int, count: int) -> None:
+    def report_lost(self, first: int, count: int) -> None:
         """Report records that did not arrive."""
         log.warning("%d records from number %d on did not come: the streams have a hole", count, first)
         self._remark("lsl_lost", {"first": str(first), "count": str(count)})
@@ -134,7 +134,7 @@ class Outlets:
             return
         self._waiting.append((ticks, events))
         waiting = sum(len(held) for held, _ in self._waiting)
-        if waiting > MOST_WAITING:
+        if waiting > MAX_WAITING:
             log.warning("%d ticks are not sent: the server's clock is not known", waiting)
             self._remark("lsl_unsent", {"ticks": str(waiting)})
             self._waiting.clear()

@@ -40,10 +40,10 @@ class RecordReceiver(Protocol):
     def begin(self, welcome: Welcome) -> None:
         """Begin another session of the server."""
 
-    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+    def set_clock(self, offset_ns: int, bound_ns: int) -> None:
         """Take the offset of this machine's clock from the server's, and its error bound [ns]."""
 
-    def tell_lost(self, first: int, count: int) -> None:
+    def report_lost(self, first: int, count: int) -> None:
         """Take the number of the first missed record, and how many were missed [1]."""
 
     def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
@@ -126,8 +126,8 @@ class Listener:
                 events.append(record)
             case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener":
                 if sent_ns in self._server.answered_ns:
-                    self._receiver.tell_clock(record.offset_ns, record.bound_ns)
+                    self._receiver.set_clock(record.offset_ns, record.bound_ns)
 
     def _miss(self, first: int, count: int) -> None:
         self.lost += count
-        self._receiver.tell_lost(first, count)
+        self._receiver.report_lost(first, count)

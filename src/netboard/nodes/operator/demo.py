@@ -33,13 +33,13 @@ PICTURE_AFTER = 8.0
 ANSWER_SECONDS = 0.2
 START_SECONDS = 60.0
 END_SECONDS = 20.0
-HEAR_SECONDS = 10.0
+WELCOME_TIMEOUT_S = 10.0
 """Time that a player who leaves waits for the server's first answer [s]."""
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 """Environment variables that name a screen, or what Qt should use instead."""
 
-FAREWELL_SECONDS = 3.0
+CLOSING_SECONDS = 3.0
 """Time for which players see that the block is over [s]."""
 
 console = Console(highlight=False)
@@ -124,7 +124,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping, study:
         if end is End.FAILED or operator.status is None:
             return ""
         if end is End.FINISHED and played:
-            operator.attend(FAREWELL_SECONDS)
+            operator.attend(CLOSING_SECONDS)
         session = operator.status.session
         operator.command("end")
         with console.status("waiting until all records are on disk"):
@@ -169,7 +169,7 @@ def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bo
 
 def await_server(operator: Operator) -> None:
     """Wait for the server's first answer, so that a player who leaves at once still finds a whole recording."""
-    until = time.monotonic() + HEAR_SECONDS
+    until = time.monotonic() + WELCOME_TIMEOUT_S
     while operator.status is None and time.monotonic() < until:
         operator.ask(ANSWER_SECONDS)
 

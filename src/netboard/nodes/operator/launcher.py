@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from netboard.base.process import SUPERVISOR, WITH_PARENT
+from netboard.base.process import STOP_WITH_PARENT, SUPERVISOR
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class Launcher:
 
     def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:
         self._folder = folder
-        self._environment = os.environ | environment | {WITH_PARENT: "1"}
+        self._environment = os.environ | environment | {STOP_WITH_PARENT: "1"}
         self._environment.pop(SUPERVISOR, None)  # this process's supervisor does not supervise the ones started here
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 

@@ -28,16 +28,16 @@ from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping,
 from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
 
-HELLO_NS = 500_000_000
+HELLO_INTERVAL_NS = 500_000_000
 """Time without an answer after which `Hello` is sent again [ns]."""
 
 ANSWER_SECONDS = 3.0
 """Timeout of the server's reply to a command [s]."""
 
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 """Points of the trace that are kept: 20 s [1]."""
 
-SILENT_NS = 3_000_000_000
+SILENCE_TIMEOUT_NS = 3_000_000_000
 """Silence of a known server, without even a ping, after which the connection is renewed [ns]."""
 
 log = logging.getLogger(__name__)
@@ -51,12 +51,12 @@ class Operator:
         self.status: Status | None = None
         # Outcomes of all attempts of the session so far, as in `Outcomes`.
         self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
-        self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
+        self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MAX_POINTS)
         self._replies: dict[int, Reply] = {}
         self._number = 0
         self._socket = sockets.control_client(context, where.reach(channels.CONTROL), f"console@{NAME}")
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
-        self._said_hello_ns = -HELLO_NS
+        self._said_hello_ns = -HELLO_INTERVAL_NS
         self._welcomed = False
         self._last_message_ns = 0
 
@@ -71,8 +71,8 @@ class Operator:
     def poll(self, *, trace: bool = True) -> Status | None:
         """Take what has arrived, and ask for the status, new outcomes and, if wanted, the trace; never waits."""
         newest = self._take()
-        if self._welcomed and now_ns() - self._last_message_ns > SILENT_NS:
-            log.info("the server has been silent for %g s: reconnecting", SILENT_NS * 1e-9)
+        if self._welcomed and now_ns() - self._last_message_ns > SILENCE_TIMEOUT_NS:
+            log.info("the server has been silent for %g s: reconnecting", SILENCE_TIMEOUT_NS * 1e-9)
             self._welcomed = False
             sockets.renew(self._socket)
         if self._welcomed:
@@ -81,7 +81,7 @@ class Operator:
                 self._send(OutcomesRequest(len(self.attempts)))
             if trace:
                 self._send(TraceRequest(self.points[-1][0] if self.points else -1))
-        elif now_ns() - self._said_hello_ns > HELLO_NS:
+        elif now_ns() - self._said_hello_ns > HELLO_INTERVAL_NS:
             self._said_hello_ns = now_ns()
             sockets.send_or_renew(self._socket, self._hello)
         return newest

@@ -13,7 +13,7 @@ from netboard.network.transport import sockets
 from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
 from netboard.nodes.ports.emergency import STOP
 
-LOOK_SECONDS = 0.05
+POLL_INTERVAL_S = 0.05
 """Interval at which the server is asked while waiting for a phase [s]."""
 
 
@@ -61,7 +61,7 @@ def wait(
         over = seconds is not None and time.monotonic() - began > seconds
         if status.phase == until or over or stopping():
             return status
-        operator.attend(LOOK_SECONDS)
+        operator.attend(POLL_INTERVAL_S)
 
 
 def carry_out(operator: Operator, network: Network, name: str) -> None:

@@ -56,9 +56,9 @@ class AgentState:
         """Take a sample that did not come in its fixed form."""
         _PACK.pack_into(self._sample.data, 0, *_VALUES(stylus))
         if samples.take(self._words, self._sample, now_ns, due_ns):
-            self.look_at_clock()
+            self.probe_clock()
 
-    def look_at_clock(self) -> None:
+    def probe_clock(self) -> None:
         """Use the newest sample, if there is one, as a clock probe if it answers a new tick; one in `PROBE_TICKS`."""
         tick = int(self._words[samples.FORCE_TICK])
         if not self._words[samples.TAKEN]:

@@ -16,13 +16,13 @@ from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRe
 from netboard.network.protocol.records import BackfillRecord
 from netboard.nodes.ports.motion_port import MotionPort
 
-AGAIN_NS = 200_000_000
+REPEAT_INTERVAL_NS = 200_000_000
 """Interval at which an unanswered request is repeated [ns]."""
 
 MARGIN = 10
 """Samples to ask for beyond the ticks without one: this many, and one more for each this many ticks [1]."""
 
-MOST_GAPS = 64
+MAX_GAPS = 64
 """Interruptions of each side that are remembered; the oldest are dropped [1]."""
 
 
@@ -30,12 +30,12 @@ class Gaps:
     """Interruptions of one side whose samples have not been received yet."""
 
     def __init__(self) -> None:
-        self.open: deque[BackfillRequest] = deque(maxlen=MOST_GAPS)
+        self.open: deque[BackfillRequest] = deque(maxlen=MAX_GAPS)
         self.asked_ns: int | None = None  # when the first of them was requested; None if no request is open [ns]
         self._known: int | None = None
         self._ticks = 0
 
-    def look(self, unknown: list[bool], seqs: list[int]) -> None:
+    def poll(self, unknown: list[bool], seqs: list[int]) -> None:
         """Scan the next ticks: whether the rendered force is unknown, and the number of the newest sample."""
         for missing, seq in zip(unknown, seqs, strict=True):
             if missing:
@@ -69,24 +69,24 @@ class Backfiller:
         """Take the answers that have arrived, scan the new ticks, and send the requests that are due."""
         taken = [self.take(side, answer, motion.agents[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
-        self.look(rows, number)
+        self.poll(rows, number)
         for side in SIDES:
             if motion.knows_clock(side) and (request := self.due(side, now_ns)):
                 motion.ask(side, request)
         return [record for record in taken if record is not None]
 
-    def look(self, rows: Any, number: int) -> None:
+    def poll(self, rows: Any, number: int) -> None:
         """Scan the ticks since the last call."""
         places = np.arange(max(self._looked, number - len(rows)), number) % len(rows)
         self._looked = number
         for side, gaps in self._gaps.items():
             unknown = np.isnan(rows[f"{side}_rendered"][places])
-            gaps.look(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
+            gaps.poll(unknown.tolist(), rows[f"{side}_seq"][places].tolist())
 
     def due(self, side: Side, now_ns: int) -> BackfillRequest | None:
         """Return the request to send to a side's agent now, and mark it as open."""
         gaps = self._gaps[side]
-        if not gaps.open or (gaps.asked_ns is not None and now_ns - gaps.asked_ns < AGAIN_NS):
+        if not gaps.open or (gaps.asked_ns is not None and now_ns - gaps.asked_ns < REPEAT_INTERVAL_NS):
             return None
         gaps.asked_ns = now_ns
         return gaps.open[0]

@@ -28,38 +28,38 @@ from netboard.network.protocol.control import (
 from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
 from netboard.network.protocol.messages import Message, sent_by
 from netboard.network.protocol.records import ClockRecord, FrameRecord
-from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import endpoints
 from netboard.nodes.ports import emergency
 from netboard.nodes.ports.peer import Link, Peer, Probes, what
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, RateLimit
-from netboard.nodes.ports.refusals import CROWDED, Refusals
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 
 ROLES = ("display", "console")
 QUESTIONS: tuple[type[Message], ...] = (StatusRequest, OutcomesRequest, TraceRequest)
-MAY_SAY: dict[str, frozenset[type[Message]]] = {
+ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello, Goodbye)),
     **{role: sent_by(role) for role in ("display", "console")},
 }
 """Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
-MOST_FRAMES, MOST_BYTES = 4, 2048
+MAX_FRAMES, MAX_BYTES = 4, 2048
 """Frames and bytes after which `drain` stops; at worst this takes a tenth of a tick [1, 1]."""
 
-MOST_PEERS = 16
+MAX_PEERS = 16
 """Peers of each role; a silent one makes room for a new one [1]."""
 
-TRY_NS = 20_000_000
+CONNECTION_CHECK_NS = 20_000_000
 """Shortest interval between two checks whether all peers are still connected [ns]."""
 
-MOST_REQUESTS = 8
+MAX_REQUESTS = 8
 """Commands of one peer that may wait for a decision [1]."""
 
-MOST_REPORTS = 16
+MAX_REPORTS = 16
 """Reports of one station that may wait to be recorded [1]."""
 
-SILENT_NS = 3_000_000_000
+SILENCE_TIMEOUT_NS = 3_000_000_000
 """Silence after which a peer counts as absent; it may return without another `Hello` [ns]."""
 
 
@@ -101,7 +101,7 @@ class ControlPort:
         self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
         self._probes = Probes()
         self._reporting: dict[str, bytes] = {}
-        self._tried_ns = -TRY_NS
+        self._tried_ns = -CONNECTION_CHECK_NS
         self._shown = {"left": 0, "right": 0}
 
     @property
@@ -121,7 +121,7 @@ class ControlPort:
         beyond the truth.
         """
         frames = size = 0
-        while frames < MOST_FRAMES and size < MOST_BYTES:
+        while frames < MAX_FRAMES and size < MAX_BYTES:
             received = self._router.receive()
             if received is None:
                 return False
@@ -152,11 +152,11 @@ class ControlPort:
     def pump(self, now_ns: int) -> None:
         """Ping the peers, note which have fallen silent, and send messages that could not be sent before."""
         self._router.send_queued()
-        self.refusals.look(now_ns)
+        self.refusals.poll(now_ns)
         for name, peer in self._peers.items():
             if ping := peer.ping(now_ns):
                 self._router.send(name, encode(ping))
-            if name not in self._silent and peer.age_ns(now_ns) > SILENT_NS:
+            if name not in self._silent and peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS:
                 self._silent.add(name)
                 self._report("silent", peer.hello, now_ns)
 
@@ -194,7 +194,7 @@ class ControlPort:
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
         """Handle a message; return False if its peer sends too much and the message was dropped unread."""
         if not self._rate_limit.takes(name, len(frame), now_ns):
-            self.refusals.refuse(name, CROWDED, now_ns)
+            self.refusals.refuse(name, TOO_MANY_MESSAGES, now_ns)
             return False
         peer = self._peers.get(name)
         if peer is not None:
@@ -211,7 +211,7 @@ class ControlPort:
     def _handle(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
         """Handle a peer's message."""
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
-        if kind not in MAY_SAY[role]:
+        if kind not in ALLOWED_MESSAGES[role]:
             raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
         match decode(frame):
             case Hello() as hello:
@@ -237,7 +237,7 @@ class ControlPort:
                 self.requests.insert(0, request)
             else:
                 self.reply(request, True, "")
-        elif waiting >= MOST_REQUESTS or not self._commands.takes(request.who, 0, now_ns):
+        elif waiting >= MAX_REQUESTS or not self._commands.takes(request.who, 0, now_ns):
             self.reply(request, False, "too many commands at once")
             self.refusals.note(endpoints.shown(request.who), "too many commands at once", now_ns)
         else:
@@ -259,14 +259,14 @@ class ControlPort:
     def _make_room(self, role: str, now_ns: int) -> None:
         """If a role has too many peers, forget a silent one, or else all that have disconnected."""
         same = [name for name, peer in self._peers.items() if peer.hello.role == role]
-        if len(same) < MOST_PEERS:
+        if len(same) < MAX_PEERS:
             return
         gone = [name for name in same if name in self._silent][:1]
-        if not gone and now_ns - self._tried_ns >= TRY_NS:
+        if not gone and now_ns - self._tried_ns >= CONNECTION_CHECK_NS:
             self._tried_ns, ping = now_ns, encode(Ping(now_ns))
             gone = [name for name in same if not self._router.send(name, ping)]
         if not gone:
-            raise WireError(f"there are {MOST_PEERS} peers like it already")
+            raise WireError(f"there are {MAX_PEERS} peers like it already")
         for name in gone:
             self._forget(name, now_ns)
 
@@ -289,8 +289,8 @@ class ControlPort:
             raise WireError(f"the {side} display may not report for the {frames.station} station")
         if self._reporting[side] != name:
             return
-        if sum(station == side for station, _, _ in self._reports) >= MOST_REPORTS:
-            raise WireError(f"{CROWDED}: {MOST_REPORTS} reports of up to {MOST_SHOWN} frames wait already")
+        if sum(station == side for station, _, _ in self._reports) >= MAX_REPORTS:
+            raise WireError(f"{TOO_MANY_MESSAGES}: {MAX_REPORTS} reports of up to {MAX_SHOWN} frames wait already")
         if frames.shown:
             self._reports.append((side, deque(frames.shown), frames.dropped))
 

@@ -15,7 +15,7 @@ STOP, RELEASE = "emergency_stop", "emergency_release"
 LACKING = "the emergency stop to be released"
 """What a block waits for until the stop is released."""
 
-AGAIN_NS = 1_000_000_000
+REPEAT_INTERVAL_NS = 1_000_000_000
 """Interval within which the same cause at the same device is reported once [ns]."""
 
 WORDS = {
@@ -53,7 +53,7 @@ class EmergencyStop:
         self.halted = ""
         return [(RELEASE, {})]
 
-    def look(self, found: int, safeguards: dict[Side, int], now_ns: int) -> list[Event]:
+    def poll(self, found: int, safeguards: dict[Side, int], now_ns: int) -> list[Event]:
         """Take the safeguard bits of a tick's samples; return the events to record."""
         events: list[Event] = []
         for place, side in enumerate(SIDES):
@@ -65,15 +65,19 @@ class EmergencyStop:
 
     def why(self, side: Side, now_ns: int) -> str:
         """Return what has just tripped a device's safety chain, in brackets; empty if nothing has."""
-        causes = [WORDS[cause] for (whose, cause), at in self._told.items() if whose == side and now_ns - at < AGAIN_NS]
+        causes = [
+            WORDS[cause]
+            for (whose, cause), at in self._told.items()
+            if whose == side and now_ns - at < REPEAT_INTERVAL_NS
+        ]
         return f" ({', '.join(causes)})" if causes else ""
 
     def _events_of(self, side: Side, bits: int, now_ns: int) -> list[Event]:
-        """Return events for the causes that were not reported within `AGAIN_NS`."""
+        """Return events for the causes that were not reported within `REPEAT_INTERVAL_NS`."""
         new = [
             cause
             for cause in WORDS
-            if bits & cause.value and now_ns - self._told.get((side, cause), -AGAIN_NS) >= AGAIN_NS
+            if bits & cause.value and now_ns - self._told.get((side, cause), -REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS
         ]
         self._told.update(((side, cause), now_ns) for cause in new)
         return [("safeguard", {"side": side, "cause": WORDS[cause]}) for cause in new]

@@ -22,25 +22,25 @@ from netboard.nodes.ports.peer import Link, Peer, Probes
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.rate_limit import RateLimit
 from netboard.nodes.ports.record_store import BATCHES, RecordStore
-from netboard.nodes.ports.refusals import CROWDED, Refusals
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 from netboard.nodes.ports.subscribers import Subscribers
 from netboard.recording.format.disk import LOW_BYTES
 from netboard.recording.recovery.spill import Spill
 
-MOST_BATCHES = 3
+MAX_BATCHES = 3
 """Batches sent at once to all loggers [1]."""
 
-GONE_NS = 2_000_000_000
+SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which a logger is gone, unless it was sent the end of the log and may still be writing [ns]."""
 
-LISTEN_NS = 20_000_000
+PONG_WAIT_NS = 20_000_000
 """Time after a ping for which every tick looks for the answer [ns]."""
 
-MOST_LOGGERS = 8
-MOST_FRAMES = 8
+MAX_LOGGERS = 8
+MAX_FRAMES = 8
 """Frames taken at once [1]."""
 
-MAY_SAY: dict[str, frozenset[type[Message]]] = {
+ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello,)),
     **{role: sent_by(role) for role in ("logger", "listener")},
 }
@@ -143,9 +143,11 @@ class LogPort:
         """Answer the loggers, send them what their queues take, and spill records that no logger takes."""
         self._drain()
         self._router.send_queued()
-        self.refusals.look(now_ns)
+        self.refusals.poll(now_ns)
         for name, logger in list(self._loggers.items()):
-            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unhandled  # a message from it may be waiting
+            silent = (
+                logger.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS and not self._unhandled
+            )  # a message from it may be waiting
             if silent and not logger.told_end:
                 self._forget(name, "fell silent", now_ns)
             else:
@@ -153,7 +155,7 @@ class LogPort:
         self._feed_all()
         self.store.spill()
         if self.subscribers.pump(self._clock(), ended=self._ended, unhandled=self._unhandled):
-            self._listen_until_ns = self._clock() + LISTEN_NS
+            self._listen_until_ns = self._clock() + PONG_WAIT_NS
         self.trouble = self._find_trouble()
 
     def end(self) -> None:
@@ -179,7 +181,7 @@ class LogPort:
     # --- loggers -------------------------------------------------------------------------------------------------
 
     def _drain(self) -> None:
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             received = self._router.receive()
             if received is None:
                 self._unhandled = False
@@ -190,7 +192,7 @@ class LogPort:
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
         if not self._rate_limit.takes(name, len(frame), now_ns):
-            self.refusals.refuse(name, CROWDED, now_ns)
+            self.refusals.refuse(name, TOO_MANY_MESSAGES, now_ns)
             return
         try:
             self._handle(name, frame, now_ns)
@@ -203,7 +205,7 @@ class LogPort:
         if logger is not None:
             logger.peer.note_message(now_ns)
         role, kind = "listener" if name in self.subscribers else "logger" if logger else "", kind_of(frame)
-        if kind not in MAY_SAY[role]:
+        if kind not in ALLOWED_MESSAGES[role]:
             raise WireError(f"a {role} does not send {kind.__name__}" if role else HELLO_FIRST)
         match decode(frame):
             case Hello() as hello:
@@ -235,7 +237,7 @@ class LogPort:
             self.subscribers.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
             return
         logger = self._loggers.get(name)
-        if logger is None and len(self._loggers) >= MOST_LOGGERS:
+        if logger is None and len(self._loggers) >= MAX_LOGGERS:
             self._make_room(now_ns)
         self._router.send_or_queue(name, encode(self.store.welcome()))
         if logger is None or logger.peer.hello != hello:
@@ -267,13 +269,13 @@ class LogPort:
     def _ping(self, name: bytes, logger: _Logger) -> None:
         ping = logger.peer.ping(self._clock())
         if ping is not None and self._router.send(name, encode(ping)):
-            self._listen_until_ns = ping.sent_ns + LISTEN_NS
+            self._listen_until_ns = ping.sent_ns + PONG_WAIT_NS
 
     def _feed_all(self) -> None:
-        """Send the loggers what their queues take, at most `MOST_BATCHES` in all; another one goes first each time."""
+        """Send the loggers what their queues take, at most `MAX_BATCHES` in all; another one goes first each time."""
         loggers = list(self._loggers.items())
         self._first_fed = first = (self._first_fed + 1) % max(len(loggers), 1)
-        left = MOST_BATCHES
+        left = MAX_BATCHES
         for name, logger in (*loggers[first:], *loggers[:first]):
             if logger.cursor is not None:
                 left -= self._feed(name, logger, logger.cursor, min(BATCHES, left))

@@ -26,25 +26,25 @@ from netboard.nodes.ports import samples
 from netboard.nodes.ports.agent_state import AgentState
 from netboard.nodes.ports.peer import Link, Probes
 from netboard.nodes.ports.peer_events import News, PeerEvents
-from netboard.nodes.ports.refusals import CROWDED, Refusals
+from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 from netboard.nodes.ports.unregistered import UNREGISTERED
 
-BEAT_TICKS = 4
+HEARTBEAT_TICKS = 4
 """Ticks between two heartbeats while no forces are sent, so that nothing becomes stale [1]."""
 
-GONE_NS = 2_000_000_000
+SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which an agent has left [ns]."""
 
-MAY_SAY = sent_by("agent")
+ALLOWED_MESSAGES = sent_by("agent")
 """Messages that an agent may send; others are refused without decoding."""
 
-MOST_ODD = 4
+MAX_OTHER_FRAMES = 4
 """Frames of registered agents, other than fixed-form samples, taken at once [1]."""
 
-ODD_NS, ODD_AT_ONCE = 500_000, 64
+OTHER_FRAME_INTERVAL_NS, OTHER_FRAME_BURST = 500_000, 64
 """Shortest mean interval [ns] and burst [1] of those frames from each agent; a burst follows a gap in its link."""
 
-MOST_STRANGERS = 3
+MAX_UNREGISTERED_AT_ONCE = 3
 """Frames of unregistered peers handled after a tick [1]."""
 
 
@@ -67,7 +67,7 @@ class MotionPort:
         self.may_arm = True
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
-        self._frame = np.zeros(sockets.LARGEST_SAMPLE, np.uint8)
+        self._frame = np.zeros(sockets.MAX_SAMPLE, np.uint8)
         self._form = (*fixed.STYLUS[:2], np.zeros(samples.SAMPLE_WORDS, np.int64))
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
@@ -77,7 +77,7 @@ class MotionPort:
         self._peer_events = PeerEvents(self.news)
         self._unregistered = np.zeros(1, UNREGISTERED)
         self._looked_at = 0
-        self._odd_ns = dict.fromkeys(SIDES, 0)
+        self._other_frames_ns = dict.fromkeys(SIDES, 0)
         self._probes = Probes()
         self._force = np.zeros(fixed.FORCE.size, np.uint8)
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
@@ -101,7 +101,7 @@ class MotionPort:
 
         ``signalled``: take frames only until then, because a tick can begin, and leave all else for the next call.
         """
-        left, odd = samples.MOST_FRAMES, MOST_ODD
+        left, odd = samples.MAX_FRAMES, MAX_OTHER_FRAMES
         while left > 0 and odd > 0:
             found = samples.drain(
                 self._words, self.fast.record, self._frame, *self._form, due_ns, signalled, left, self._unregistered
@@ -110,18 +110,18 @@ class MotionPort:
                 break
             if found & samples.FAILED:
                 self.fast.fail("motion")
-            self._read_odd(clock(), due_ns)
+            self._read_other_frame(clock(), due_ns)
             left -= found // samples.FRAMES
             odd -= 1
         if not signalled:
             for agent in self.agents.values():
-                agent.look_at_clock()
+                agent.probe_clock()
         return not samples.awaited(self._words)
 
     def attend(self, now_ns: int, due_ns: int) -> None:
         """Handle a few frames of unregistered peers, and count those that were dropped."""
         unregistered = self._unregistered[0]
-        last = min(int(unregistered["kept"]), self._looked_at + MOST_STRANGERS)
+        last = min(int(unregistered["kept"]), self._looked_at + MAX_UNREGISTERED_AT_ONCE)
         for row in range(self._looked_at, last):
             stranger = unregistered["strangers"][row]
             frame = stranger["frame"][: stranger["size"]].tobytes()
@@ -130,7 +130,7 @@ class MotionPort:
         if last == unregistered["kept"]:
             unregistered["kept"] = self._looked_at = 0
         if unregistered["dropped"]:
-            self.refusals.note("strangers", CROWDED, now_ns, int(unregistered["dropped"]))
+            self.refusals.note("strangers", TOO_MANY_MESSAGES, now_ns, int(unregistered["dropped"]))
             unregistered["dropped"] = 0
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
@@ -168,9 +168,9 @@ class MotionPort:
         """Newest sample-to-force latency of each hand, 0 if not yet known [ns]."""
         return [int(words[samples.LOOP]) for words in self._words]
 
-    def beat(self, tick: int, now_ns: int, at_once: bool = False) -> None:
-        """Send each agent a heartbeat, which commands no force: every `BEAT_TICKS` or at once."""
-        if tick % BEAT_TICKS and not at_once:
+    def send_heartbeat(self, tick: int, now_ns: int, at_once: bool = False) -> None:
+        """Send each agent a heartbeat, which commands no force: every `HEARTBEAT_TICKS` or at once."""
+        if tick % HEARTBEAT_TICKS and not at_once:
             return
         for place, agent in enumerate(self.agents.values()):
             if agent.hello is not None:
@@ -178,7 +178,7 @@ class MotionPort:
                 arm = self.may_arm and agent.clock.bound_ns <= self._bound_ns
                 self._router.send(agent.peer, encode(Heartbeat(tick, now_ns, seq, lead_ns, arm)))
 
-    def lacks(self, now_ns: int, needed: Collection[Side]) -> list[str]:
+    def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:
         """Return what is missing of the agents of these sides."""
         lacking = []
         for place, (side, agent) in enumerate(self.agents.items()):
@@ -210,9 +210,9 @@ class MotionPort:
         Messages that an agent could not be sent before are sent now.
         """
         self._router.send_queued()
-        self.refusals.look(now_ns)
+        self.refusals.poll(now_ns)
         for agent in self.agents.values():
-            if agent.hello is not None and agent.silent_ns(now_ns) > GONE_NS:
+            if agent.hello is not None and agent.silent_ns(now_ns) > SILENCE_TIMEOUT_NS:
                 self._leave(agent, "fell silent", now_ns)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
@@ -238,16 +238,16 @@ class MotionPort:
         self.fast.close()
         self._router.close_after_goodbye()
 
-    def _read_odd(self, now_ns: int, due_ns: int) -> None:
+    def _read_other_frame(self, now_ns: int, due_ns: int) -> None:
         """Handle a registered agent's frame that is not a fixed-form sample, unless it sends too many."""
         peer, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         agent = self._by_peer.get(peer)
         if agent is not None:
-            spent_ns = max(self._odd_ns[agent.side], now_ns) + ODD_NS
-            if spent_ns - now_ns > ODD_AT_ONCE * ODD_NS:
-                self.refusals.refuse(peer, CROWDED, now_ns)
+            spent_ns = max(self._other_frames_ns[agent.side], now_ns) + OTHER_FRAME_INTERVAL_NS
+            if spent_ns - now_ns > OTHER_FRAME_BURST * OTHER_FRAME_INTERVAL_NS:
+                self.refusals.refuse(peer, TOO_MANY_MESSAGES, now_ns)
                 return
-            self._odd_ns[agent.side] = spent_ns
+            self._other_frames_ns[agent.side] = spent_ns
         self._handle(peer, frame, now_ns, due_ns)
 
     def _handle(self, peer: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
@@ -257,7 +257,7 @@ class MotionPort:
         agent = self._by_peer.get(peer)
         try:
             kind = kind_of(frame)
-            if kind not in MAY_SAY:
+            if kind not in ALLOWED_MESSAGES:
                 raise WireError(f"an agent does not send {kind.__name__}" if agent else HELLO_FIRST)
             if agent is None and kind is not Hello:
                 raise WireError(HELLO_FIRST)

@@ -19,7 +19,7 @@ from netboard.recording.recovery.spill import Spill, spill_path
 RING_SHARE = 1.5
 """Records that the log's ring holds for each millisecond: one tick, and room for others [1]."""
 
-MOST_REFUSED = 8
+MAX_REFUSED = 8
 """Number of kinds of refusals shown to operators, the most frequent ones [1]."""
 
 
@@ -71,7 +71,7 @@ class Ports:
         totals = [("handshake", authenticator.totals)] if authenticator is not None else []
         totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
         found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
-        return tuple(sorted(found, key=lambda item: -item[2])[:MOST_REFUSED])
+        return tuple(sorted(found, key=lambda item: -item[2])[:MAX_REFUSED])
 
     def goodbye(self, reason: str) -> None:
         """Tell agents and operators that the session is over."""

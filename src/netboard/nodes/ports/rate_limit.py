@@ -13,7 +13,7 @@ BYTES_HZ, BYTES_AT_ONCE = 65_536, 65_536
 COMMANDS_HZ, COMMANDS_AT_ONCE = 20, 40
 """Sustained rate and burst of a console's commands, each of which is recorded [Hz, 1]."""
 
-MOST_PEERS = 1024
+MAX_PEERS = 1024
 """Peers remembered; beyond that, those with a full allowance are forgotten [1]."""
 
 FULL_NS = 1_000_000_000
@@ -39,11 +39,11 @@ class RateLimit:
         elif peer not in self._left:  # do not remember a peer for a message that no peer may send
             return False
         self._left[peer] = now_ns, messages, amount
-        if len(self._left) > MOST_PEERS:
+        if len(self._left) > MAX_PEERS:
             self._forget(now_ns)
         return taken
 
     def _forget(self, now_ns: int) -> None:
         """Make room: forget peers with a full allowance, or else all of them."""
         kept = {peer: left for peer, left in self._left.items() if now_ns - left[0] < FULL_NS}
-        self._left = kept if len(kept) <= MOST_PEERS else {}
+        self._left = kept if len(kept) <= MAX_PEERS else {}

@@ -10,13 +10,13 @@ from netboard.network.transport import endpoints
 from netboard.network.transport.refusal_count import RefusalCount
 from netboard.nodes.ports.peer_events import News
 
-AGAIN_NS = 1_000_000_000
+REPEAT_INTERVAL_NS = 1_000_000_000
 """Interval at which the same refusal is sent to its peer again [ns]."""
 
 REMEMBERED = 1024
 """Pairs of peer and reason that are remembered; the oldest is forgotten first [1]."""
 
-CROWDED = "too many messages"
+TOO_MANY_MESSAGES = "too many messages"
 """Why a message was dropped unread: its peer, or all unregistered peers together, sent too many."""
 
 
@@ -42,7 +42,7 @@ class Refusals:
     def refuse(self, peer: bytes, reason: str, now_ns: int) -> None:
         """Refuse a peer's message."""
         self.note(endpoints.shown(peer), reason, now_ns)
-        if now_ns - self._answered.get((peer, reason), now_ns - AGAIN_NS) >= AGAIN_NS:
+        if now_ns - self._answered.get((peer, reason), now_ns - REPEAT_INTERVAL_NS) >= REPEAT_INTERVAL_NS:
             self._answered.pop((peer, reason), None)
             self._answered[peer, reason] = now_ns
             if len(self._answered) > REMEMBERED:
@@ -53,9 +53,9 @@ class Refusals:
         """Count a refusal without sending it."""
         details = {"channel": self._router.channel, "peer": peer, "reason": reason}
         self._count.count((peer, reason), details, times)
-        self.look(now_ns, again=False)
+        self.poll(now_ns, again=False)
 
-    def look(self, now_ns: int, *, again: bool = True) -> None:
+    def poll(self, now_ns: int, *, again: bool = True) -> None:
         """Report new kinds of refusals, and with ``again`` the counts of known ones."""
         self._news += [("refused", details) for details in self._count.reports(now_ns, again=again)]
 

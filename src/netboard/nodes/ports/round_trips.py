@@ -43,13 +43,13 @@ BACK = 0.8
 GAINS = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
 """Gains for which limits are computed; the last is the smallest gain that is used [1]."""
 
-PACE = 0.02
+MAX_GAIN_STEP = 0.02
 """Largest change of a gain between two checks [1]."""
 
 REST = 500
 """Checks for which no trial begins after a loop was too slow, if slow loops pause trials [1]."""
 
-TOLD = 0.1
+RECORDED_GAIN_CHANGE = 0.1
 """Change of a gain that is recorded [1]."""
 
 
@@ -145,7 +145,7 @@ class Delays:
         """Smoothed latency of each hand, NaN if not known [s]."""
         return [ns * 1e-9 for ns in self._late]
 
-    def look(self, loops_ns: Sequence[int], *, felt: bool) -> None:
+    def poll(self, loops_ns: Sequence[int], *, felt: bool) -> None:
         """Take new measurements, and act on them.
 
         ``loops_ns``: newest latency of each hand, 0 if not yet known [ns]. ``felt``: haptic feedback is on; only then
@@ -184,15 +184,15 @@ class Delays:
             self._slow[place] = False
             self.news.append(("loop_in_time", {"side": side, "delay": _ms(late)}))
         if self._action == "soften":
-            self._soften(place, side, late)
+            self._adjust_gain(place, side, late)
 
-    def _soften(self, place: int, side: str, late: float) -> None:
+    def _adjust_gain(self, place: int, side: str, late: float) -> None:
         """Move a hand's gain towards the one that its latency allows."""
         share = self.limit_ns / self._own_ns if self._own_ns else 1.0
         wanted = float(np.interp(late, share * self._allowances, GAINS))
-        gain = self.gains[place] + min(max(wanted - self.gains[place], -PACE), PACE)
+        gain = self.gains[place] + min(max(wanted - self.gains[place], -MAX_GAIN_STEP), MAX_GAIN_STEP)
         self.gains[place] = gain
-        if abs(gain - self._told[place]) >= TOLD or (gain == 1.0) != (self._told[place] == 1.0):
+        if abs(gain - self._told[place]) >= RECORDED_GAIN_CHANGE or (gain == 1.0) != (self._told[place] == 1.0):
             self._told[place] = gain
             self.news.append(("softened", {"side": side, "gain": f"{gain:.3f}", "delay": _ms(late)}))
 

@@ -96,13 +96,13 @@ _ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
 _HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))
 
-MOST_FRAMES = 64
+MAX_FRAMES = 64
 """Frames taken at once, so that no sender can hold up a tick [1]."""
 
-MOST_LEAD_NS = 600_000
+MAX_LEAD_NS = 600_000
 """A sample that arrived longer before the deadline is followed by another one in time [ns]."""
 
-PATIENCE_NS = 40_000
+POLL_TIMEOUT_NS = 40_000
 """Time for which the second sample of a tick is polled for; sleeping would take longer [ns]."""
 
 MORE, OTHER, FAILED = 4, 8, 16
@@ -111,7 +111,7 @@ MORE, OTHER, FAILED = 4, 8, 16
 FRAMES = 32
 """Value that `drain` adds to its result for each frame taken."""
 
-FEW_UNREGISTERED = 8
+UNREGISTERED_BATCH = 8
 """Frames of unregistered peers taken at once while no sample is awaited [1]."""
 
 LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
@@ -167,7 +167,7 @@ def awaited(agents: Any) -> bool:
     """
     fresh = 0
     for place in range(2):
-        came = agents[place, FRESH] and agents[place, LEAD] <= MOST_LEAD_NS
+        came = agents[place, FRESH] and agents[place, LEAD] <= MAX_LEAD_NS
         fresh += came
         if agents[place, PUNCTUAL] and not came:
             return True
@@ -196,7 +196,7 @@ def drain(
     last frame is a registered agent's but no fixed-form sample, `FAILED`, and `FRAMES` for each frame.
     """
     found = frames = from_unregistered = give_up_ns = 0
-    while frames < most and (from_unregistered < FEW_UNREGISTERED or awaited(agents)):
+    while frames < most and (from_unregistered < UNREGISTERED_BATCH or awaited(agents)):
         place = fastpath.receive(fast, frame)
         if place == fastpath.NOTHING:
             if fastpath.now_ns(fast) < give_up_ns:
@@ -218,7 +218,7 @@ def drain(
         if eager and not awaited(agents):
             break
         if eager and give_up_ns == 0:
-            give_up_ns = now_ns + PATIENCE_NS
+            give_up_ns = now_ns + POLL_TIMEOUT_NS
     return found + frames * FRAMES + MORE
 
 
@@ -353,7 +353,7 @@ def warm() -> None:
     for agent in agents:
         empty(agent)
     unregistered = np.zeros(1, UNREGISTERED)
-    drain(agents, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES, unregistered)
+    drain(agents, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MAX_FRAMES, unregistered)
     take(agents[0], sample, TICK_NS, TICK_NS)
     awaited(agents)
     fill(row, agents, 0, TICK_NS, 0, TICK_NS)

@@ -15,13 +15,13 @@ from netboard.network.transport import endpoints
 from netboard.nodes.ports.peer import Link, Peer
 from netboard.nodes.ports.peer_events import PeerEvents
 
-MOST_LISTENERS = 4
+MAX_LISTENERS = 4
 
-MOST_RECORDS = 128
-MOST_BYTES = 65_536
+MAX_RECORDS = 128
+MAX_BYTES = 65_536
 """Bytes of a batch: some ten times what is recorded between two batches [1]."""
 
-GONE_NS = 2_000_000_000
+SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which a subscriber is gone [ns]."""
 
 
@@ -62,7 +62,7 @@ class Subscribers:
     def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
         """Register a subscriber if there is room; one that is already registered goes on where it was."""
         known = self._listeners.get(name)
-        if known is None and len(self._listeners) >= MOST_LISTENERS:
+        if known is None and len(self._listeners) >= MAX_LISTENERS:
             raise WireError("too many listeners")
         self._router.send_or_queue(name, encode(welcome))
         if known is None or known.peer.hello != hello:
@@ -88,7 +88,7 @@ class Subscribers:
         """
         pinged = False
         for name, listener in list(self._listeners.items()):
-            if listener.peer.age_ns(now_ns) > GONE_NS and not unhandled:
+            if listener.peer.age_ns(now_ns) > SILENCE_TIMEOUT_NS and not unhandled:
                 self._forget(name, "fell silent", now_ns)
                 continue
             ping = listener.peer.ping(now_ns)
@@ -105,7 +105,7 @@ class Subscribers:
     def _feed(self, name: bytes, listener: _Listener, cursor: int, ended: bool) -> int:
         """Send the next batch, and the end after the last one; return the number of the record that follows."""
         if cursor < self._ring.next:
-            batch = self._ring.batch(cursor, MOST_RECORDS, MOST_BYTES)
+            batch = self._ring.batch(cursor, MAX_RECORDS, MAX_BYTES)
             if self._router.send(name, encode(batch)):
                 listener.lost += batch.lost
                 cursor = batch.first + len(batch.records)

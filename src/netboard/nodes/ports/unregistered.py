@@ -12,26 +12,26 @@ from netboard.network.protocol.joining import Hello
 from netboard.network.protocol.messages import KINDS
 from netboard.network.transport import fastpath
 
-STRANGERS_FRAME = 4096
+UNREGISTERED_FRAME_SIZE = 4096
 """Longest frame of an unregistered peer that is kept: that of a `Hello` [bytes]."""
 
-ROOM_FOR_STRANGERS = 16
+UNREGISTERED_CAPACITY = 16
 """Frames of unregistered peers that are kept at once [1]."""
 
-PLACES_HEARD = 8192
-DEAF_NS = 200_000_000
+SENDER_SLOTS = 8192
+UNREGISTERED_INTERVAL_NS = 200_000_000
 """Time for which further frames of an unregistered peer are dropped after one was kept; `Hello` counts apart [ns]."""
 
 _HELLO = next(number for number, kind in KINDS.items() if kind.message is Hello)
 
-STRANGER = np.dtype(
+UNREGISTERED_FRAME = np.dtype(
     [
         ("size", "<i8"),
         ("name_size", "<i8"),
         ("name", "u1", (fastpath.NAME_ROOM,)),
         ("key", "u1", (fastpath.KEY_SIZE,)),
         ("address", "u1", (fastpath.ADDRESS_ROOM,)),
-        ("frame", "u1", (STRANGERS_FRAME,)),
+        ("frame", "u1", (UNREGISTERED_FRAME_SIZE,)),
     ],
     align=True,
 )
@@ -41,8 +41,8 @@ UNREGISTERED = np.dtype(
     [
         ("kept", "<i8"),
         ("dropped", "<i8"),
-        ("deaf_until_ns", "<i8", (PLACES_HEARD,)),
-        ("strangers", STRANGER, (ROOM_FOR_STRANGERS,)),
+        ("deaf_until_ns", "<i8", (SENDER_SLOTS,)),
+        ("strangers", UNREGISTERED_FRAME, (UNREGISTERED_CAPACITY,)),
     ],
     align=True,
 )
@@ -62,12 +62,12 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     place = 2166136261
     for k in range(us["name_size"]):
         place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF
-    place = (2 * place + (size > 1 and frame[1] == _HELLO)) % PLACES_HEARD
+    place = (2 * place + (size > 1 and frame[1] == _HELLO)) % SENDER_SLOTS
     row = them["kept"]
-    if now_ns < them["deaf_until_ns"][place] or row >= ROOM_FOR_STRANGERS or size > STRANGERS_FRAME:
+    if now_ns < them["deaf_until_ns"][place] or row >= UNREGISTERED_CAPACITY or size > UNREGISTERED_FRAME_SIZE:
         them["dropped"] += 1
         return
-    them["deaf_until_ns"][place] = now_ns + DEAF_NS
+    them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
     stranger = them["strangers"][row]
     stranger["size"], stranger["name_size"] = size, us["name_size"]
     stranger["name"][:] = us["name"]

@@ -11,7 +11,7 @@ NAP = 0.05
 """Longest sleep before a request to stop is noticed [s]."""
 
 
-def narrate(path: Path, speed: float, stopping: Callable[[], bool], say: Callable[[str], None]) -> None:
+def print_events(path: Path, speed: float, stopping: Callable[[], bool], say: Callable[[str], None]) -> None:
     """Print the events of a recording."""
     with Recording(path) as recording:
         events = recording.events()

@@ -16,7 +16,7 @@ from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
 from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, plan_of, trace_of
-from netboard.nodes.server.attempts import MOST_ROWS
+from netboard.nodes.server.attempts import MAX_ROWS
 from netboard.recording.replay.commands import in_words
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import Playback
@@ -105,7 +105,7 @@ class ReplayAnswers:
         """Return the outcomes so far, starting with attempt number `first`."""
         first = max(first, 0)
         known = self._state.reel.outcomes(self._state.index)
-        return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
+        return Outcomes(first, tuple(known[first:][:MAX_ROWS]))
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one, up to the current one."""

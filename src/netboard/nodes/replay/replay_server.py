@@ -27,19 +27,19 @@ from netboard.recording.replay.position import Playback
 
 log = logging.getLogger(__name__)
 
-ROUND_NS = 1_000_000
+PERIOD_NS = 1_000_000
 """Period of the loop; views are scheduled in milliseconds [ns]."""
 
-HOUSE_ROUNDS = 20
+HOUSEKEEPING_ROUNDS = 20
 """Rounds between two checks of peers and authentication [1]."""
 
-FAREWELL_SECONDS = 0.2
+CLOSING_SECONDS = 0.2
 """Time before the channels close, so that peers can read the last messages [s]."""
 
-MOST_LETTERS = 1000
+MAX_CHARACTERS = 1000
 """Longest answer: it may quote the question, and must fit into its frame [1]."""
 
-MOST_REFUSED = 16
+MAX_REFUSED = 16
 """Frames on a closed channel taken at once [1]."""
 
 
@@ -53,7 +53,7 @@ class ClosedPort:
 
     def drain(self, now_ns: int) -> None:
         """Refuse the frames that have arrived [ns]."""
-        for _ in range(MOST_REFUSED):
+        for _ in range(MAX_REFUSED):
             received = self._router.receive()
             if received is None:
                 return
@@ -112,18 +112,18 @@ class ReplayServer:
         self.state.playback = self.state.playback.play(now_ns() * 1e-9)
         begun_ns, rounds = now_ns(), 0
         while not (self._over or stopping()):
-            for words in self.go_on((now_ns() - begun_ns) // ROUND_NS):
+            for words in self.run_once((now_ns() - begun_ns) // PERIOD_NS):
                 say(words)
-            if rounds % HOUSE_ROUNDS == 0:
+            if rounds % HOUSEKEEPING_ROUNDS == 0:
                 self.housekeeping()
                 if (order := keys()) is not None:
                     say(self._carry_out(order, "a key")[1])
             rounds += 1
-            left_ns = ROUND_NS - (now_ns() - begun_ns) % ROUND_NS
+            left_ns = PERIOD_NS - (now_ns() - begun_ns) % PERIOD_NS
             self._waiter.wait(left_ns * 1e-9)
         self.leave()
 
-    def go_on(self, milliseconds: int) -> list[str]:
+    def run_once(self, milliseconds: int) -> list[str]:
         """Publish the views and carry out the commands that are due; return what to say about them.
 
         ``milliseconds``: time for which the server has been running [ms].
@@ -145,8 +145,8 @@ class ReplayServer:
         """Carry out a command and reply to it."""
         command = request.command
         accepted, words = self._carry_out(ReplayCommand(command.name, command.argument), request.name)
-        self.control.reply(request, accepted, words[:MOST_LETTERS])
-        return words[:MOST_LETTERS]
+        self.control.reply(request, accepted, words[:MAX_CHARACTERS])
+        return words[:MAX_CHARACTERS]
 
     def _carry_out(self, order: ReplayCommand, by: str) -> tuple[bool, str]:
         """Carry out an order; return whether it succeeded, and what to say."""
@@ -169,7 +169,7 @@ class ReplayServer:
         self.control.take_frames()  # frames of a replay are not recorded
         for closed in self._closed:
             closed.drain(now)
-            closed.refusals.look(now)
+            closed.refusals.poll(now)
         for port in (self.control, *self._closed):
             for name, details in port.news:
                 log.info("%s %s", name, printable(details))
@@ -182,7 +182,7 @@ class ReplayServer:
     def leave(self) -> None:
         """Say goodbye and close."""
         self.control.goodbye("the replay is over")
-        until_ns = now_ns() + int(FAREWELL_SECONDS * 1e9)
+        until_ns = now_ns() + int(CLOSING_SECONDS * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
             self._waiter.wait(left_ns * 1e-9)
             self.control.drain(now_ns)

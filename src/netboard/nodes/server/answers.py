@@ -22,7 +22,7 @@ TRACE_EVERY = 5
 SAFEGUARD_TICKS = 100
 """Window over which operators see the interventions of the safety chain [ticks]."""
 
-FRESH_TICKS = 10
+TRACE_MARGIN_TICKS = 10
 """Oldest rows of the ring that a trace leaves out, because they are about to be overwritten [1]."""
 
 _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "right_rendered")
@@ -93,7 +93,7 @@ class SessionAnswers:
 
     def trace(self, after: int) -> Trace:
         """Return the ticks after this one that are still in the ring."""
-        oldest = max(after + 1, self._state.number - len(self._state.rows) + FRESH_TICKS, 0)
+        oldest = max(after + 1, self._state.number - len(self._state.rows) + TRACE_MARGIN_TICKS, 0)
         numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._state.number, TRACE_EVERY)
         rows = self._state.rows[np.array(numbers, np.int64) % len(self._state.rows)]
         return trace_of(rows, numbers, ball=self._state.block.curtain.ball)

@@ -34,7 +34,7 @@ from netboard.task.trials.quality import Referee, Verdict
 from netboard.task.trials.repeats import Repeats, wants_repeat
 from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
-MOST_ROWS = 200
+MAX_ROWS = 200
 """Largest number of attempts in one answer to an operator [1]."""
 
 OUTCOMES: dict[Cause, Outcome] = {
@@ -137,7 +137,7 @@ class Attempts:
 
     # --- ticks and decisions ---------------------------------------------------------------------------------------
 
-    def look(self, rows: Any, following: int) -> None:
+    def poll(self, rows: Any, following: int) -> None:
         """Apply the quality rules to all ticks before `following`."""
         if self._referee is not None and following > self._seen:
             verdicts = self._referee.watch(rows, self._seen, following - self._seen)
@@ -149,10 +149,10 @@ class Attempts:
         if self._referee is not None:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
-    def happened(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
+    def record_decision(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
         """Take a decision of the trial state machine, and return the events to record."""
         self._verdict = None
-        self.look(rows, number + 1)
+        self.poll(rows, number + 1)
         events = []
         if int(row["command"]) == Cause.SKIP and cause == Cause.LAST:  # the operator skipped the last trial
             cause, over = Cause.SKIP, True
@@ -207,8 +207,8 @@ class Attempts:
     # --- questions and commands of operators -----------------------------------------------------------------------
 
     def outcomes(self, first: int) -> Outcomes:
-        """Return outcomes starting with attempt number `first`, at most `MOST_ROWS` of them."""
-        return Outcomes(max(first, 0), tuple(self.finished[max(first, 0) :][:MOST_ROWS]))
+        """Return outcomes starting with attempt number `first`, at most `MAX_ROWS` of them."""
+        return Outcomes(max(first, 0), tuple(self.finished[max(first, 0) :][:MAX_ROWS]))
 
     def counts(self, side: Side) -> tuple[int, int]:
         """Count the current attempt's ticks without a fresh sample of a side, and those with its force clamped."""

@@ -44,7 +44,7 @@ class EventLog:
         if name == SUMMED:
             self._count_stall(int(details["milliseconds"]))
             return
-        self._say_stalls()
+        self._report_stalls()
         log.info("%s %s", name, printable({key: value for key, value in details.items() if key != "config"}))
 
     def _count_stall(self, milliseconds: int) -> None:
@@ -54,7 +54,7 @@ class EventLog:
         if self._stalls & (self._stalls - 1) == 0:
             log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
 
-    def _say_stalls(self) -> None:
+    def _report_stalls(self) -> None:
         """Log the sum of a series of stalls, unless the last line already gave it, and reset the count."""
         if self._stalls & (self._stalls - 1):
             log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
@@ -71,7 +71,7 @@ class EventLog:
         if self.opened:
             self._port.append(encode(message))
 
-    def keep_frames(self, frames: Iterable[FrameRecord], attempts: Attempts) -> None:
+    def record_frames(self, frames: Iterable[FrameRecord], attempts: Attempts) -> None:
         """Record painted frames, and pass them to the attempts."""
         for frame in frames:
             self.record(frame)

@@ -15,13 +15,13 @@ class OperatorRequests:
     def __init__(self, state: SessionState, blocks: BlockChanges) -> None:
         self._state, self._blocks = state, blocks
 
-    def obey(self, request: CommandRequest) -> Cause:
+    def handle_command(self, request: CommandRequest) -> Cause:
         """Decide on a command, carry it out, reply and record it; return the cause for the trial state machine."""
         state, command = self._state, request.command
         control, operators, sequence = state.ports.control, state.operators, state.sequence
         if operators.commander and not control.is_there(operators.commander):
             operators.leave()
-        situation = Situation(state.phase, state.lacks(), sequence.last, sequence.planned)
+        situation = Situation(state.phase, state.find_missing(), sequence.last, sequence.planned)
         decision = operators.decide(command.name, request.who, request.name, situation)
         if decision.accepted:
             decision = self._carry_out(command.name, command.argument, decision)
@@ -30,7 +30,7 @@ class OperatorRequests:
         details = {"name": command.name, "argument": command.argument, "by": request.name, **outcome}
         state.note("command", {name: value for name, value in details.items() if value})
         if decision.accepted and decision.cause:
-            state.supervisor.obeyed()
+            state.supervisor.command_carried_out()
         elif not decision.accepted:
             state.supervisor.refused(decision.reason)
         return decision.cause

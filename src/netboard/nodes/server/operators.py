@@ -27,10 +27,10 @@ CAUSES = {
 }
 """Commands that the trial state machine carries out."""
 
-ANYBODYS = (emergency.STOP, "note", "take")
+OPEN_TO_ALL = (emergency.STOP, "note", "take")
 """Commands that any operator may give, commander or not."""
 
-UNOPENED = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
+BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
 """Commands that are allowed before the session is open."""
 
 _UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
@@ -80,15 +80,15 @@ class Operators:
         """Decide on a command."""
         if command in REPLAY_COMMANDS:
             return Decision(False, f"cannot {command}: this is a live session, not a replay")
-        if command == "take" or (command not in ANYBODYS and not self.commander):
+        if command == "take" or (command not in OPEN_TO_ALL and not self.commander):
             self.commander, self.name = who, name
-        if command not in ANYBODYS and who != self.commander:
+        if command not in OPEN_TO_ALL and who != self.commander:
             return Decision(False, f"{self.name} commands; take over first (take)")
-        if not self.opened and command not in UNOPENED:
+        if not self.opened and command not in BEFORE_OPENING:
             return Decision(False, "the session is not open: fill in its form first (open)")
         if command in CAUSES:
             return self._machine(command, now)
-        return self._deed(command, now)
+        return self._session_command(command, now)
 
     def _machine(self, command: str, now: Situation) -> Decision:
         """Decide on a command for the trial state machine."""
@@ -104,7 +104,7 @@ class Operators:
             self.pause_after = False
         return Decision(True, cause=cause)
 
-    def _deed(self, command: str, now: Situation) -> Decision:
+    def _session_command(self, command: str, now: Situation) -> Decision:
         """Decide on a command that the session itself carries out."""
         match command:
             case "open" if self.opened:

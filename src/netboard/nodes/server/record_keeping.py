@@ -14,7 +14,7 @@ CLOCKS_NS = 1_000_000_000
 FRAMES_A_TICK = 4
 """Painted frames recorded after each tick; displays paint at most one frame in several ticks [1]."""
 
-FAREWELL_NS = 200_000_000
+CLOSING_NS = 200_000_000
 """Time before the control channel closes, so that its peers can read the last messages [ns]."""
 
 FINISH_NS = 10_000_000_000
@@ -41,7 +41,7 @@ class RecordKeeping:
     @property
     def over(self) -> bool:
         """Whether the session is complete, and the loggers have all records or have run out of time."""
-        return self._log_closing and self._log.store.closed and now_ns() - self._ended_ns > FAREWELL_NS
+        return self._log_closing and self._log.store.closed and now_ns() - self._ended_ns > CLOSING_NS
 
     @property
     def everything_recorded(self) -> bool:
@@ -52,10 +52,10 @@ class RecordKeeping:
     def _records_expected(self) -> bool:
         return self._state.block.config.network.require_logger and self.started
 
-    def keep_frames(self, most: int | None = FRAMES_A_TICK) -> None:
+    def record_frames(self, most: int | None = FRAMES_A_TICK) -> None:
         """Record the painted frames that displays have reported, at most this many [1]."""
         state = self._state
-        state.event_log.keep_frames(state.ports.control.take_frames(most), state.attempts)
+        state.event_log.record_frames(state.ports.control.take_frames(most), state.attempts)
 
     def keep(self, now: int) -> None:
         """Record clock probes, samples that arrived late, and the news of all ports [ns]."""
@@ -67,9 +67,9 @@ class RecordKeeping:
         if state.operators.opened:
             for record in self._backfiller.attend(state.ports.motion, state.rows, state.number, now):
                 state.event_log.record(record)
-        self._keep_news(now)
+        self._record_news(now)
 
-    def _keep_news(self, now: int) -> None:
+    def _record_news(self, now: int) -> None:
         """Record the news of all ports, and send records to the loggers."""
         state = self._state
         delays = state.block.delays
@@ -86,24 +86,24 @@ class RecordKeeping:
     def end(self) -> None:
         """Record what is left of the peers, say goodbye, and let the loggers bring everything to disk."""
         state = self._state
-        self.keep_frames(None)
+        self.record_frames(None)
         for refusals in state.ports.refusals:
             refusals.settle()
         for details in state.authenticator.final_reports() if state.authenticator is not None else ():
             state.note("refused", details)
-        self._keep_news(now_ns())
+        self._record_news(now_ns())
         state.ports.goodbye("the session is over")
         state.note("session_ended", {"late_ticks": str(state.clock.late_ticks)})
-        self._keep_news(now_ns())
+        self._record_news(now_ns())
         self._log.end()
         self._ended_ns = now_ns()
         self._ending_until_ns = self._ended_ns + FINISH_NS
 
-    def go_on_ending(self, now: int) -> None:
+    def continue_ending(self, now: int) -> None:
         """Feed the loggers until they have everything or the time is up [ns]."""
         if self._log_closing:
             return
-        self._keep_news(now)
+        self._record_news(now)
         awaited = self._records_expected or self._log.loggers
         if self._log.done or not awaited or now > self._ending_until_ns:
             self._log_closing = True

@@ -20,7 +20,7 @@ from netboard.nodes.server.session import Session
 
 log = logging.getLogger(__name__)
 
-LONGEST_SLEEP_NS = 100_000_000
+MAX_SLEEP_NS = 100_000_000
 """Longest sleep of the loop, so that it notices a request to stop [ns]."""
 
 
@@ -67,7 +67,7 @@ class Server:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
         files = [file for session in running if not session.records.ending for file in session.files]
         while True:
-            sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
+            sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), MAX_SLEEP_NS)
             signalled = poller.signalled(files, sleep_ns * 1e-9)
             now = now_ns()
             for session in running:
@@ -75,7 +75,7 @@ class Server:
                 if not (motion in signalled or control in signalled or now >= session.wake_ns):
                     continue
                 before = session.records.ending
-                session.go_on(motion in signalled, control in signalled)
+                session.run_once(motion in signalled, control in signalled)
                 if session.records.over or session.records.ending != before:
                     return
             if stopping():

@@ -31,9 +31,9 @@ from netboard.nodes.server.state import RING_ROWS, SessionState
 from netboard.nodes.server.undisturbed import ALL_FINE
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
-HOUSE_TICKS = 10
+HOUSEKEEPING_TICKS = 10
 
-NEAR_NS, MOST_POSTPONED = 400_000, 4
+DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 """Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
 
 ANSWER_NS = 4_000_000
@@ -71,7 +71,7 @@ class Session:
         self.files = state.ports.files
         self._stopping = False
         self._undisturbed = False  # whether the next tick can be run in one call
-        self._unhandled, self._hear_ns, self._answer_ns = False, 0, 0
+        self._unhandled, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
     @property
@@ -94,7 +94,7 @@ class Session:
 
     # --- the loop --------------------------------------------------------------------------------------------------
 
-    def go_on(self, motion: bool, control: bool) -> None:
+    def run_once(self, motion: bool, control: bool) -> None:
         """Take the messages that have arrived, and run the ticks that are due.
 
         The motion channel is read last, until it is empty, because its socket only then signals again. If it holds more
@@ -103,7 +103,7 @@ class Session:
         clock, state = self._clock, self._state
         if self.records.ending:
             now = now_ns()
-            self.records.go_on_ending(now)
+            self.records.continue_ending(now)
             clock.wake_ns = now + TICK_NS
             return
         idle = state.idle
@@ -114,40 +114,44 @@ class Session:
             state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
-        elif clock.is_time(now, complete):
+        elif clock.is_due(now, complete):
             self._tick(clock.due_ns, now - clock.due_ns)
         complete = self._motion.drain(now_ns, clock.due_ns)
         self._unhandled |= control
-        self._do_a_little(now_ns())
+        self._do_deferred_work(now_ns())
         if state.end_requested:
             self._end()
             return
-        self._undisturbed = self._may_answer
+        self._undisturbed = self._can_run_in_one_call
         idle = state.idle
         clock.sleep(idle, complete, alone=idle and state.alone)
         if self._unhandled or self._motion.unhandled:
-            clock.wake_ns = min(clock.wake_ns, self._hear_ns)
+            clock.wake_ns = min(clock.wake_ns, self._deferred_due_ns)
 
-    def _do_a_little(self, now: int) -> None:
+    def _do_deferred_work(self, now: int) -> None:
         """Do a bounded part of the work that can wait, once a millisecond, and after a tick rather than before one.
 
         A peer that sends too much thus only delays itself.
         """
-        if now < self._hear_ns:
+        if now < self._deferred_due_ns:
             return
-        if 0 <= self._clock.due_ns - now < NEAR_NS and not self._state.idle and self._postponed < MOST_POSTPONED:
+        if (
+            0 <= self._clock.due_ns - now < DEADLINE_MARGIN_NS
+            and not self._state.idle
+            and self._postponed < MAX_POSTPONED
+        ):
             self._postponed += 1
-            self._hear_ns = self._clock.due_ns
+            self._deferred_due_ns = self._clock.due_ns
             return
         self._postponed = 0
-        self._hear_ns = now + TICK_NS
+        self._deferred_due_ns = now + TICK_NS
         self._motion.attend(now, self._clock.due_ns)
         # Its signal comes only once, so it is read until drain() says that nothing is left.
         self._unhandled = self._unhandled and self._control.drain(now_ns)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
             self._control.answer(self._answers)
-        self.records.keep_frames()
+        self.records.record_frames()
         if self._state.authenticator is not None:
             self._state.authenticator.answer_handshakes()
 
@@ -168,7 +172,7 @@ class Session:
             self._tick_by_steps(number, due_ns, late_ns, found)
         self._clock.began(late_ns)
         self._count(1)
-        if number % HOUSE_TICKS == 0:
+        if number % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
         else:
             self._log.listen(now_ns())
@@ -182,7 +186,7 @@ class Session:
         return self._motion.answer(block.answer, parts, number, stage.delay, due_ns, late_ns)
 
     @property
-    def _is_calm(self) -> bool:
+    def _no_command_due(self) -> bool:
         """Whether, while all samples are fine, no command can be due at the next tick of a trial."""
         state = self._state
         if self._clock.gap or self._log.trouble or state.block.delays.trouble:
@@ -190,12 +194,12 @@ class Session:
         return not (state.operators.pause_after or state.attempts.wanted or self._control.requests or self._stopping)
 
     @property
-    def _may_answer(self) -> bool:
+    def _can_run_in_one_call(self) -> bool:
         """Whether the next tick can be run in one call if all samples are fine."""
         state = self._state
         if state.block.answer is None or not state.active or state.emergency_stop.halted or self._blocks.coming:
             return False
-        return self._is_calm
+        return self._no_command_due
 
     def _tick_by_steps(self, number: int, due_ns: int, late_ns: int, found: int) -> None:
         """Run one tick; ``found``: what its samples tell if they have been taken, -1 if not."""
@@ -208,21 +212,21 @@ class Session:
         if block.robots or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
         active = state.active
-        if not active or found != ALL_FINE or not self._is_calm:  # asking for a command would delay the forces
+        if not active or found != ALL_FINE or not self._no_command_due:  # asking for a command would delay the forces
             words[_COMMAND] = self._command(found)
         block.stage.advance(state.stage, state.rows, number)
         halted = bool(state.emergency_stop.halted)
         if active and block.config.block.haptics and not halted:
             self._motion.force(words, block.stage.commanded_row(state.words, number))
         else:
-            self._motion.beat(number, now_ns(), at_once=active and halted)
+            self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
             robot.take(words)
 
     def _idle_ticks(self, now: int) -> None:
         """Run all due ticks together; a command takes effect at the last one."""
         due_ns, first = self._clock.due_ns, self._state.number
-        count = min(self._clock.how_many(now), RING_ROWS)
+        count = min(self._clock.due_count(now), RING_ROWS)
         if count < 1:
             return
         self._blocks.change_if_due(first + count - 1)
@@ -260,7 +264,7 @@ class Session:
             for at in range(0, len(rows), TICK.itemsize):
                 self._log.append(_RECORD_HEAD + rows[at : at + TICK.itemsize])
         state.number += count
-        self._clock.did(count)
+        self._clock.advance(count)
 
     def _count(self, count: int) -> None:
         """Log the finished ticks, handle their events, and publish the views."""
@@ -270,9 +274,9 @@ class Session:
             if state.operators.opened:
                 self._log.append(_RECORD_HEAD + words.tobytes())
             if words[_EVENT]:
-                self._happened(number)
+                self._record_decision(number)
         state.number += count
-        self._clock.did(count)
+        self._clock.advance(count)
         newest = (state.number - 1) % RING_ROWS
         rest = state.rest(now_ns()) if state.rest_until_ns else None
         seen = state.rows[newest], state.words[newest]
@@ -284,7 +288,7 @@ class Session:
         if found & (_STOPPED | _TRIPPED):
             row = state.rows[state.number % RING_ROWS]
             bits = {side: int(row[f"{side}_safeguards"]) for side in SIDES}
-            state.update_arming(state.emergency_stop.look(found, bits, now_ns()))
+            state.update_arming(state.emergency_stop.poll(found, bits, now_ns()))
         if self._stopping:
             return Cause.STOP
         phase = state.phase
@@ -294,9 +298,9 @@ class Session:
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
         if first or not self._control.requests:
             return first  # an operator's command that arrives at the same time waits for the next tick
-        return self._requests.obey(self._control.requests.pop(0))
+        return self._requests.handle_command(self._control.requests.pop(0))
 
-    def _happened(self, number: int) -> None:
+    def _record_decision(self, number: int) -> None:
         """Record what the stage has decided."""
         state = self._state
         row, stage = state.rows[number % RING_ROWS], state.stage[0]
@@ -307,7 +311,7 @@ class Session:
                 state.supervisor.faulted(STAGE_FAULT)
             details["notice"] = state.supervisor.notice
         state.note(cause.name.lower(), details)
-        for name, judged in state.attempts.happened(cause, row, stage, state.rows, number):
+        for name, judged in state.attempts.record_decision(cause, row, stage, state.rows, number):
             state.note(name, judged)
         if cause == Cause.LAST:
             self._blocks.finish_block(number)
@@ -323,9 +327,9 @@ class Session:
         now, state = now_ns(), self._state
         self._motion.expire(now)
         felt = state.active and state.block.config.block.haptics
-        state.block.delays.look(self._motion.loops_ns, felt=felt)
-        state.attempts.look(state.rows, state.number)
-        state.missing = state.lacks()
+        state.block.delays.poll(self._motion.loops_ns, felt=felt)
+        state.attempts.poll(state.rows, state.number)
+        state.missing = state.find_missing()
         self._control.pump(now)
         self._unhandled = True  # look at the control channel even without a signal, which may have been missed
         self.records.keep(now)

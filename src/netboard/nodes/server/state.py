@@ -106,10 +106,10 @@ class SessionState:
         left = (self.rest_until_ns - now) * 1e-9
         return left if left > 0 and self.phase == Phase.IDLE else None
 
-    def lacks(self) -> tuple[str, ...]:
+    def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
         now, log = now_ns(), self.ports.log
-        lacking = [*self.ports.motion.lacks(now, self.block.people), *self.block.delays.lacking]
+        lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.delays.lacking]
         if self.block.config.network.require_logger and not log.loggers:
             lacking.append("the logger")
         if self.emergency_stop.halted:

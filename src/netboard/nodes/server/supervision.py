@@ -11,7 +11,7 @@ from netboard.task.trials.state_machine import TABLE, Cause, Phase
 READY_TICKS = 500
 """Ticks for which everything must have been ready before a block starts or resumes by itself [1]."""
 
-LASTING_TICKS = 100
+PERSISTENT_TICKS = 100
 """Ticks for which a problem must last during a pause to be named later as the cause of the pause [1]."""
 
 
@@ -52,7 +52,7 @@ class Supervisor:
             self._set_notice(tick, phase, missing, trouble)
         return Cause.NONE
 
-    def obeyed(self) -> None:
+    def command_carried_out(self) -> None:
         """Note that an operator's command was carried out: older notices no longer apply."""
         self._faulted, self._refused_when = False, None
         self.notice = self._cause = ""
@@ -79,7 +79,7 @@ class Supervisor:
         if phase == Phase.IDLE:
             self.notice = waiting
         elif phase == Phase.PAUSED:
-            if trouble and tick - self._trouble_since >= LASTING_TICKS:
+            if trouble and tick - self._trouble_since >= PERSISTENT_TICKS:
                 self._cause = trouble
             ready = f"ready to resume (paused: {self._cause})" if self._cause else ""
             self.notice = f"paused: {trouble or waiting}" if trouble or waiting else ready
@@ -88,9 +88,9 @@ class Supervisor:
 
     def _by_itself(self, phase: Phase) -> Cause:
         if phase == Phase.IDLE:
-            self.obeyed()
+            self.command_carried_out()
             return Cause.START
         if phase == Phase.PAUSED and self._faulted:
-            self.obeyed()
+            self.command_carried_out()
             return Cause.RESUME
         return Cause.NONE

@@ -19,7 +19,7 @@ CATCH_UP_TICKS = 20
 IDLE_TICKS = 25
 """Ticks that run together while the session is idle [1]."""
 
-ALONE_TICKS = 200
+NO_PEER_TICKS = 200
 """Ticks that run together while the session is idle and has no peer at all [1]."""
 
 
@@ -39,15 +39,15 @@ class TickClock:
         """Set the deadline of the first tick [ns]."""
         self.due_ns = self.wake_ns = due_ns
 
-    def is_time(self, now_ns: int, complete: bool) -> bool:
+    def is_due(self, now_ns: int, complete: bool) -> bool:
         """Return whether the next tick can run now [ns]; `complete` says that both sides' new samples are in."""
         return now_ns >= self.due_ns or (complete and now_ns >= self.due_ns - EARLIEST_NS)
 
-    def how_many(self, now_ns: int) -> int:
+    def due_count(self, now_ns: int) -> int:
         """Return the number of ticks due at a time [ns]; less than one if none is."""
         return (now_ns - self.due_ns) // TICK_NS + 1
 
-    def did(self, count: int) -> None:
+    def advance(self, count: int) -> None:
         """Move the deadline on by this many ticks [1]."""
         self.due_ns += count * TICK_NS
 
@@ -58,7 +58,7 @@ class TickClock:
     def catch_up(self, now_ns: int, idle: bool) -> int:
         """Move the deadlines if the loop was held up too long; return by how much [ns]."""
         behind_ns = now_ns - self.due_ns
-        if behind_ns <= (CATCH_UP_TICKS + (ALONE_TICKS if idle else 0)) * TICK_NS:
+        if behind_ns <= (CATCH_UP_TICKS + (NO_PEER_TICKS if idle else 0)) * TICK_NS:
             return 0
         moved_ns = behind_ns - behind_ns % TICK_NS
         self.due_ns += moved_ns
@@ -73,7 +73,7 @@ class TickClock:
     def sleep(self, idle: bool, complete: bool, alone: bool = False) -> None:
         """Set when the session runs next. ``alone``: it has no peer, which must not wait for it."""
         if idle:
-            self.wake_ns = self.due_ns + ((ALONE_TICKS if alone else IDLE_TICKS) - 1) * TICK_NS
+            self.wake_ns = self.due_ns + ((NO_PEER_TICKS if alone else IDLE_TICKS) - 1) * TICK_NS
         elif complete:
             self.wake_ns = self.due_ns - EARLIEST_NS
         else:

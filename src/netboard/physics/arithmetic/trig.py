@@ -2,7 +2,7 @@
 
 The C library's own differ between libraries, versions and processors, and a recording must verify to the bit on any
 machine. These use nothing but IEEE additions, multiplications and comparisons, in one fixed order, and are good to
-1 ulp up to `LARGEST_ANGLE`. Beyond it an angle has too few digits left to reduce exactly, and the result is NaN, as it
+1 ulp up to `MAX_ANGLE`. Beyond it an angle has too few digits left to reduce exactly, and the result is NaN, as it
 is for what is not finite; nothing here raises.
 
 The polynomials and the reduction are those of fdlibm (``k_sin.c``, ``k_cos.c``, ``e_rem_pio2.c``, in the order of
@@ -15,7 +15,7 @@ import math
 
 from netboard.base.compiled import inlined
 
-LARGEST_ANGLE = 1.6e6
+MAX_ANGLE = 1.6e6
 """Angles beyond this give NaN: below it a multiple of pi/2 has at most 20 bits, so its products are exact [rad]."""
 
 EIGHTH_TURN = 0.7853981633974483
@@ -79,7 +79,7 @@ def reduced(x: float) -> tuple[float, float, float]:
     Parameters
     ----------
     x : float
-        Angle, up to `LARGEST_ANGLE` [rad].
+        Angle, up to `MAX_ANGLE` [rad].
 
     Returns
     -------
@@ -109,11 +109,11 @@ def sincos(x: float) -> tuple[float, float]:
     Returns
     -------
     s, c : float
-        Sine and cosine, within 1 ulp up to `LARGEST_ANGLE`; NaN beyond it [1].
+        Sine and cosine, within 1 ulp up to `MAX_ANGLE`; NaN beyond it [1].
     """
     if abs(x) <= EIGHTH_TURN:
         return small(x, 0.0)
-    if not abs(x) <= LARGEST_ANGLE:
+    if not abs(x) <= MAX_ANGLE:
         return math.nan, math.nan
     y, tail, n = reduced(x)
     s, c = small(y, tail)

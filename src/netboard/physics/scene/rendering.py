@@ -18,7 +18,7 @@ from netboard.base.compiled import inlined, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.declared import number_of, require, words_of
-from netboard.base.tables.experiment import MOST_TRIALS, Block
+from netboard.base.tables.experiment import MAX_TRIALS, Block
 from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
 
@@ -27,7 +27,7 @@ KNOWN_MOVERS = ("person", "still", "robot")
 
 require("rendering_of in netboard/physics/scene/rendering.py", KNOWN_MOVERS, words_of(Block, "left"))
 
-TRIAL_ENTRIES = MOST_TRIALS + 1
+TRIAL_ENTRIES = MAX_TRIALS + 1
 """First trial number without an entry in the tables below; only trials that operators add reach it [1]."""
 
 GAINS = np.dtype(

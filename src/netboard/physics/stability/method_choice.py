@@ -29,7 +29,7 @@ TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
 PLACES = (0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25)
 """Ball positions examined, relative to the stops, or to twice the arm of the board [1]."""
 
-MOST_SUBSTEPS = 64
+MAX_SUBSTEPS = 64
 """Largest number of steps per tick that is chosen."""
 
 MAX_RK4_STIFFNESS = 8
@@ -136,7 +136,7 @@ def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
 
 def _named(physics: Physics, h: float) -> tuple[str, int, str]:
     """Return the configured method with the configured or required number of steps, and the reason."""
-    substeps = physics.substeps or _enough(physics, h) or MOST_SUBSTEPS
+    substeps = physics.substeps or _enough(physics, h) or MAX_SUBSTEPS
     return physics.method, substeps, f"Named in the configuration: {physics.method} in {_counted(substeps)} is stable."
 
 
@@ -146,8 +146,8 @@ def _counted(substeps: int) -> str:
 
 
 def _enough(physics: Physics, h: float) -> int:
-    """Return the smallest stable number of steps of the configured method; 0 above `MOST_SUBSTEPS`."""
-    return next((n for n in range(1, MOST_SUBSTEPS + 1) if _is_stable(physics, physics.method, h / n)), 0)
+    """Return the smallest stable number of steps of the configured method; 0 above `MAX_SUBSTEPS`."""
+    return next((n for n in range(1, MAX_SUBSTEPS + 1) if _is_stable(physics, physics.method, h / n)), 0)
 
 
 def _is_stable(physics: Physics, method: str, h: float) -> bool:

@@ -18,7 +18,7 @@ from netboard.recording.export.formats import Progress
 from netboard.recording.export.tables import TICKS, Subject, Table, small_tables
 from netboard.recording.export.tabular import subjects, tick_portions, write_dictionary
 
-MOST_BYTES = 2**31 - 2**20
+MAX_BYTES = 2**31 - 2**20
 """Size limit of a variable, less some space for its names [1]."""
 
 
@@ -39,9 +39,9 @@ def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArra
     """Spool the ticks to disk row by row; return views of the columns, so that one is in memory at a time."""
     kinds = {"integer": np.int64, "number": np.float64}
     row = np.dtype([(field.name, kinds[field.kind]) for field in TICKS.fields if field.kind in kinds])
-    if (size := subject.ticks * row.itemsize) > MOST_BYTES:
+    if (size := subject.ticks * row.itemsize) > MAX_BYTES:
         raise RecordingError(
-            f"{subject.recording.path}: its ticks are {size / 1e9:.1f} GB, expected at most {MOST_BYTES / 1e9:.1f} GB "
+            f"{subject.recording.path}: its ticks are {size / 1e9:.1f} GB, expected at most {MAX_BYTES / 1e9:.1f} GB "
             "in a MATLAB file; use --to parquet, which MATLAB reads with parquetread"
         )
     for columns in tick_portions(subject, progress):

@@ -45,7 +45,7 @@ READABLE = ("1", "2", "3", FORMAT_VERSION)
 
 _TICKS = CHANNELS[0].topic
 _THREADS = 2
-_LEAST_SHARE, _MOST_SHARE = 8, 24
+_MIN_SHARE, _MAX_SHARE = 8, 24
 _PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORDS = np.dtype("<i8")
@@ -334,7 +334,7 @@ class Recording:
         stops = np.cumsum(places["count"])
         starts = stops - places["count"]
         offsets = places["chunk"].tolist()
-        share = min(max(_LEAST_SHARE, -(-len(offsets) // _THREADS)), _MOST_SHARE)
+        share = min(max(_MIN_SHARE, -(-len(offsets) // _THREADS)), _MAX_SHARE)
 
         def work(k: int) -> None:
             part = offsets[k : k + share]

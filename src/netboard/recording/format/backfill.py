@@ -18,7 +18,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import KNOWN_NS, RENDERED, TICK_NS
 from netboard.network.protocol.records import BackfillRecord
 
-_MOST_A_TICK = KNOWN_NS // TICK_NS
+_MAX_A_TICK = KNOWN_NS // TICK_NS
 """Largest number of samples before a tick that are searched [1]."""
 
 
@@ -52,7 +52,7 @@ class Backfilled:
             places, newest, times = unknown[known], newest[known], times[known]
             ticks[f"{side}_rendered"][places] = rows["rendered"][newest]
             bits = rows["safeguards"][newest]
-            for back in range(1, _MOST_A_TICK):
+            for back in range(1, _MAX_A_TICK):
                 before = np.maximum(newest - back, 0)
                 within = (newest >= back) & (rows["stamp_ns"][before] > times - TICK_NS)
                 bits = bits | np.where(within, rows["safeguards"][before], 0)

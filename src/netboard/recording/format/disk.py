@@ -21,10 +21,10 @@ LOW_BYTES = 5_000_000_000
 LOW_S = 1800.0
 """Warn below this remaining time [s]."""
 
-LEAST_BYTES = 200_000_000
+MIN_BYTES = 200_000_000
 """Below this free space no recording starts, and a running one is finished [1]."""
 
-LEAST_S = 120.0
+MIN_S = 120.0
 """Below this remaining time a running recording is finished [s]."""
 
 MEMORY_NS = 60_000_000_000
@@ -50,10 +50,10 @@ class Space(NamedTuple):
     @property
     def out(self) -> bool:
         """Whether to finish the recording."""
-        return self.free < LEAST_BYTES or self.seconds < LEAST_S
+        return self.free < MIN_BYTES or self.seconds < MIN_S
 
     def __str__(self) -> str:
-        size = f"{self.free / 1e9:.1f} GB" if self.free >= LEAST_BYTES else f"{self.free / 1e6:.0f} MB"
+        size = f"{self.free / 1e9:.1f} GB" if self.free >= MIN_BYTES else f"{self.free / 1e6:.0f} MB"
         return f"{size} free" if self.seconds >= LOW_S else f"{size} free, for {self.seconds / 60:.0f} min"
 
 
@@ -79,7 +79,7 @@ def require_space(folder: Path, free: int) -> None:
     """Refuse to start a recording on a disk that is nearly full."""
     space = Space(free, float("inf"))
     if space.out:
-        raise RecordingError(f"{folder}: only {space}, and a recording stops at {LEAST_BYTES / 1e6:.0f} MB")
+        raise RecordingError(f"{folder}: only {space}, and a recording stops at {MIN_BYTES / 1e6:.0f} MB")
 
 
 def sync_directory(directory: Path) -> None:

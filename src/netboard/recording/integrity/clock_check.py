@@ -22,7 +22,7 @@ from netboard.network.protocol.clock_estimator import ClockEstimator
 from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.recording.integrity.severity import Finding, Severity
 
-LARGEST_DRIFT_PPM = 100.0
+MAX_DRIFT_PPM = 100.0
 """Largest plausible drift between two crystals; the bounds of the estimates allow for it [1e-6]."""
 
 _INTERLEAVED_NS = 1_000_000_000
@@ -32,7 +32,7 @@ _SINGLE = "agent."
 """Name prefix of peers with a single connection: an agent occupies its side."""
 
 _PROBES_PER_FIT = 60
-_LEAST_PROBES = 6
+_MIN_PROBES = 6
 
 
 class Fit(NamedTuple):
@@ -146,10 +146,10 @@ def _counts(probe: ClockRecord, bound_ms: float, active_ns: tuple[int, int] | No
 
 
 def stepped(probes: Sequence[ClockRecord]) -> int:
-    """Count the probes that no drift up to `LARGEST_DRIFT_PPM` reconciles with the previous ones."""
+    """Count the probes that no drift up to `MAX_DRIFT_PPM` reconciles with the previous ones."""
     sent, received, answered, back = _stamps(probes)[:4]
     upper, lower = received - sent, answered - back
-    rate = LARGEST_DRIFT_PPM * 1e-6
+    rate = MAX_DRIFT_PPM * 1e-6
     highest = np.minimum.accumulate(upper - rate * sent)[:-1] + rate * back[1:]
     lowest = np.maximum.accumulate(lower + rate * back)[:-1] - rate * sent[1:]
     return int(np.count_nonzero((lower[1:] > highest + 1.0) | (upper[1:] < lowest - 1.0)))
@@ -157,7 +157,7 @@ def stepped(probes: Sequence[ClockRecord]) -> int:
 
 def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     """Fit a line through the midpoints of the faster half of the probes; None for too few of them."""
-    if len(probes) < _LEAST_PROBES:
+    if len(probes) < _MIN_PROBES:
         return None
     sent, received, answered, back, offsets, bounds = _stamps(probes)
     ways = (back - sent) - (answered - received)
@@ -169,7 +169,7 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     # The line is no more accurate than the delays of its probes, which may all lie on one side of it; its uncertainty
     # grows with the distance from them.
     longest, span = np.max(ways[quick]), np.ptp(t[quick])
-    known = longest < LARGEST_DRIFT_PPM * 1e-6 * span
+    known = longest < MAX_DRIFT_PPM * 1e-6 * span
     beyond = np.abs(offset + slope * t - offsets) > bounds + longest * (1.0 + np.ptp(t) / span)
     return Fit(float(slope) * 1e6 if known else float("nan"), int(np.count_nonzero(beyond)))
 

@@ -23,7 +23,7 @@ from netboard.task.trials.state_machine import Phase
 TICKS = CHANNELS[0].topic
 """Topic of the ticks."""
 
-_LONGEST_BATCH_NS = 5_000_000_000
+_MAX_BATCH_NS = 5_000_000_000
 
 
 def check_numbers(evidence: Evidence) -> Iterator[Finding]:
@@ -193,4 +193,4 @@ def _log_time_steps(path: Path, stalled_ns: int) -> int:
     chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
     times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
     ended = np.maximum.accumulate(times[:, 1])[:-1]
-    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS - stalled_ns))
+    return int(np.count_nonzero(times[1:, 0] < ended - _MAX_BATCH_NS - stalled_ns))

@@ -22,7 +22,7 @@ from netboard.recording.integrity.verification import Verification, Verifier
 from netboard.stage.stage import Stage
 from netboard.task.trials.state_machine import Phase, is_active
 
-MOST_KEPT = 1000
+MAX_KEPT = 1000
 """Limit of gaps, jumps and wrong numbers that are kept; further ones are only counted [1]."""
 
 ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
@@ -118,14 +118,14 @@ def _follow(seen: Walk, rows: NDArray[Any]) -> None:
     """Check numbers and times, and keep the rows at which a field of the trial changes."""
     joined = np.concatenate([_slim(seen.last), _slim(rows)])
     numbers, steps = joined["tick"], np.diff(joined["tick"])
-    room = MOST_KEPT - len(seen.gaps)
+    room = MAX_KEPT - len(seen.gaps)
     holes = np.flatnonzero(steps > 1)
     seen.missing += int(np.sum(steps[holes] - 1))
     seen.gaps += [Gap(int(numbers[k]) + 1, int(steps[k]) - 1) for k in holes[:room]]
     back = np.flatnonzero(steps <= 0) + 1
-    seen.disordered += numbers[back[: MOST_KEPT - len(seen.disordered)]].tolist()
+    seen.disordered += numbers[back[: MAX_KEPT - len(seen.disordered)]].tolist()
     more_ns = np.diff(joined["time_ns"]) - steps * TICK_NS
-    jumped = np.flatnonzero(more_ns)[: MOST_KEPT - len(seen.jumps)]
+    jumped = np.flatnonzero(more_ns)[: MAX_KEPT - len(seen.jumps)]
     seen.jumps += [(int(numbers[k + 1]), int(more_ns[k])) for k in jumped]
     changes = (steps != 1) | (joined["event"][:-1] != 0)
     for name in ("phase", "trial", "attempt"):

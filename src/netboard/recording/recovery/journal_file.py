@@ -23,7 +23,7 @@ from netboard.task.journal.entries import Entry, Header, line_of, read_lines
 RETRY_SECONDS = 0.5
 """Interval of retries after a disk error [s]."""
 
-LAST_TRIES = 3
+FINAL_ATTEMPTS = 3
 """Number of attempts to write once the journal is closing [1]."""
 
 CLOSE_SECONDS = 10.0
@@ -121,7 +121,7 @@ class Journal:
 
     def _bring_to_disk(self, line: bytes) -> bool:
         """Write a line, with retries; return False if the disk still fails while the journal is closing."""
-        last_tries = LAST_TRIES
+        last_tries = FINAL_ATTEMPTS
         while last_tries:
             last_tries -= self._closing.is_set()
             try:

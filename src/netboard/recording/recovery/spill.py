@@ -34,11 +34,11 @@ MAGIC = b"netboard spill 1\n"
 OPENED = "spill_opened"
 """Name of the first event, which relates server time (``time_ns``) to UTC (detail ``utc_ns``)."""
 
-MOST_WAITING = 64
+MAX_WAITING = 64
 """Limit of blocks in memory that wait for a slow disk [1]."""
 
 READ_AHEAD = 8
-MOST_LOADED = 32
+MAX_LOADED = 32
 """Limit of reloaded blocks kept in memory [1]."""
 
 RETRY_SECONDS = 1.0
@@ -112,7 +112,7 @@ class Spill:
             return "network.log_spill_mb is 0"
         if self._end >= self._most_bytes:
             return f"{self.path} has grown to network.log_spill_mb"
-        if len(self._unwritten) >= MOST_WAITING:
+        if len(self._unwritten) >= MAX_WAITING:
             return self.trouble or f"{self.path}: the disk is too slow"
         return ""
 
@@ -126,7 +126,7 @@ class Spill:
 
         ``cursor``: number of the first record not yet sent to the logger; less than `next`.
         """
-        while len(self._loaded) > MOST_LOADED:
+        while len(self._loaded) > MAX_LOADED:
             used = self._loaded.popleft()
             used.frame, used.asked = None, False
         at = bisect_right(self._blocks, cursor, key=_stop)

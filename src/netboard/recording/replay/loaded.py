@@ -118,13 +118,13 @@ class LoadedRecording:
             told.append(f"attempt {int(row['attempt'])}")
         last = next((mark for mark in reversed(self.marks) if mark.kind != "trial" and mark.time <= position), None)
         if last is not None:
-            told.append(f"last event: {last.label[:MOST_LETTERS]}")
+            told.append(f"last event: {last.label[:MAX_CHARACTERS]}")
         if gap := self.gap_at(position):
             told.append(gap)
         return ", ".join(told)
 
 
-MOST_LETTERS = 80
+MAX_CHARACTERS = 80
 """Longest displayed text of an event [1]."""
 
 ROUNDING = 1e-7

@@ -14,7 +14,7 @@ from netboard.recording.timing.evidence import Evidence
 BLOCK_TICKS = 50
 """Ticks after the begin of a block, or after an agent has joined, in which it may still be loaded [1]."""
 
-LONGEST_EVENT_NS = 100 * TICK_NS
+MAX_EVENT_NS = 100 * TICK_NS
 """Stall beyond which an event is not its cause: no event takes that long [ns]."""
 
 THROTTLED_NS = (30_000_000, 70_000_000)
@@ -54,7 +54,7 @@ def _shared(evidence: Evidence) -> bool:
 
 
 def _event(evidence: Evidence) -> bool:
-    return evidence.is_late and evidence.late_ns < LONGEST_EVENT_NS and bool(evidence.events)
+    return evidence.is_late and evidence.late_ns < MAX_EVENT_NS and bool(evidence.events)
 
 
 def _server(evidence: Evidence) -> bool:

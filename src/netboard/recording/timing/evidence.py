@@ -32,7 +32,7 @@ AWAY_TICKS = 100
 SECOND_NS, TOLERANCE_NS = 1_000_000_000, 50_000_000
 """Period of the kernel's real-time throttle, and how exactly stalls must keep it [ns]."""
 
-LEAST_EXCESS_NS = TICK_NS // 4
+MIN_EXCESS_NS = TICK_NS // 4
 """Smallest excess over an agent's interval that counts as a stall of the agent [ns]."""
 
 LONG_AGO = 2**31
@@ -195,7 +195,7 @@ def _agent(side: SideStamps, first: int, last: int, due_ns: int, began_ns: int) 
     if first == 0 or side.seq[first - 1] < 0:
         return "unknown"
     excess_ns = int(side.excess_ns[first : last + AFTER_TICKS].max())
-    if excess_ns > max(LEAST_EXCESS_NS, (began_ns - due_ns) // 3):
+    if excess_ns > max(MIN_EXCESS_NS, (began_ns - due_ns) // 3):
         return "late"
     next_ns = side.read_ns[first - 1] + TICK_NS
     was_due = next_ns + max(0, -(-(due_ns - next_ns) // TICK_NS)) * TICK_NS < began_ns

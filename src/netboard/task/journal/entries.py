@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from netboard.base.errors import RecordingError
-from netboard.base.settings import NO_EXTRAS
+from netboard.base.settings import FORBID_UNKNOWN_KEYS
 
 FORMAT = 1
 """Version of the journal's format, incremented when an older reader would misread a line [1]."""
@@ -57,7 +57,7 @@ class Header:
         `netboard.base.config.digest` of the rig's configuration.
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     format: int
     study: str
     study_digest: str
@@ -85,7 +85,7 @@ class Opened:
         The form.
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     run: str
     form: dict[str, str]
 
@@ -100,7 +100,7 @@ class Resumed:
         Id of that run.
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     run: str
 
 
@@ -120,7 +120,7 @@ class BlockBegan:
         Tick of that run [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     trial: int
     attempt: int
@@ -142,7 +142,7 @@ class AttemptBegan:
         Tick of that run [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     trial: int
     attempt: int
@@ -176,7 +176,7 @@ class AttemptEnded:
         Duration of the block so far, in ticks [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     trial: int
     attempt: int
@@ -200,7 +200,7 @@ class Repeat:
         Numbers of the block and the trial [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     trial: int
 
@@ -215,7 +215,7 @@ class Veto:
         Numbers of the block and the trial [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     trial: int
 
@@ -233,7 +233,7 @@ class BlockEnded:
         done; ``stopped``: the block can continue.
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: int
     how: Literal["finished", "stopped", "given_up"]
 
@@ -252,7 +252,7 @@ class Note:
         Tick of that run at the first key press [1].
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     text: str
     run: str
     tick: int
@@ -268,7 +268,7 @@ class Ended:
         Reason, in words.
     """
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     reason: str
 
 

@@ -28,7 +28,7 @@ Performer = Literal["A", "B", "dyad"]
 Sequence = tuple[str, Performer]
 """A kind of block, and its performer."""
 
-MOST_CATCH = 1000
+MAX_CATCH = 1000
 """Most catch trials in a block [1]."""
 
 
@@ -112,7 +112,7 @@ class Conditions:
         """Draw the catch trials of a block."""
         share, after = self._study.kinds[kind].catch, self._study.kinds[kind].catch_after
         number = math.floor(share * trials + 0.5) if share < 1 else round(share)
-        most = min(max(trials - after, 0), MOST_CATCH)
+        most = min(max(trials - after, 0), MAX_CATCH)
         if number > most:
             raise ConfigError(
                 f"[kinds.{kind}] catch: {number} catch trials do not fit into {trials} trials of which the first "

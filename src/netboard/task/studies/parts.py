@@ -7,7 +7,7 @@ A part stores only the configuration keys that differ from the rig's configurati
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about
 from netboard.base.tables.experiment import Block, FactorType, Quality, Role, Task
 from netboard.base.tables.rig import Display
 from netboard.base.tables.scene import Geometry, Physics
@@ -52,7 +52,7 @@ ALL = "all"
 class Changes:
     """Keys that differ from the rig's configuration, by table."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     block: Annotated[dict[str, Any], about("keys of [block] that differ")] = field(default_factory=dict)
     task: Annotated[dict[str, Any], about("keys of [task] that differ")] = field(default_factory=dict)
     physics: Annotated[dict[str, Any], about("keys of [physics] that differ")] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Changes:
 class Level(Changes):
     """One level of a factor, with its changes. Its instructions follow those of the kind."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     value: Annotated[float, about("value of this level of a numeric factor", allow_inf_nan=False)] | Literal["auto"] = (
         "auto"
     )
@@ -85,7 +85,7 @@ class Level(Changes):
 class Factor:
     """A factor that varies over blocks, or over the trials of a block."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     order: Annotated[
         Literal["alternate", "latin", "random", "between", "trial"],
         about(
@@ -106,7 +106,7 @@ class Factor:
 class Kind(Changes):
     """One kind of block."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     performers: Annotated[
         Literal["dyad", "A", "B", "AB", "BA"],
         about("who performs it: the dyad, one participant alone, or both alone, one after the other"),
@@ -146,7 +146,7 @@ class Kind(Changes):
 class Questionnaire:
     """A questionnaire that the operator is reminded of."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     text: Annotated[str, about("text or web address that the operator sees", min_length=1)]
     after: Annotated[
         tuple[str, ...], about('kinds of blocks that it follows; "session": after the last block', strict=False)

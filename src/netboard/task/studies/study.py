@@ -16,7 +16,7 @@ from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.base.errors import ConfigError
-from netboard.base.settings import NO_EXTRAS, about, check, to_toml
+from netboard.base.settings import FORBID_UNKNOWN_KEYS, about, check, to_toml
 from netboard.task.studies import library
 from netboard.task.studies.factors import declared
 from netboard.task.studies.order import MOST, steps_of
@@ -46,7 +46,7 @@ _LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
 class Study(Changes):
     """A study; its own changes apply to all its blocks."""
 
-    __pydantic_config__ = NO_EXTRAS
+    __pydantic_config__ = FORBID_UNKNOWN_KEYS
     name: Annotated[str, about("name of the study", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
     text: Annotated[str, about("description, in one sentence")] = ""
     order: Annotated[

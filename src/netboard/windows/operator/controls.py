@@ -19,7 +19,7 @@ STOP_RED = "#c8102e"
 COLUMNS = 8
 """Buttons per row [1]."""
 
-LONGEST_NOTE = 2000
+MAX_NOTE = 2000
 """Maximum length of a note, in characters [1]."""
 
 STYLE = f"""
@@ -120,7 +120,7 @@ class NoteField(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         self.text = QLineEdit()
-        self.text.setMaxLength(LONGEST_NOTE)
+        self.text.setMaxLength(MAX_NOTE)
         self.text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
         self.text.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
         self.text.setPlaceholderText("Note: press F4, write, press Enter. Its time is that of the first letter.")

@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 ROUND_MS = 50
 """Interval of the periodic work [ms]."""
 
-HELLO_NS = 500_000_000
+HELLO_INTERVAL_NS = 500_000_000
 """Interval between two `Hello` messages while the display is not connected [ns]."""
 
 REPORT_NS = 500_000_000
@@ -223,7 +223,7 @@ class DisplayClient(QObject):
         self.showing.read_refresh_rate()
         if now - self._view_ns > self._link_timeout_ns:
             self._blank()
-        if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_NS:
+        if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_INTERVAL_NS:
             self._hello_ns = now
             self._hello()
         if self.session and now - self._report_ns >= REPORT_NS:
@@ -269,7 +269,7 @@ def run(
         player = None if play is None else play(station, config, context, window)
         client = DisplayClient(station, config, context, window, player)
         screenshot_timer = windows.ScreenshotTimer(window, picture, after, lambda: client.tally.painted)
-        windows.run(window, stopping, screenshot_timer.look)
+        windows.run(window, stopping, screenshot_timer.poll)
         if client.tally.painted:
             screenshot_timer.take()
         client.close()

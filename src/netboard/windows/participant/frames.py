@@ -13,12 +13,12 @@ from collections import deque
 from itertools import islice
 
 from netboard.base.config import Side
-from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.network.protocol.views import MAX_SHOWN, Frames
 
-MOST_KEPT = 2048
+MAX_KEPT = 2048
 """Frames kept while no report can be sent; the oldest are discarded first [1]."""
 
-MOST_NS = 3600 * 1_000_000_000
+MAX_NS = 3600 * 1_000_000_000
 """Views further apart than this belong to different sessions [ns]."""
 
 
@@ -32,14 +32,14 @@ class FrameTally:
         self.dropped = 0
         self._newest: tuple[int, int] | None = None
         self._waiting: tuple[int, int, int] | None = None
-        self._shown: deque[tuple[int, int, int]] = deque(maxlen=MOST_KEPT)
+        self._shown: deque[tuple[int, int, int]] = deque(maxlen=MAX_KEPT)
         self._reported = 0
 
     def receive(self, seq: int, sent_ns: int) -> None:
         """Note that a view arrived, and count the frames lost with missing views; without growth, `seq` starts anew."""
         if self._newest is not None:
             missing, elapsed = seq - self._newest[0] - 1, sent_ns - self._newest[1]
-            if missing > 0 and 0 < elapsed < MOST_NS:
+            if missing > 0 and 0 < elapsed < MAX_NS:
                 self.dropped += max(0, min(missing, round(elapsed / self.period_ns) - 1))
         self._newest = seq, sent_ns
 
@@ -67,10 +67,10 @@ class FrameTally:
         """
         if not self._shown and self.dropped == self._reported:
             return None
-        return Frames(self.station, tuple(islice(self._shown, MOST_SHOWN)), self.dropped)
+        return Frames(self.station, tuple(islice(self._shown, MAX_SHOWN)), self.dropped)
 
     def clear(self) -> None:
         """Remove the reported frames; those that did not fit stay for the next report."""
-        for _ in range(min(len(self._shown), MOST_SHOWN)):
+        for _ in range(min(len(self._shown), MAX_SHOWN)):
             self._shown.popleft()
         self._reported = self.dropped

@@ -16,7 +16,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK_NS
 from netboard.stage.view import View
 
-MOST_TICKS = 40
+MAX_TICKS = 40
 """Views further apart than this give no rates: the server sends none while nothing changes [1]."""
 
 SETTLED = 2.5
@@ -83,7 +83,7 @@ def motion_after(motion: Motion | None, view: View, received_ns: int) -> Motion:
         before.target,
         before.failures,
     )
-    if not alike or not 0 < ticks <= MOST_TICKS:
+    if not alike or not 0 < ticks <= MAX_TICKS:
         return Motion(view, None, 0, origin)
     interval = ticks * TICK_NS
     rates = (

@@ -73,7 +73,7 @@ class Showing(QObject):
         self._received_ns = 0
         self._planned_ns = self._due_ns = -(2**62)
         self._shown_ns = self._painting_ns = 0
-        self._happened: list[str] = []
+        self._record_decision: list[str] = []
         self._to_mark: list[str] = []
         self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
         self.tally = FrameTally(station, self._refresh_ns)
@@ -97,7 +97,7 @@ class Showing(QObject):
         check(view)
         self.tally.receive(view.seq, view.sent_ns)
         self._events = events_after(self._events, view)
-        self._happened += self._events.events
+        self._record_decision += self._events.events
         self._motion = motion_after(self._motion, view, received_ns)
         self._received_ns = received_ns
         self._plan(received_ns)
@@ -106,10 +106,10 @@ class Showing(QObject):
         """Show a picture of text and discard the views."""
         self._turn.stop()
         if self._motion is not None:
-            self._happened.append("blank")
+            self._record_decision.append("blank")
         self._motion = self._events = None
-        self._to_mark += self._happened
-        self._happened.clear()
+        self._to_mark += self._record_decision
+        self._record_decision.clear()
         if not self._window.board.show_picture(self._held(picture, None)):
             self._mark()
 
@@ -141,8 +141,8 @@ class Showing(QObject):
         smooth = self.config.display.smooth
         view = motion.at(now + self._painting_ns, self.config) if smooth else motion.view
         picture = self._held(compose(view, self.config, self._words, events.result), view)
-        self._to_mark += self._happened
-        self._happened.clear()
+        self._to_mark += self._record_decision
+        self._record_decision.clear()
         if self._window.board.show_picture(picture):
             self.tally.wait(view.tick, self._received_ns, self._planned_ns)
             self._shown_ns = now

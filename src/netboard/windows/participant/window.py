@@ -105,7 +105,7 @@ class ScreenshotTimer:
         self._ready_ns: int | None = None
         self._error: NetboardError | None = None
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Take the screenshot if it is due."""
         if self._picture is None:
             return

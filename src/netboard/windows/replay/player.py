@@ -39,7 +39,7 @@ STEP, LONG_STEP = 1.0, 10.0
 NEAR_TICKS = 1000
 """Ticks between two views above which the trial events are cleared [1]."""
 
-MOST_WIDE = 1600
+MAX_WIDE = 1600
 """Largest initial width of boards side by side [pixels]."""
 
 KEYS = (
@@ -230,7 +230,7 @@ def run(
     app = windows.application()
     window = PlayerWindow(reels, station, speed, sync)
     shown = reels[0].config.display
-    window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MOST_WIDE)))
+    window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MAX_WIDE)))
     if at is not None:
         window.seek(at)
     if picture is not None:

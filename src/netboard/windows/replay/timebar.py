@@ -18,7 +18,7 @@ from netboard.recording.replay.marks import KINDS, Mark
 from netboard.recording.replay.pairing import Pairing
 from netboard.windows.participant.scene import COLOURS, Colours, PictureState
 
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 """Most points drawn per line; more cannot be distinguished on a screen [1]."""
 
 HEIGHT, AXIS_HEIGHT = 86, 24
@@ -27,7 +27,7 @@ HEIGHT, AXIS_HEIGHT = 86, 24
 LANE, FREE = 1.0, 0.16
 """Height of a lane, and the share at its top that is reserved for trial numbers [1]."""
 
-MOST_NUMBERS = 40
+MAX_NUMBERS = 40
 """Most trial numbers that fit side by side [1]."""
 
 LETTERS = 10
@@ -90,7 +90,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
 
     def _draw_lane(self, recording: LoadedRecording, pairing: Pairing, which: int, lanes: int) -> None:
         """Draw target, marks and ball of one recording."""
-        times = np.linspace(0.0, pairing.length, min(MOST_POINTS, len(recording.ticks)))
+        times = np.linspace(0.0, pairing.length, min(MAX_POINTS, len(recording.ticks)))
         rows = np.array([recording.at(pairing.at(time)[which]) for time in times.tolist()])
         geometry = recording.config.geometry
         height = LANE * (1 - FREE) / geometry.board_length
@@ -117,7 +117,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         font = QFont(self.font())
         font.setPixelSize(LETTERS)
         firsts = {mark.trial: mark for mark in reversed(trials)}
-        for mark in sorted(firsts.values(), key=lambda one: one.trial)[:: max(1, ceil(len(firsts) / MOST_NUMBERS))]:
+        for mark in sorted(firsts.values(), key=lambda one: one.trial)[:: max(1, ceil(len(firsts) / MAX_NUMBERS))]:
             number = pg.TextItem(str(mark.trial), color=self._colours.detail, anchor=(-0.15, 0.1))
             number.setFont(font)
             number.setPos(pairing.of(which, mark.time), -LANE * which)
