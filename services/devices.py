@@ -3,6 +3,7 @@
 A command that moves a device says so first, and waits for a typed sentence or ``--yes``.
 """
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,9 @@ app = typer.Typer(
 )
 
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
+TEXT_SECONDS = 0.1
+MONITOR_SECONDS = 0.005
+
 Replace = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 
 
@@ -23,9 +27,9 @@ Replace = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) 
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the connected devices by serial number, whether they can be opened, and the available backends."""
     settings = load(config, overrides)
-    from netboard.services import device_commands as service
+    from netboard.nodes.operator import device_commands as commands
 
-    raise typer.Exit(service.show_list(settings, as_json=json))
+    raise typer.Exit(commands.show_list(settings, as_json=json))
 
 
 @app.command(
@@ -50,9 +54,9 @@ def examine(
     Meanwhile move the stylus, press each button, and put the stylus down for a second.
     """
     settings = load(config, overrides)
-    from netboard.services import device_commands as service
+    from netboard.nodes.operator import device_commands as commands
 
-    raise typer.Exit(service.examine(settings, side, seconds=seconds, force=force, yes=yes, as_json=json))
+    raise typer.Exit(commands.examine(settings, side, seconds=seconds, force=force, yes=yes, as_json=json))
 
 
 @app.command(
@@ -74,9 +78,9 @@ def identify(
 ) -> None:
     """Identify a device's mass, damping and friction by moving it gently, and write them to its profile."""
     settings = load(config, overrides)
-    from netboard.services import device_commands as service
+    from netboard.nodes.operator import device_commands as commands
 
-    raise typer.Exit(service.identify(settings, side, held=held, yes=yes, replace_it=replace, as_json=json))
+    raise typer.Exit(commands.identify(settings, side, held=held, yes=yes, replace_it=replace, as_json=json))
 
 
 @app.command(
@@ -97,9 +101,35 @@ def monitor(
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
     settings = load(config, overrides)
-    from netboard.services import device_commands as service
+    from rich.console import Console
+    from rich.live import Live
 
-    raise typer.Exit(service.monitor(settings, side, text=text, screenshot=screenshot, seconds=seconds))
+    from netboard.base import clock
+    from netboard.base.process import Stopping
+    from netboard.devices.contract import registry
+    from netboard.devices.setup.words import reading_table
+
+    with Stopping() as stopping, registry.make(side, settings) as device:
+        title = f"{device.info.model} {device.info.serial} ({side})"
+        until = None if seconds is None else clock.now_ns() + round(seconds * 1e9)
+
+        def over() -> bool:
+            return stopping() or (until is not None and clock.now_ns() >= until)
+
+        if not text:
+            from netboard.windows import monitor as window
+
+            window.run(lambda: device.read(clock.now_ns()), title, over, screenshot)
+            return
+        table = reading_table(title, device.read(clock.now_ns()))
+        with Live(table, console=Console(highlight=False), auto_refresh=False) as live:
+            shown = time.monotonic()
+            while not over():
+                reading = device.read(clock.now_ns())
+                if time.monotonic() - shown >= TEXT_SECONDS:
+                    shown = time.monotonic()
+                    live.update(reading_table(title, reading), refresh=True)
+                time.sleep(MONITOR_SECONDS)
 
 
 @app.command(
@@ -126,8 +156,8 @@ def calibrate(
     replace: Replace = False,
 ) -> None:
     """Find the neutral height, the workspace and the scale of a device, and write them to its profile."""
-    from netboard.services import device_commands as service
+    from netboard.nodes.operator import device_commands as commands
 
-    given, others = service.placement_values(overrides or ())
+    given, others = commands.placement_values(overrides or ())
     settings = load(config, others)
-    raise typer.Exit(service.calibrate(settings, side, zero_only=zero_only, yes=yes, given=given, replace_it=replace))
+    raise typer.Exit(commands.calibrate(settings, side, zero_only=zero_only, yes=yes, given=given, replace_it=replace))

@@ -130,11 +130,9 @@ def list_() -> None:
     from netboard.services.studies import load_study
     from netboard.task.studies import library
 
-    table = FittedTable("study", "description", "orders")
-    for name in library.NAMES:
-        study = load_study(name)
-        table.add_row(name, study.text, ", ".join(study.orders))
-    Console().print(table)
+    studies = {name: load_study(name) for name in library.NAMES}
+    rows = [(name, study.text, ", ".join(study.orders)) for name, study in studies.items()]
+    Console().print(FittedTable("study", "description", "orders", rows=rows))
 
 
 @app.command(epilog=examples("netboard plan template > study.toml", "netboard plan template paper > study.toml"))
@@ -162,7 +160,4 @@ def print_table(console: "Console", part: "Table") -> None:
     """Print a table under its title."""
     from netboard.base.terminal import FittedTable
 
-    table = FittedTable(*part.columns, title=part.title)
-    for row in part.rows:
-        table.add_row(*row)
-    console.print(table)
+    console.print(FittedTable(*part.columns, rows=part.rows, title=part.title))

@@ -102,7 +102,4 @@ def table_of(part: "Mapping[str, Any]") -> "FittedTable":
     """Return one table of an answer."""
     from netboard.base.terminal import FittedTable
 
-    table = FittedTable(*part["columns"], title=part["title"])
-    for row in part["rows"]:
-        table.add_row(*map(str, row))
-    return table
+    return FittedTable(*part["columns"], rows=[tuple(map(str, row)) for row in part["rows"]], title=part["title"])

@@ -107,7 +107,8 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     from netboard.base.process import Stopping, log_to_stderr
     from netboard.network import keys
     from netboard.network.transport import sockets
-    from netboard.nodes.replay.replay_server import ReplayServer, printable_line
+    from netboard.nodes.replay.replay_server import ReplayServer
+    from netboard.nodes.server.event_log import printable_line
     from netboard.recording.replay.commands import KEYS
     from netboard.services.keyboard import Keyboard
 

@@ -22,7 +22,6 @@ from netboard.services.options import (
 )
 
 if TYPE_CHECKING:
-    from netboard.base.config import Config
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
@@ -73,8 +72,10 @@ def server(
     """Run the physics server: it simulates the board and runs the trials."""
     settings = [load(file, overrides) for file in config or (None,)]
     if not insecure:
+        from netboard.network.keys import refuse_open_network
+
         for one in settings:
-            refuse_open_network(one)
+            refuse_open_network(one.network)
     if study is None and resume:
         raise ConfigError("--resume: needs --study; a single block cannot be resumed")
     if study is not None and len(settings) > 1:
@@ -112,19 +113,6 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
         server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, granted)
     return 0 if server.everything_recorded else 1
-
-
-def refuse_open_network(config: "Config") -> None:
-    """Refuse an address that other machines can reach without encryption."""
-    from netboard.network.keys import encrypted, local
-
-    network = config.network
-    if network.transport == "tcp" and not local(network.bind) and not encrypted(network):
-        raise ConfigError(
-            f'[network] bind: found "{network.bind}", which other machines can reach, with curve = "{network.curve}"; '
-            'expected curve = "auto" and keys (netboard keys init). On an isolated network, start the server with '
-            "--insecure"
-        )
 
 
 def confirm(yes: bool) -> Callable[[str], bool]:

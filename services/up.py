@@ -4,8 +4,6 @@ Nothing is restarted automatically: when a process ends, the others are stopped 
 let systemd run each service (docs/how-to/two-stations.md).
 """
 
-import logging
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -17,15 +15,8 @@ from netboard.services.options import RUN, USED_FILE, Insecure, Overrides, examp
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network
-    from netboard.nodes.operator.launcher import Ended
 
 app = typer.Typer()
-log = logging.getLogger(__name__)
-
-STOP_ORDER = ("display", "agent", "server", "logger")
-"""Nobody must see or feel a server that has gone, and the server's last records must still be written."""
-
-ROUND_SECONDS = 0.1
 
 
 @app.command(
@@ -51,7 +42,12 @@ def up(
     wanted = processes(config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure)
     if server:
         require_free(settings.network)
-    raise typer.Exit(supervise(wanted))
+    from netboard.base.process import Stopping, log_to_stderr
+    from netboard.nodes.operator.launcher import supervise
+
+    log_to_stderr("up")
+    with Stopping() as stopping:
+        raise typer.Exit(supervise(wanted, stopping))
 
 
 def processes(
@@ -86,27 +82,3 @@ def require_free(network: "Network") -> None:
     from netboard.network.transport import channels, sockets
 
     sockets.require_free(channels.addresses(network).listen(channels.MOTION))
-
-
-def supervise(wanted: dict[str, list[str]]) -> int:
-    """Run processes until stopped or one of them ends; then stop the others."""
-    from netboard.base.process import Stopping, log_to_stderr
-    from netboard.nodes.operator.launcher import Launcher
-
-    log_to_stderr("up")
-    with Stopping() as stopping, Launcher(None, {}) as launcher:
-        for name, command in wanted.items():
-            launcher.start(name, *command)
-        log.info("started: %s", ", ".join(wanted))
-        ended: Ended | None = None
-        while not stopping() and ended is None:
-            time.sleep(ROUND_SECONDS)
-            ended = launcher.ended()
-        if ended is not None:
-            log.info("%s; stopping the others", ended)
-        failed: list[Ended] = []
-        for kind in STOP_ORDER:
-            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kind)))
-    for one in failed:
-        log.error("%s", one)
-    return 1 if failed else 0

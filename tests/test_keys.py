@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.tables.rig import Network
 from netboard.network import keys
 from netboard.network.transport import authenticator, channels
 from netboard.services.cli import app
-from netboard.services.server import refuse_open_network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
@@ -243,9 +241,9 @@ def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.KeyRing, fold
 def test_an_open_address_without_keys_must_be_asked_for(network: Network, refused: bool) -> None:
     if refused:
         with pytest.raises(ConfigError, match="--insecure"):
-            refuse_open_network(Config(network=network))
+            keys.refuse_open_network(network)
     else:
-        refuse_open_network(Config(network=network))
+        keys.refuse_open_network(network)
 
 
 class TestCommands:

@@ -12,7 +12,7 @@ from netboard.base.errors import NetboardError
 from netboard.devices.contract import profile
 from netboard.devices.contract.device import Device
 from netboard.devices.setup.excitation import Chirp
-from netboard.services import device_commands as commands
+from netboard.nodes.operator import device_commands as commands
 from netboard.services.cli import app
 
 runner = CliRunner()

@@ -36,9 +36,9 @@ from netboard.network.protocol.codec import decode
 from netboard.nodes.operator.status_table import status_tables
 from netboard.nodes.rehearsal import session as rehearsal
 from netboard.nodes.rehearsal.jobs import BlockResult
+from netboard.recording.replay.text import quality_table
 from netboard.services import power
 from netboard.services.cli import app
-from netboard.services.info import quality_table
 from netboard.task.studies import library
 from netboard.task.trials.quality import WORDS, Verdict
 from netboard.task.trials.state_machine import Cause

@@ -9,6 +9,7 @@ from netboard.base.config import parse
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.ports import free_port
+from netboard.nodes.operator import launcher
 from netboard.nodes.operator.launcher import Ended, Launcher
 from netboard.services import up
 
@@ -33,7 +34,7 @@ def test_the_server_has_its_logger_and_its_options() -> None:
 def test_one_machine_for_all() -> None:
     wanted = up.processes(None, (), server=True, station="both")
     assert list(wanted) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
-    assert {command[0] for command in wanted.values()} == set(up.STOP_ORDER)
+    assert {command[0] for command in wanted.values()} == set(launcher.STOP_ORDER)
 
 
 def test_nothing_at_all_is_a_mistake() -> None:
@@ -75,9 +76,8 @@ def test_a_process_that_ends_takes_the_others_with_it(
             return super().stop(*names)
 
     monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", Watched)
-    monkeypatch.setattr("netboard.base.process.log_to_stderr", lambda name: None)
     patient = ["agent", "--side", "left", "--set", "network.port=1025"]
     with caplog.at_level(logging.INFO):
-        assert up.supervise({"server": [words], "left agent": patient}) == code
+        assert launcher.supervise({"server": [words], "left agent": patient}, lambda: False) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
     assert stopped[:4] == [(), ("left agent",), ("server",), ()]

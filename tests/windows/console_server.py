@@ -1,7 +1,8 @@
 """A server as a console knows it, on a real socket: it answers from a made-up state, and does as it is told.
 
-Run by itself it stays in one state, for screenshots: ``python tests/console/console_server.py running --port 5550``,
-and then ``netboard console --set network.port=5550 --offscreen --screenshot running.png --after 11``.
+Run by itself it stays in one state, for screenshots:
+``PYTHONPATH=tests python tests/windows/console_server.py running --port 5550``, and then
+``netboard console --set network.port=5550 --offscreen --screenshot running.png --after 11``.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
+from fakes import STATUS
 from netboard.base.tables.rig import Network
 from netboard.network.protocol.codec import decode, encode
 from netboard.network.protocol.control import (
@@ -39,43 +41,28 @@ def link(side: str) -> tuple[str, str, str, float, float, float, float, float, i
     return (f"agent.{side}", f"lab-{side}:812", MINE, 0.0008, 0.00021, 0.00011, 2.5, 1000.0, 0)
 
 
-RUNNING = Status(
+RUNNING = replace(
+    STATUS,
     session="5c1d",
     tick=754_321,
     phase="running",
     trial=12,
-    trials=60,
     successes=11,
     failures=2,
     completions=(3.2, 2.9),
     late_ticks=3,
-    waiting_for=(),
     peers=("agent.left", "agent.right", "display.left", "display.right", "logger", "console"),
-    notice="",
-    links=(
-        link("left"),
-        link("right"),
-        ("logger", "lab0:900", MINE, 0.1, 0.0003, 0.0002, 0.1, 50.0, 0),
-    ),
+    links=(link("left"), link("right"), ("logger", "lab0:900", MINE, 0.1, 0.0003, 0.0002, 0.1, 50.0, 0)),
     loops=(("agent.left", 0.0019, 0.0085), ("agent.right", 0.0021, 0.0085)),
     name="S03",
     dyad="D03",
     study="paper",
-    pilot=False,
     consent=True,
-    opened=True,
-    armed=True,
-    commander="",
     block=3,
     blocks=18,
-    label="",
     condition="bimanual, A, full force",
-    rest=0.0,
-    pending="",
-    outcomes=0,
     recordings=(("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
     stations=(("left", 0.0009, ARMED, 0.31, 0, 0), ("right", 0.0011, ARMED, -0.12, 0, 0)),
-    refused=(),
 )
 """All is well."""
 

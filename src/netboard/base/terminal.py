@@ -5,7 +5,7 @@ shortened with an ellipsis, and folded only where they alone are wider than the 
 wraps. Columns that still do not fit follow in a second table below, in which the identifying columns are repeated.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -48,12 +48,21 @@ class FittedTable:
     with as many of those after it as it takes to tell the rows apart.
     """
 
-    def __init__(self, *columns: str | Column, title: str = "", caption: str = "", header: bool = True) -> None:
+    def __init__(
+        self,
+        *columns: str | Column,
+        rows: Iterable[Sequence[Cell]] = (),
+        title: str = "",
+        caption: str = "",
+        header: bool = True,
+    ) -> None:
         self.columns = tuple(Column(column) if isinstance(column, str) else column for column in columns)
         self.title, self.caption, self.header = title, caption, header
         self.rows: list[tuple[Text, ...]] = []
         self._styles: list[str] = []
         self._sections: set[int] = set()
+        for row in rows:
+            self.add_row(*row)
 
     def add_row(self, *cells: Cell, style: str = "") -> None:
         """Add a row; cells that are missing at its end are empty."""

@@ -106,6 +106,16 @@ def local(address: str) -> bool:
         return address == "localhost"
 
 
+def refuse_open_network(network: Network) -> None:
+    """Refuse an address that other machines can reach without encryption."""
+    if network.transport == "tcp" and not local(network.bind) and not encrypted(network):
+        raise ConfigError(
+            f'[network] bind: found "{network.bind}", which other machines can reach, with curve = "{network.curve}"; '
+            'expected curve = "auto" and keys (netboard keys init). On an isolated network, start the server with '
+            "--insecure"
+        )
+
+
 def reach(network: Network, peer: str) -> channels.Addresses:
     """Return the server's addresses for a peer, with its keys if they are in use."""
     lock = credentials(Path(network.keys), peer) if encrypted(network) else None

@@ -7,7 +7,7 @@ an exchange. Deadline misses are those of the timer. Pure: measurements in, find
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,14 +84,7 @@ def finding(found: Prediction) -> Finding:
         f"sample to force p50 {found.p50_ms:.2f}, p99 {found.p99_ms:.2f} ms; of {MANY} ticks "
         f"{found.missed:.0f} missed ({LEVEL:.0%} CI {found.missed_low:.0f} to {found.missed_high:.0f})"
     )
-    figures = {
-        "p50_ms": found.p50_ms,
-        "p99_ms": found.p99_ms,
-        "missed": found.missed,
-        "missed_low": found.missed_low,
-        "missed_high": found.missed_high,
-    }
-    return Finding(LOOP, colour, told, "" if good else "see docs/how-to/real-time.md", figures)
+    return Finding(LOOP, colour, told, "" if good else "see docs/how-to/real-time.md", asdict(found))
 
 
 def with_limits(findings: Sequence[Finding]) -> list[Finding]:

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
 
-from netboard.base.finding import Finding, text_of
+from netboard.base.finding import Colour, Finding, text_of
 from netboard.base.process import OFF, OK, PLACES, cpu_set
 from netboard.network.transport import sockets
 
@@ -144,26 +144,23 @@ def clock_source(root: Path = ROOT) -> Finding:
 
 def scheduling(came: str) -> Finding:
     """Check whether the loops get real-time scheduling; `came` is the result of the request."""
-    name = "real-time scheduling"
-    if came == OK:
-        return Finding(name, "green", "granted")
-    if came == OFF:
-        return Finding(name, "yellow", "not asked for", "[realtime] scheduling = true")
-    if sys.platform != "linux":
-        return Finding(name, "yellow", came, "run server and agents on Linux")
-    return Finding(name, "red", f"refused: {came}", LIMITS)
+    return _requested("real-time scheduling", "scheduling", came, "red")
 
 
 def memory(came: str) -> Finding:
     """Check whether memory is locked against paging; `came` is the result of the request."""
-    name = "locked memory"
+    return _requested("locked memory", "lock_memory", came, "yellow")
+
+
+def _requested(name: str, key: str, came: str, refused: Colour) -> Finding:
+    """Judge the result of a request for one of the keys of ``[realtime]``."""
     if came == OK:
         return Finding(name, "green", "granted")
     if came == OFF:
-        return Finding(name, "yellow", "not asked for", "[realtime] lock_memory = true")
+        return Finding(name, "yellow", "not asked for", f"[realtime] {key} = true")
     if sys.platform != "linux":
         return Finding(name, "yellow", came, "run server and agents on Linux")
-    return Finding(name, "yellow", f"refused: {came}", LIMITS)
+    return Finding(name, refused, f"refused: {came}", LIMITS)
 
 
 def cpus(wanted: str, came: str) -> Finding:

@@ -1,11 +1,21 @@
-"""The client's endpoint of the log channel, for loggers and subscribers."""
+"""The client's endpoint of the log channel, for loggers and subscribers: both join the server in the same way."""
 
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from typing import Protocol
 
-from netboard.base.process import NAME
+from netboard.base.errors import WireError
+from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tables.rig import Network
 from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.transport import channels, poller, sockets
+
+log = logging.getLogger(__name__)
 
 HELLO_INTERVAL_NS = 500_000_000
 """Time without an answer after which `Hello` is sent again [ns]."""
@@ -15,6 +25,9 @@ SILENCE_TIMEOUT_NS = 1_000_000_000
 
 WAIT_SECONDS = 0.02
 BURST = 16
+
+ANSWERS = 64
+"""Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
 class Link(Protocol):
@@ -48,3 +61,66 @@ class SocketLink:
     def send(self, frame: bytes) -> bool:
         """Send without waiting; return False if no peer is connected."""
         return sockets.send_or_renew(self._socket, frame)
+
+
+class Connection:
+    """Joins a server: sends `Hello` until it is welcomed, answers clock probes, and reports refusals.
+
+    ``clock``: monotonic time [ns].
+    """
+
+    def __init__(self, link: Link, role: str, details: dict[str, str], clock: Callable[[], int]) -> None:
+        self.welcomed = False
+        self.nonsense = RateLimitedLog(log)
+        self.answered_ns: deque[int] = deque(maxlen=ANSWERS)  # when the last answers to probes were sent [ns]
+        self._link, self._clock = link, clock
+        self._hello = Hello(role, "", PROTOCOL_VERSION, NAME, version("netboard"), details)
+        self._last_message_ns = self._greeted_ns = clock() - SILENCE_TIMEOUT_NS
+        self._refused = ""
+
+    def messages(self) -> Iterator[Message | None]:
+        """Wait briefly, and return what has arrived; None for a frame that breaks the protocol."""
+        self._link.wait(WAIT_SECONDS)
+        for _ in range(BURST):
+            frame = self._link.receive()
+            if frame is None:
+                break
+            self._last_message_ns = self._clock()
+            try:
+                message = decode(frame)
+            except WireError as error:
+                self.nonsense.log(f"invalid message from the server: {error}")
+                yield None
+                continue
+            match message:
+                case Ping(sent_ns=ping_ns):
+                    answer = Pong(ping_ns, self._last_message_ns, self._clock())
+                    self.answered_ns.append(answer.sent_ns)
+                    self.send(answer)
+                case Refusal(reason=reason):
+                    self.welcomed = False
+                    if reason != self._refused:
+                        self._refused = reason
+                        log.warning("the server refused the connection: %s", reason)
+                case _:
+                    if isinstance(message, Welcome):
+                        self._refused = ""  # a refusal after a welcome is reported again
+                    yield message
+        self._greet()
+
+    def send(self, message: Message) -> None:
+        """Send a message without waiting."""
+        self._link.send(encode(message))
+
+    def _greet(self) -> None:
+        """Send `Hello` to a server that has not answered yet or has fallen silent.
+
+        A server that has sent a `Welcome` gets no further `Hello` while its frames arrive, however late its first
+        records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
+        """
+        now = self._clock()
+        silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
+        if (silent or not self.welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
+            self._greeted_ns = now
+            self.welcomed = False
+            self.send(self._hello)

@@ -12,19 +12,16 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 from netboard.base.clock import now_ns
 from netboard.base.config import parse
 from netboard.base.errors import NetboardError, WireError
-from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tables.rig import Recording
-from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
-from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.joining import Goodbye, Welcome
+from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
-from netboard.nodes.logger.log_link import BURST, HELLO_INTERVAL_NS, SILENCE_TIMEOUT_NS, WAIT_SECONDS, Link
+from netboard.nodes.logger.log_link import SILENCE_TIMEOUT_NS, Connection, Link
 from netboard.recording.files.provenance import next_recording, provenance
 from netboard.recording.files.writer import RecordingWriter
 from netboard.recording.format.channels import begun, record_of
@@ -73,7 +70,7 @@ class Logger:
     ) -> None:
         self.finished: list[Path] = []
         self._settings = settings
-        self._link = link
+        self._server = Connection(link, "logger", {}, clock)
         self._once = once
         self._clock = clock
         self._wall_clock = wall_clock
@@ -81,15 +78,11 @@ class Logger:
         self._welcome: Welcome | None = None
         self._session = ""
         self._ended = ""
-        self._welcomed = False
         self._log_time_minus_clock = 0
-        self._last_message_ns = self._greeted_ns = self._asked_ns = -SILENCE_TIMEOUT_NS
+        self._asked_ns = -SILENCE_TIMEOUT_NS
         self._looked_ns = 0
         self._end_doubted = False
-        self._refused = ""
-        self._nonsense = RateLimitedLog(log)
         self._space_is_low = False
-        self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
 
     def run(self, stopping: Callable[[], bool]) -> int:
         """Record until stopped, or with `once` until the session is over.
@@ -102,7 +95,7 @@ class Logger:
                 self.step()
             if self._writer is not None:
                 self._close("the logger was stopped")
-                self._send(Goodbye("the logger was stopped"))
+                self._server.send(Goodbye("the logger was stopped"))
         except NetboardError as error:
             log.error("%s", error)
             self._give_up(str(error))
@@ -114,14 +107,8 @@ class Logger:
 
     def step(self) -> None:
         """Wait briefly for the server, take what has arrived, and do what is due."""
-        self._link.wait(WAIT_SECONDS)
-        for _ in range(BURST):
-            frame = self._link.receive()
-            if frame is None:
-                break
-            self._last_message_ns = self._clock()
-            self._handle(frame)
-        self._greet()
+        for message in self._server.messages():
+            self._handle(message)
         if self._writer is not None:
             self._keep(self._writer)
 
@@ -133,36 +120,14 @@ class Logger:
         if due or self._clock() - self._looked_ns >= CHECK_INTERVAL_NS:
             self._acknowledge(writer)
 
-    def _send(self, message: Message) -> None:
-        self._link.send(encode(message))
-
     def _log_time(self) -> int:
         """Return UTC when the file was opened plus the monotonic time since, which is never stepped [ns]."""
         return self._clock() + self._log_time_minus_clock
 
-    def _greet(self) -> None:
-        """Send `Hello` to a server that has not answered yet or has fallen silent.
-
-        A server that has sent a `Welcome` gets no further `Hello` while its frames arrive, however late its first
-        records are. Each `Hello` restarts the handshake, which over a slow link would then never finish.
-        """
-        now = self._clock()
-        silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
-        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
-            self._greeted_ns = now
-            self._welcomed = False
-            self._send(self._hello)
-
-    def _handle(self, frame: bytes) -> None:
-        try:
-            message = decode(frame)
-        except WireError as error:
-            self._nonsense.log(f"invalid message from the server: {error}")
-            self._ask()
-            return
+    def _handle(self, message: Message | None) -> None:
         match message:
-            case Ping(sent_ns=ping_ns):
-                self._send(Pong(ping_ns, self._last_message_ns, self._clock()))
+            case None:  # the invalid frame may have been a batch
+                self._ask()
             case Welcome():
                 self._enter(message)
             case LogBatch():
@@ -172,15 +137,9 @@ class Logger:
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
                 self._close(f"the server left: {reason}")
-            case Refusal(reason=reason):
-                self._welcomed = False
-                if reason != self._refused:
-                    self._refused = reason
-                    log.warning("the server refused the connection: %s", reason)
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one."""
-        self._refused = ""
         if welcome.session == self._ended:
             return
         if self._ended and self._once:
@@ -190,7 +149,7 @@ class Logger:
             self._close("the server began another session")
             if self._once:
                 return
-        self._welcomed = True
+        self._server.welcomed = True
         if self._writer is None:
             self._welcome, self._session = welcome, welcome.session
             self._folder()
@@ -226,7 +185,7 @@ class Logger:
         """Request the next record and all that follow."""
         self._asked_ns = self._clock()
         first = None if self._writer is None else self._writer.next_record
-        self._send(LogRequest(-1 if first is None else first))
+        self._server.send(LogRequest(-1 if first is None else first))
 
     def _ask_again(self) -> None:
         """Request missing records, but not once for every batch that arrives before the answer."""
@@ -235,7 +194,7 @@ class Logger:
 
     def _take(self, batch: LogBatch) -> None:
         if self._writer is None:
-            if self._welcome is None or not self._welcomed:
+            if self._welcome is None or not self._server.welcomed:
                 return
             self._open(self._welcome)
         assert self._writer is not None
@@ -275,7 +234,7 @@ class Logger:
 
         Before the welcome nothing can be acknowledged; the server repeats the end after it.
         """
-        if self._welcome is None or not self._welcomed:
+        if self._welcome is None or not self._server.welcomed:
             return
         following = None if self._writer is None else self._writer.next_record
         # After a request for what no logger has yet, an end without any record means that nothing is left.
@@ -283,7 +242,7 @@ class Logger:
         nothing_left = last < 0 or (following is None and self._end_doubted)
         if nothing_left or (following is not None and following > last):
             self._close("complete")
-            self._send(Goodbye("the recording is complete"))
+            self._server.send(Goodbye("the recording is complete"))
             return
         self._end_doubted = True
         self._ask()
@@ -313,13 +272,13 @@ class Logger:
                 log.error("%s", error)
         if self._writer is not None and self._writer.part.exists():
             log.error("the file is complete up to its last chunk: netboard recover %s", self._writer.part)
-        self._send(Goodbye(reason[:1000]))
+        self._server.send(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
         self._looked_ns = self._clock()
         space = writer.space(self._log_time())
-        if writer.durable is not None and self._welcomed:
-            self._send(LogAck(writer.durable, space.free, writer.path.name, writer.size))
+        if writer.durable is not None and self._server.welcomed:
+            self._server.send(LogAck(writer.durable, space.free, writer.path.name, writer.size))
         self._check_space(space)
 
     def _check_space(self, space: Space) -> None:

@@ -6,9 +6,7 @@ records include the server's probes of this machine's clock, which give the offs
 """
 
 import logging
-from collections import deque
 from collections.abc import Callable
-from importlib.metadata import version
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,11 +14,9 @@ from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import WireError
-from netboard.base.process import NAME, RateLimitedLog
 from netboard.base.tick import TICK
-from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
-from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.joining import Goodbye, Welcome
+from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import (
     ClockRecord,
     EventRecord,
@@ -29,16 +25,13 @@ from netboard.network.protocol.records import (
     TickRecord,
     kind_of_peer,
 )
-from netboard.nodes.logger.log_link import BURST, HELLO_INTERVAL_NS, SILENCE_TIMEOUT_NS, WAIT_SECONDS, Link
+from netboard.nodes.logger.log_link import Connection, Link
 from netboard.recording.format.channels import record_of
 
 log = logging.getLogger(__name__)
 
 EARLY_WELCOME_NS = 3_000_000_000
 """A welcome within this time of the start means that the server was already running [ns]."""
-
-ANSWERS = 64
-"""Answers to the server's probes that are remembered: those of 10 s or more [1]."""
 
 
 class RecordReceiver(Protocol):
@@ -62,75 +55,43 @@ class Listener:
 
     def __init__(self, link: Link, receiver: RecordReceiver, purpose: str, clock: Callable[[], int] = now_ns) -> None:
         self.lost = 0
-        self._link, self._receiver, self._clock = link, receiver, clock
-        self._hello = Hello("listener", "", PROTOCOL_VERSION, NAME, version("netboard"), {"for": purpose})
+        self._receiver, self._clock = receiver, clock
+        self._server = Connection(link, "listener", {"for": purpose}, clock)
         self._session = ""
         self._next: int | None = None
-        self._welcomed = False
         self._began_ns = clock()
-        self._last_message_ns = self._greeted_ns = self._began_ns - SILENCE_TIMEOUT_NS
-        self._answers: deque[int] = deque(maxlen=ANSWERS)
-        self._refused = ""
-        self._nonsense = RateLimitedLog(log)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Receive until stopped."""
         log.info("waiting for the server")
         while not stopping():
             self.step()
-        self._send(Goodbye("the listener was stopped"))
+        self._server.send(Goodbye("the listener was stopped"))
 
     def step(self) -> None:
         """Wait briefly for the server, and take what has arrived."""
-        self._link.wait(WAIT_SECONDS)
-        for _ in range(BURST):
-            frame = self._link.receive()
-            if frame is None:
-                break
-            self._last_message_ns = self._clock()
-            try:
-                self._handle(decode(frame))
-            except WireError as error:
-                self._nonsense.log(f"invalid message from the server: {error}")
-        self._greet()
+        for message in self._server.messages():
+            self._handle(message)
 
-    def _greet(self) -> None:
-        """Send `Hello` to a server that has not answered yet or has fallen silent."""
-        now = self._clock()
-        silent = now - self._last_message_ns >= SILENCE_TIMEOUT_NS
-        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_INTERVAL_NS:
-            self._greeted_ns = now
-            self._welcomed = False
-            self._send(self._hello)
-
-    def _handle(self, message: Message) -> None:
+    def _handle(self, message: Message | None) -> None:
         match message:
-            case Ping(sent_ns=ping_ns):
-                answer = Pong(ping_ns, self._last_message_ns, self._clock())
-                self._answers.append(answer.sent_ns)
-                self._send(answer)
             case Welcome():
                 self._enter(message)
             case LogBatch():
                 self._take(message)
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
-                self._welcomed = False
-            case Refusal(reason=reason):
-                self._welcomed = False
-                if reason != self._refused:
-                    self._refused = reason
-                    log.warning("the server refused the connection: %s", reason)
+                self._server.welcomed = False
 
     def _enter(self, welcome: Welcome) -> None:
         """Enter a session, or continue the current one, and request its records."""
-        self._welcomed, self._refused = True, ""
+        self._server.welcomed = True
         if welcome.session != self._session:
             waited = bool(self._session) or self._clock() - self._began_ns > EARLY_WELCOME_NS
             self._session, self._next = welcome.session, 0 if waited else None
-            self._answers.clear()
+            self._server.answered_ns.clear()
             self._receiver.begin(welcome)
-        self._send(LogRequest(-1 if self._next is None else self._next))
+        self._server.send(LogRequest(-1 if self._next is None else self._next))
 
     def _take(self, batch: LogBatch) -> None:
         if not self._session:
@@ -152,23 +113,21 @@ class Listener:
         try:
             record = record_of(frame)
         except WireError as error:
-            self._nonsense.log(f"record {number} cannot be read: {error}")
+            self._server.nonsense.log(f"record {number} cannot be read: {error}")
             self._miss(number, 1)
             return
         match record:
             case TickRecord(row=row) if len(row) == TICK.itemsize:
                 rows.append(row)
             case TickRecord():
-                self._nonsense.log("ticks of another version of netboard: install the same on both machines")
+                self._server.nonsense.log("ticks of another version of netboard: install the same on both machines")
                 self._miss(number, 1)
             case EventRecord():
                 events.append(record)
-            case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener" and sent_ns in self._answers:
-                self._receiver.set_clock(record.offset_ns, record.bound_ns)
+            case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener":
+                if sent_ns in self._server.answered_ns:
+                    self._receiver.set_clock(record.offset_ns, record.bound_ns)
 
     def _miss(self, first: int, count: int) -> None:
         self.lost += count
         self._receiver.report_lost(first, count)
-
-    def _send(self, message: Message) -> None:
-        self._link.send(encode(message))

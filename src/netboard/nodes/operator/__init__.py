@@ -1,1 +1,1 @@
-"""The operator's endpoint of the control channel, and the launcher of local processes."""
+"""The operator's endpoint of the control channel, the launcher of local processes, and work on one device."""

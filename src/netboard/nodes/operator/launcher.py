@@ -4,11 +4,13 @@ Each runs ``netboard ...`` in a process session of its own. A Ctrl-C in the term
 which then ends the others in order. Their output goes to files, or to this process's output.
 """
 
+import logging
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,13 @@ from types import TracebackType
 from typing import Self
 
 from netboard.base.process import STOP_WITH_PARENT, SUPERVISOR
+
+log = logging.getLogger(__name__)
+
+STOP_ORDER = ("display", "agent", "server", "logger")
+"""Nobody must see or feel a server that has gone, and the server's last records must still be written."""
+
+ROUND_SECONDS = 0.1
 
 STOP_SECONDS = 15.0
 """Time for processes to end cleanly before they are killed [s]."""
@@ -122,3 +131,23 @@ class Launcher:
         log = self.log_of(name)
         lines = [] if log is None else log.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
+
+
+def supervise(wanted: dict[str, list[str]], stopping: Callable[[], bool]) -> int:
+    """Run processes until stopped or one of them ends; then stop the others."""
+    with Launcher(None, {}) as launcher:
+        for name, command in wanted.items():
+            launcher.start(name, *command)
+        log.info("started: %s", ", ".join(wanted))
+        ended: Ended | None = None
+        while not stopping() and ended is None:
+            time.sleep(ROUND_SECONDS)
+            ended = launcher.ended()
+        if ended is not None:
+            log.info("%s; stopping the others", ended)
+        failed: list[Ended] = []
+        for kind in STOP_ORDER:
+            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kind)))
+    for one in failed:
+        log.error("%s", one)
+    return 1 if failed else 0

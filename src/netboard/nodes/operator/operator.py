@@ -96,16 +96,16 @@ class Operator:
         """Take the reply to a command, once; None while there is none."""
         return self._replies.pop(number, None)
 
-    def do(self, name: str, argument: str = "", seconds: float = ANSWER_SECONDS) -> Reply:
-        """Send a command, and wait for its reply until the timeout [s]."""
+    def do(self, name: str, argument: str = "") -> Reply:
+        """Send a command, and wait for its reply."""
         number = self.command(name, argument)
-        until_ns = now_ns() + int(seconds * 1e9)
+        until_ns = now_ns() + int(ANSWER_SECONDS * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
             if poller.wait_readable(self._socket, left_ns * 1e-9):
                 self._take()
             if (reply := self.reply(number)) is not None:
                 return reply
-        raise NetboardError(f"{name}: the server has not answered within {seconds:g} s")
+        raise NetboardError(f"{name}: the server has not answered within {ANSWER_SECONDS:g} s")
 
     def attend(self, seconds: float) -> None:
         """Wait for this time [s], and answer the server's pings meanwhile."""

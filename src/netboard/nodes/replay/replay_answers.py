@@ -3,6 +3,8 @@
 Nothing is armed, no peer is waited for, and the peers are those of the replay itself.
 """
 
+import uuid
+from dataclasses import dataclass, field
 from math import nan
 
 import numpy as np
@@ -13,10 +15,11 @@ from netboard.base.tick import LATE_NS
 from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.control_port import ControlPort
-from netboard.nodes.replay.state import ReplayState
-from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
+from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, plan_of, trace_of
 from netboard.nodes.server.attempts import MAX_ROWS
 from netboard.recording.replay.commands import in_words
+from netboard.recording.replay.loaded import LoadedRecording
+from netboard.recording.replay.position import Playback
 from netboard.stage.curtain import PHASE_NAMES
 from netboard.task.trials.state_machine import BALL_FREE
 
@@ -24,6 +27,21 @@ TRACE_TICKS = 1000
 """Largest number of ticks before the current one in an answer [1]."""
 
 _LIMITED = int(Safeguard.CLAMPED)
+
+
+@dataclass
+class ReplayState:
+    """A recording and its playback."""
+
+    reel: LoadedRecording
+    playback: Playback
+    # Id of this run; not that of the recording, because numbering restarts.
+    session: str = field(default_factory=lambda: uuid.uuid4().hex)
+
+    @property
+    def index(self) -> int:
+        """The row that is shown now [1]."""
+        return self.reel.at(self.playback.at(now_ns() * 1e-9))
 
 
 class ReplayAnswers:
@@ -53,18 +71,10 @@ class ReplayAnswers:
             notice=f"{REPLAY_OF}{reel.name}: {in_words(state.playback, reel, now * 1e-9)}",
             links=tuple(self._control.links(now)),
             loops=(),
-            name=config.session.name,
-            dyad=config.session.dyad,
-            study=config.session.study,
-            pilot=config.session.pilot,
-            consent=config.session.consent,
+            **plan_of(config),
             opened=True,
             armed=False,
             commander="",
-            block=config.block.number,
-            blocks=config.block.blocks,
-            label=config.block.label,
-            condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
             rest=reel.rest(index) or 0.0,
             pending="",
             outcomes=len(outcomes),

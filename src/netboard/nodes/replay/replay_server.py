@@ -19,8 +19,8 @@ from netboard.network.transport.authenticator import Authenticator
 from netboard.nodes.ports.control_port import CommandRequest, ControlPort
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
-from netboard.nodes.replay.replay_answers import ReplayAnswers
-from netboard.nodes.replay.state import ReplayState
+from netboard.nodes.replay.replay_answers import ReplayAnswers, ReplayState
+from netboard.nodes.server.event_log import printable, printable_line
 from netboard.recording.replay.commands import ReplayCommand, in_words, run_command
 from netboard.recording.replay.loaded import LoadedRecording
 from netboard.recording.replay.position import Playback
@@ -190,13 +190,3 @@ class ReplayServer:
         self.control.close()
         for port in self._closed:
             port.close()
-
-
-def printable(details: dict[str, str]) -> str:
-    """Return the details of an event as one line."""
-    return printable_line(" ".join(f"{key}={value}" for key, value in details.items()))
-
-
-def printable_line(words: str) -> str:
-    """Escape text of an unknown peer, so that it cannot control the terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in words)

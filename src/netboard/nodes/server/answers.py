@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
-from netboard.base.config import SIDES, Side
+from netboard.base.config import SIDES, Config, Side
 from netboard.network.protocol.control import Outcomes, Status, Trace
 from netboard.nodes.server.state import SessionState
 from netboard.stage.curtain import PHASE_NAMES
@@ -57,18 +57,10 @@ class SessionAnswers:
             notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),
             links=(*ports.motion.links(now), *ports.log.links(now), *ports.control.links(now)),
             loops=self._loops(),
-            name=config.session.name,
-            dyad=config.session.dyad,
-            study=config.session.study,
-            pilot=config.session.pilot,
-            consent=config.session.consent,
+            **plan_of(config),
             opened=session.operators.opened,
             armed=session.operators.armed,
             commander=session.operators.name if ports.control.is_there(session.operators.commander) else "",
-            block=config.block.number,
-            blocks=config.block.blocks,
-            label=config.block.label,
-            condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
             rest=session.rest(now) or 0.0,
             pending=session.operators.pending,
             outcomes=len(session.attempts.finished),
@@ -105,6 +97,18 @@ class SessionAnswers:
         numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._state.number, TRACE_EVERY)
         rows = self._state.rows[np.array(numbers, np.int64) % len(self._state.rows)]
         return trace_of(rows, numbers, ball=self._state.block.curtain.ball)
+
+
+def plan_of(config: Config) -> dict[str, Any]:
+    """Return the fields of a `Status` that tell which session and block this is."""
+    session, block = config.session, config.block
+    return {
+        **{name: getattr(session, name) for name in ("name", "dyad", "study", "pilot", "consent")},
+        "block": block.number,
+        "blocks": block.blocks,
+        "label": block.label,
+        "condition": f"{block.configuration}, force {block.force.replace('_', ' ')}",
+    }
 
 
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:

@@ -45,8 +45,7 @@ class EventLog:
             self._count_stall(int(details["milliseconds"]))
             return
         self._report_stalls()
-        said = " ".join(f"{key}={value}" for key, value in details.items() if key != "config")
-        log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
+        log.info("%s %s", name, printable({key: value for key, value in details.items() if key != "config"}))
 
     def _count_stall(self, milliseconds: int) -> None:
         """Count a stall; log the first of a series, then the sum at the second, fourth, eighth and so on."""
@@ -87,6 +86,16 @@ class EventLog:
     def _record_event(self, tick: int, name: str, details: dict[str, str]) -> None:
         self.record(EventRecord(self._events, tick, now_ns(), name, details))
         self._events += 1
+
+
+def printable(details: dict[str, str]) -> str:
+    """Return the details of an event as one line."""
+    return printable_line(" ".join(f"{key}={value}" for key, value in details.items()))
+
+
+def printable_line(words: str) -> str:
+    """Escape text of an unknown peer, so that it cannot control the terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
 def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:

@@ -293,7 +293,7 @@ class Session:
             return Cause.STOP
         phase = state.phase
         missing = state.missing if state.operators.opened else (*state.missing, "the session's form")
-        trouble = state.readiness.trouble(state.block, found, now_ns())
+        trouble = state.trouble(found)
         first = state.supervisor.command(state.number, phase, missing, trouble)
         first = first or state.attempts.take_wanted(phase) or state.operators.due(phase)
         if first or not self._control.requests:

@@ -11,13 +11,13 @@ from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
+from netboard.nodes.ports import emergency, samples
 from netboard.nodes.ports.emergency import EmergencyStop, Event
 from netboard.nodes.ports.ports import Ports
 from netboard.nodes.server.attempts import Attempts
 from netboard.nodes.server.blocks import BlockSequence
 from netboard.nodes.server.event_log import EventLog
 from netboard.nodes.server.operators import Operators
-from netboard.nodes.server.readiness import Readiness
 from netboard.nodes.server.supervision import Supervisor
 from netboard.nodes.server.tick_clock import TickClock
 from netboard.task.trials.state_machine import Phase
@@ -51,7 +51,6 @@ class SessionState:
         self.supervisor = Supervisor(autostart)
         self.emergency_stop = EmergencyStop()
         self.operators = Operators(opened=False, armed=autostart or not sequence.planned)
-        self.readiness = Readiness(self.ports, self.operators, self.emergency_stop, self.clock)
         self.event_log = EventLog(self.ports.log)
         # The recent ticks, in a ring: as records of `TICK`, and as 64-bit words of the same memory.
         self.rows = np.zeros(RING_ROWS, TICK)
@@ -109,8 +108,35 @@ class SessionState:
 
     def find_missing(self) -> tuple[str, ...]:
         """Return what is missing now before the block can begin."""
-        now = now_ns()
-        return self.readiness.find_missing(self.block, self.supervisor.autostart and self.rest(now) is not None, now)
+        now, log = now_ns(), self.ports.log
+        lacking = [*self.ports.motion.find_missing(now, self.block.people), *self.block.delays.lacking]
+        if self.block.config.network.require_logger and not log.loggers:
+            lacking.append("the logger")
+        if self.emergency_stop.halted:
+            lacking.append(emergency.LACKING)
+        if self.supervisor.autostart and self.rest(now) is not None:
+            lacking.append("the rest to be over")
+        return tuple(lacking)
+
+    def trouble(self, found: int) -> str:
+        """Return why a running trial cannot continue, empty if it can; a gap in time is reported once.
+
+        ``found``: what the samples of the tick tell.
+        """
+        if self.emergency_stop.halted:
+            return self.emergency_stop.halted
+        if not self.operators.armed:
+            return "the operator has disarmed the devices"
+        if self.clock.gap:
+            return self.clock.take_gap()
+        for place, side in enumerate(SIDES):
+            if not found & (samples.LIVE << place):
+                return f"no sample from the {side} agent"
+            if not found & (samples.ARMED << place):
+                return f"the {side} device is not armed{self.emergency_stop.why(side, now_ns())}"
+        if self.block.delays.trouble:
+            return self.block.delays.trouble
+        return self.ports.log.trouble if self.block.config.network.require_logger else ""
 
     def update_arming(self, events: list[Event]) -> None:
         """Record the events of an emergency stop; the next heartbeat tells the devices."""

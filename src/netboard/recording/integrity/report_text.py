@@ -1,12 +1,16 @@
-"""Results of integrity checks: lines for a terminal, and values for JSON."""
+"""Results of integrity checks and the catalogue of sessions: text for a terminal, and values for JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
+from rich.text import Text
 
+from netboard.base.terminal import Cell, FittedTable, numbers
 from netboard.base.tick import TICK_SECONDS
+from netboard.recording.integrity.catalogue import Entry, in_order
 from netboard.recording.integrity.severity import RESULTS, Report, Severity
 
 COLOURS = {Severity.SOUND: "green", Severity.LOSS: "yellow", Severity.DAMAGE: "red"}
@@ -78,3 +82,45 @@ def _plain(replay: dict[str, Any]) -> dict[str, Any]:
             name: value if isinstance(value, int | str | None) else repr(float(value)) for name, value in replay.items()
         },
     }
+
+
+def sessions_table(entries: Sequence[Entry], folder: Path) -> FittedTable:
+    """Return a table of the files, grouped by session."""
+    table = FittedTable(
+        "block\ncondition", "file", *numbers("trials", "length\nsize", "lost"), "verdict", title=f"Sessions in {folder}"
+    )
+    for (dyad, session), group in in_order(entries):
+        study = ", ".join(sorted({entry.study for entry in group if entry.study})) or "no study"
+        pilot = ", pilot" if any(entry.pilot for entry in group) else ""
+        day = min((entry.opened[:10] for entry in group if entry.opened), default="date unknown")
+        table.end_section()
+        table.add_row(Text(f"{dyad} {session}" if dyad else "unknown dyad", "bold"), f"{day}, {study}{pilot}")
+        for entry in group:
+            table.add_row(*_file_row(entry, folder))
+    return table
+
+
+def _file_row(entry: Entry, folder: Path) -> list[Cell]:
+    """Return the row of one file."""
+    trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
+    known = entry.kind in ("recording", "journal") and entry.verdict != RESULTS[Severity.DAMAGE]
+    colour = COLOURS[Severity(RESULTS.index(entry.verdict))]
+    return [
+        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
+        str(entry.path.relative_to(folder)),
+        trials if known else "-",
+        (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
+        str(entry.lost),
+        Text(entry.verdict, colour).append(f"\n{entry.why}" if entry.why else "", "default"),
+    ]
+
+
+def sessions_in_total(entries: Sequence[Entry]) -> str:
+    """Return a summary of one line."""
+    recordings = [entry for entry in entries if entry.kind != "journal"]
+    counts = ", ".join(
+        f"{count} {verdict}" for verdict in RESULTS if (count := sum(e.verdict == verdict for e in recordings))
+    )
+    hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
+    sessions = len({(entry.dyad, entry.session) for entry in entries})
+    return f"{sessions} sessions, {len(recordings)} files ({counts}), {hours:.2f} h, {size:.2f} GB"

@@ -50,6 +50,10 @@ class Lamp:
     tip: str  # what is wrong and what to do; if all is well, what the lamp shows
 
 
+Reading = tuple[Level, str, str]
+"""Level, words and tip of a lamp."""
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Limits at which lamps change their level."""
@@ -78,20 +82,21 @@ def limits_of(config: Config, version: str) -> Limits:
 
 def session_lamps(status: Status | None, silence: float, recent: RecentCounts, limits: Limits) -> tuple[Lamp, ...]:
     """Return the lamps of the session, always in the same order; `silence` is the time since the last status [s]."""
-    server = _server(silence)
-    if status is None:
-        return (server, *(Lamp(name, Level.OFF, "", "Known once the server answers.") for name in SESSION_LAMPS[1:]))
-    if replayed(status):
+    server, *names = SESSION_LAMPS
+    tip = "Known once the server answers."
+    if status is not None and replayed(status):
         tip = "This is a replay: nothing is recorded and no device renders a force."
-        return (server, *(Lamp(name, Level.OFF, "", tip) for name in SESSION_LAMPS[1:]))
-    lamps = (
-        _recording(status),
-        _disk(status, recent.minutes),
-        _late(status, recent.late_ticks, limits),
-        _forces(status),
-        _form(status),
-    )
-    return (server, *(faded(lamps) if silence > SILENT else lamps))
+    readings: tuple[Reading, ...] = ((Level.OFF, "", tip),) * len(names)
+    if live := status is not None and not replayed(status):
+        readings = (
+            _recording(status),
+            _disk(status, recent.minutes),
+            _late(status, recent.late_ticks, limits),
+            _forces(status),
+            _form(status),
+        )
+    lamps = [Lamp(name, *reading) for name, reading in zip(names, readings, strict=True)]
+    return (Lamp(server, *_server(silence)), *(faded(lamps) if live and silence > SILENT else lamps))
 
 
 SESSION_LAMPS = ("Server", "Recording", "Disk", "Deadline misses", "Forces", "Session")
@@ -126,34 +131,29 @@ def over(status: Status, silence: float) -> bool:
     return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
 
 
-def _server(silence: float) -> Lamp:
+def _server(silence: float) -> Reading:
     if not isfinite(silence):
-        return Lamp(
-            "Server",
-            Level.BAD,
-            "not found",
-            "No server answers. Check that it is running and that the address is right.",
-        )
+        return Level.BAD, "not found", "No server answers. Check that it is running and that the address is right."
     if silence > SILENT:
         tip = "The forces fade out at the devices. Check the server and the cable; the console reconnects by itself."
-        return Lamp("Server", Level.BAD, f"SILENT {silence:.0f} s", tip)
-    return Lamp("Server", Level.GOOD, "connected", "The server answers.")
+        return Level.BAD, f"SILENT {silence:.0f} s", tip
+    return Level.GOOD, "connected", "The server answers."
 
 
-def _recording(status: Status) -> Lamp:
+def _recording(status: Status) -> Reading:
     if not status.recordings:
         tip = "Nothing is recorded. Start a logger: netboard logger"
-        return Lamp("Recording", Level.BAD, "NOT RECORDING", tip)
+        return Level.BAD, "NOT RECORDING", tip
     begun = _begun(status)
     if not begun:
         level = Level.WATCH if status.opened else Level.GOOD
-        return Lamp("Recording", level, "ready", "A logger is connected. It starts a file when the session is opened.")
+        return level, "ready", "A logger is connected. It starts a file when the session is opened."
     file, age, written, _ = min(begun, key=lambda recording: recording[1])
     tip = f"{file}, {size(written)}, last written to disk {age:.1f} s ago."
     if age > STALLED:
-        return Lamp("Recording", Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk.")
+        return Level.BAD, f"STALLED {age:.0f} s", f"{tip} Check the logger and its disk."
     level = Level.WATCH if age > SLOW or not _all_fresh(status) else Level.GOOD
-    return Lamp("Recording", level, f"\u25cf {size(written)}", tip)
+    return level, f"\u25cf {size(written)}", tip
 
 
 def _begun(status: Status) -> list[tuple[str, float, int, int]]:
@@ -165,45 +165,43 @@ def _all_fresh(status: Status) -> bool:
     return all(age <= STALLED for _, age, _, _ in status.recordings)
 
 
-def _disk(status: Status, minutes: float) -> Lamp:
+def _disk(status: Status, minutes: float) -> Reading:
     begun = _begun(status)
     if not begun:
-        return Lamp("Disk", Level.OFF, "", "Known once a logger has started a file.")
+        return Level.OFF, "", "Known once a logger has started a file."
     free = min(free for _, _, _, free in begun)
     words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
     tip = "Free space on the logger's disk, and how long it lasts at the present rate."
     if minutes < MINUTES_BAD or free < BYTES_BAD:
-        return Lamp("Disk", Level.BAD, words, f"{tip} Stop after this block (F12) and free some space.")
+        return Level.BAD, words, f"{tip} Stop after this block (F12) and free some space."
     if minutes < MINUTES_WATCH or free < BYTES_WATCH:
-        return Lamp("Disk", Level.WATCH, words, f"{tip} Free some space before the next session.")
-    return Lamp("Disk", Level.GOOD, words, tip)
+        return Level.WATCH, words, f"{tip} Free some space before the next session."
+    return Level.GOOD, words, tip
 
 
-def _late(status: Status, recently: int, limits: Limits) -> Lamp:
+def _late(status: Status, recently: int, limits: Limits) -> Reading:
     tip = f"Ticks over half a millisecond late: {recently} in the last {LATELY:g} s, {status.late_ticks} in total."
     if recently > limits.late_ticks:
-        return Lamp(
-            "Deadline misses", Level.BAD, f"{recently} now", f"{tip} Close other programs on the server's computer."
-        )
+        return Level.BAD, f"{recently} now", f"{tip} Close other programs on the server's computer."
     words = f"{recently} now, {status.late_ticks} in total" if recently else f"{status.late_ticks} in total"
-    return Lamp("Deadline misses", Level.WATCH if recently else Level.GOOD, words, tip)
+    return Level.WATCH if recently else Level.GOOD, words, tip
 
 
-def _forces(status: Status) -> Lamp:
+def _forces(status: Status) -> Reading:
     if LACKING in status.waiting_for:
-        return Lamp("Forces", Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released.")
+        return Level.BAD, "STOPPED", "All forces are zero until the emergency stop is released."
     if status.armed:
-        return Lamp("Forces", Level.GOOD, "allowed", "Devices may render forces.")
-    return Lamp("Forces", Level.OFF, "disarmed", "No device renders a force until you arm (F1).")
+        return Level.GOOD, "allowed", "Devices may render forces."
+    return Level.OFF, "disarmed", "No device renders a force until you arm (F1)."
 
 
-def _form(status: Status) -> Lamp:
+def _form(status: Status) -> Reading:
     if not status.opened:
-        return Lamp("Session", Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start.")
+        return Level.WATCH, "not opened", "Fill in the session form (F3) before a block can start."
     if not status.consent and not status.pilot:
-        return Lamp("Session", Level.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E).")
+        return Level.BAD, "NO CONSENT", "No consent was entered: end the session (Ctrl+E)."
     words = "pilot" if status.pilot else "consent given"
-    return Lamp("Session", Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}.")
+    return Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}."
 
 
 # --- alarm --------------------------------------------------------------------------------------------------------

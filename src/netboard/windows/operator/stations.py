@@ -9,7 +9,7 @@ from netboard.network.protocol.control import Status
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports.emergency import LACKING, WORDS
 from netboard.windows.operator.changes import LATELY, RecentCounts
-from netboard.windows.operator.lamps import Lamp, Level, Limits, milliseconds
+from netboard.windows.operator.lamps import Lamp, Level, Limits, Reading, milliseconds
 
 SLOW_RATE = 900.0
 """Message rate below which an agent counts as slow [Hz]."""
@@ -34,121 +34,118 @@ def station_lamps(status: Status, recent: RecentCounts, side: Side, limits: Limi
     """Return the lamps of one station, always the same ones in the same order."""
     agent = f"agent.{side}"
     link = next((link for link in status.links if link[0] == agent), None)
-    display = _display(status, side)
+    display = Lamp("Display", *_display(status, side))
     if link is None:
         awaited = any(side in lacking for lacking in status.waiting_for)
-        device = (
-            Lamp(
-                "Device", Level.BAD, "missing", f"No agent for the {side} side. Start it: netboard up --station {side}"
-            )
-            if awaited
-            else Lamp("Device", Level.OFF, "not needed", "No agent is connected, and this block needs none.")
-        )
-        unknown = [Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _NAMES[1:]]
-        return (device, *unknown, display)
+        missing = Level.BAD, "missing", f"No agent for the {side} side. Start it: netboard up --station {side}"
+        unneeded = Level.OFF, "not needed", "No agent is connected, and this block needs none."
+        unknown = [
+            Lamp(name, Level.OFF, "", "Known once the agent is connected.") for name in _LAMPS if name != "Device"
+        ]
+        return (Lamp("Device", *(missing if awaited else unneeded)), *unknown, display)
     found = next((station for station in status.stations if station[0] == side), (side, nan, 0, 0.0, 0, 0))
     _, age, bits, rendered, lost_ticks, clipped_ticks = found
     now = _Station(
         side, status, link, age, Safeguard(bits), rendered, lost_ticks, clipped_ticks, recent.lost.get(agent, 0)
     )
-    return (*(lamp(now, limits) for lamp in _LAMPS), display)
+    return (*(Lamp(name, *read(now, limits)) for name, read in _LAMPS.items()), display)
 
 
-def _device(now: _Station, limits: Limits) -> Lamp:
+def _device(now: _Station, limits: Limits) -> Reading:
     _, name, version, *_ = now.link
     if Safeguard.DEVICE_LOST in now.bits:
         tip = "The device does not answer. Check its cable and power; the agent reconnects by itself."
-        return Lamp("Device", Level.BAD, "lost", tip)
+        return Level.BAD, "lost", tip
     if Safeguard.NOT_READY in now.bits:
         tip = "Not calibrated, not held, or outside its workspace: calibrate it, and hold the stylus."
-        return Lamp("Device", Level.WATCH, "not ready", tip)
+        return Level.WATCH, "not ready", tip
     if version != limits.version:
         tip = f"The agent {name} has version {version}, this console {limits.version}. Install the same everywhere."
-        return Lamp("Device", Level.WATCH, f"v{version}", tip)
-    return Lamp("Device", Level.GOOD, "ready", f"Agent {name}, version {version}.")
+        return Level.WATCH, f"v{version}", tip
+    return Level.GOOD, "ready", f"Agent {name}, version {version}."
 
 
-def _link(now: _Station, limits: Limits) -> Lamp:
+def _link(now: _Station, limits: Limits) -> Reading:
     age, rate = now.link[3], now.link[7]
     tip = f"Last message {milliseconds(age)} ago, {rate:.0f} messages per second."
     if age > limits.sample_age:
-        return Lamp("Link", Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on.")
+        return Level.BAD, "silent", f"{tip} Check the cable, and that the station is switched on."
     if rate < SLOW_RATE:
-        return Lamp("Link", Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station.")
-    return Lamp("Link", Level.GOOD, f"{rate:.0f} Hz", tip)
+        return Level.WATCH, f"{rate:.0f} Hz", f"{tip} Expected 1000. Close other programs on the station."
+    return Level.GOOD, f"{rate:.0f} Hz", tip
 
 
-def _round_trip(now: _Station, limits: Limits) -> Lamp:
+def _round_trip(now: _Station, limits: Limits) -> Reading:
     trip = now.link[4]
     tip = f"Shortest recent round-trip time: {milliseconds(trip)}."
     if isnan(trip):
-        return Lamp("Round trip", Level.WATCH, "unknown", "Not measured yet; wait a few seconds.")
+        return Level.WATCH, "unknown", "Not measured yet; wait a few seconds."
     if trip > limits.sample_age:
-        return Lamp("Round trip", Level.BAD, milliseconds(trip), f"{tip} The network is too slow for a trial.")
+        return Level.BAD, milliseconds(trip), f"{tip} The network is too slow for a trial."
     if trip > 2 * limits.clock_bound:
         worry = (
             f"{tip} Above {milliseconds(2 * limits.clock_bound)} the clock offset is uncertain: use a cable, not Wi-Fi."
         )
-        return Lamp("Round trip", Level.WATCH, milliseconds(trip), worry)
-    return Lamp("Round trip", Level.GOOD, milliseconds(trip), tip)
+        return Level.WATCH, milliseconds(trip), worry
+    return Level.GOOD, milliseconds(trip), tip
 
 
-def _clock(now: _Station, limits: Limits) -> Lamp:
+def _clock(now: _Station, limits: Limits) -> Reading:
     bound = now.link[5]
     if not bound <= limits.clock_bound:  # NaN included
         known = f"its clock offset is known to {milliseconds(limits.clock_bound)}"
         tip = f"Not armed until {known}: wait a few seconds, or check the network."
-        return Lamp("Clock", Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip)
+        return Level.BAD, "unknown" if isnan(bound) else f"\u00b1{milliseconds(bound)}", tip
     level = Level.WATCH if bound > limits.clock_bound / 2 else Level.GOOD
     tip = f"Clock offset known to {milliseconds(bound)}; limit {milliseconds(limits.clock_bound)}."
-    return Lamp("Clock", level, f"\u00b1{milliseconds(bound)}", tip)
+    return level, f"\u00b1{milliseconds(bound)}", tip
 
 
-def _sample(now: _Station, limits: Limits) -> Lamp:
+def _sample(now: _Station, limits: Limits) -> Reading:
     if isnan(now.age):
-        return Lamp("Sample", Level.BAD, "none", "No sample of the stylus so far: check the device.")
+        return Level.BAD, "none", "No sample of the stylus so far: check the device."
     words, most = f"{milliseconds(now.age)} old", milliseconds(limits.sample_age)
     tip = f"The newest sample of the stylus is {words}; a trial pauses at {most}."
     if now.age > limits.sample_age:
-        return Lamp("Sample", Level.BAD, words, f"{tip} Check network and device.")
+        return Level.BAD, words, f"{tip} Check network and device."
     level = Level.WATCH if now.age > limits.sample_age / 5 else Level.GOOD
-    return Lamp("Sample", level, words, tip)
+    return level, words, tip
 
 
-def _latency(now: _Station, limits: Limits) -> Lamp:
+def _latency(now: _Station, limits: Limits) -> Reading:
     late, most = next((loop[1:] for loop in now.status.loops if loop[0] == now.link[0]), (nan, nan))
     if isnan(late):
-        return Lamp("Latency", Level.OFF, "unknown", "Sample-to-force latency: not measured yet.")
+        return Level.OFF, "unknown", "Sample-to-force latency: not measured yet."
     words = milliseconds(late)
     tip = f"Sample-to-force latency {words}; without a hand on it, the device is stable up to {milliseconds(most)}."
     if late > most:
-        return Lamp("Latency", Level.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network.")
+        return Level.BAD, words, f"{tip} The stylus may vibrate: pause (F5), and check the network."
     level = Level.WATCH if late > most / 2 else Level.GOOD
-    return Lamp("Latency", level, words, tip)
+    return level, words, tip
 
 
-def _drops(now: _Station, limits: Limits) -> Lamp:
+def _drops(now: _Station, limits: Limits) -> Reading:
     tip = (
         f"Messages lost in the last {LATELY:g} s: {now.lost}; since the start: {now.link[8]}. "
         f"Ticks of this attempt without a fresh sample: {now.lost_ticks}."
     )
     most = max(now.lost, now.lost_ticks)
     if most > limits.lost_ticks:
-        return Lamp("Drops", Level.BAD, f"{most} drops", f"{tip} This attempt will be flagged: check the network.")
-    return Lamp("Drops", Level.WATCH if most else Level.GOOD, f"{most} drops" if most else "none", tip)
+        return Level.BAD, f"{most} drops", f"{tip} This attempt will be flagged: check the network."
+    return Level.WATCH if most else Level.GOOD, f"{most} drops" if most else "none", tip
 
 
-def _force(now: _Station, limits: Limits) -> Lamp:
+def _force(now: _Station, limits: Limits) -> Reading:
     known = not isnan(now.rendered)
     words = f"{now.rendered:+.2f} N" if known else "unknown"
     tip = f"Vertical force on the hand. Ticks of this attempt at the force limit: {now.clipped_ticks}."
     if Safeguard.CLAMPED in now.bits:
-        return Lamp("Force", Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit.")
+        return Level.WATCH, f"AT LIMIT {words}", f"{tip} The commanded force is above the limit."
     if Safeguard.SLEWED in now.bits:
-        return Lamp("Force", Level.WATCH, f"SLEW LIMIT {words}", f"{tip} The commanded force changes too fast.")
+        return Level.WATCH, f"SLEW LIMIT {words}", f"{tip} The commanded force changes too fast."
     if now.clipped_ticks > limits.clipped_ticks:
-        return Lamp("Force", Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged.")
-    return Lamp("Force", Level.GOOD if known else Level.WATCH, words, tip)
+        return Level.WATCH, f"LIMITED {words}", f"{tip} This attempt will be flagged."
+    return Level.GOOD if known else Level.WATCH, words, tip
 
 
 _TRIPS = (
@@ -161,40 +158,39 @@ _TRIPS = (
 )
 
 
-def _safety(now: _Station, _limits: Limits) -> Lamp:
+def _safety(now: _Station, _limits: Limits) -> Reading:
     for cause, words in _TRIPS:
         if cause in now.bits:
-            return Lamp("Safety", Level.BAD, words, f"Force reduced or zero: {WORDS[cause]}.")
+            return Level.BAD, words, f"Force reduced or zero: {WORDS[cause]}."
     if Safeguard.RAMPING in now.bits:
-        return Lamp("Safety", Level.WATCH, "arming", "Just armed: the force increases over one second.")
+        return Level.WATCH, "arming", "Just armed: the force increases over one second."
     if Safeguard.ARMED in now.bits:
-        return Lamp("Safety", Level.GOOD, "ARMED", "The device renders forces.")
+        return Level.GOOD, "ARMED", "The device renders forces."
     if now.status.armed and LACKING not in now.status.waiting_for:
-        return Lamp("Safety", Level.WATCH, "not armed", "No force although allowed: see the lamps above.")
-    return Lamp("Safety", Level.OFF, "disarmed", "The device renders no force.")
+        return Level.WATCH, "not armed", "No force although allowed: see the lamps above."
+    return Level.OFF, "disarmed", "The device renders no force."
 
 
-def _display(status: Status, side: Side) -> Lamp:
+def _display(status: Status, side: Side) -> Reading:
     what = f"display.{side}"
     start = f"Start it: netboard display --station {side}"
     if what in status.peers:
-        return Lamp("Display", Level.GOOD, "connected", f"The display of the {side} participant is connected.")
+        return Level.GOOD, "connected", f"The display of the {side} participant is connected."
     if what in status.waiting_for:
-        return Lamp("Display", Level.BAD, "missing", start)
-    return Lamp("Display", Level.WATCH, "none", f"This participant has no display. {start}")
+        return Level.BAD, "missing", start
+    return Level.WATCH, "none", f"This participant has no display. {start}"
 
 
-_LAMPS: tuple[Callable[[_Station, Limits], Lamp], ...] = (
-    _device,
-    _link,
-    _round_trip,
-    _clock,
-    _sample,
-    _latency,
-    _drops,
-    _force,
-    _safety,
-)
-_NAMES = ("Device", "Link", "Round trip", "Clock", "Sample", "Latency", "Drops", "Force", "Safety")
-STATION_LAMPS = (*_NAMES, "Display")
+_LAMPS: dict[str, Callable[[_Station, Limits], Reading]] = {
+    "Device": _device,
+    "Link": _link,
+    "Round trip": _round_trip,
+    "Clock": _clock,
+    "Sample": _sample,
+    "Latency": _latency,
+    "Drops": _drops,
+    "Force": _force,
+    "Safety": _safety,
+}
+STATION_LAMPS = (*_LAMPS, "Display")
 """Names of a station's lamps."""

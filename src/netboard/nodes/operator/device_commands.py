@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.live import Live
 
-from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
+from netboard.base.process import Priority, cpus_for, prepare, steady_loop
 from netboard.devices.contract import profile, registry
 from netboard.devices.contract.device import Device
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
@@ -37,9 +35,6 @@ HOLD = 1.0
 
 SETTLE = 5.0
 """Time to move to the next position when nobody is asked [s]."""
-
-TEXT_SECONDS = 0.1
-MONITOR_SECONDS = 0.005
 
 Ask = Callable[[str], str]
 
@@ -169,32 +164,6 @@ def _asked_for(
         low = held("at the lower far left corner of the workspace")
         box = calibration.box_between(low, held("at the upper near right corner of the workspace"))
     return calibration.placed(before, zero, box, config.task.stylus_range, f"{now_in_words()}, by hand")
-
-
-def monitor(config: Config, side: Side, *, text: bool, screenshot: Path | None, seconds: float | None) -> int:
-    """Show a device live until stopped, closed, or the time is over."""
-    with Stopping() as stopping, registry.make(side, config) as device:
-        title = f"{device.info.model} {device.info.serial} ({side})"
-        until = None if seconds is None else clock.now_ns() + round(seconds * 1e9)
-
-        def over() -> bool:
-            return stopping() or (until is not None and clock.now_ns() >= until)
-
-        if not text:
-            from netboard.windows import monitor as window
-
-            window.run(lambda: device.read(clock.now_ns()), title, over, screenshot)
-            return 0
-        table = words.reading_table(title, device.read(clock.now_ns()))
-        with Live(table, console=console, auto_refresh=False) as live:
-            shown = time.monotonic()
-            while not over():
-                reading = device.read(clock.now_ns())
-                if time.monotonic() - shown >= TEXT_SECONDS:
-                    shown = time.monotonic()
-                    live.update(words.reading_table(title, reading), refresh=True)
-                time.sleep(MONITOR_SECONDS)
-    return 0
 
 
 @contextmanager
