@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from netboard.benchmarks.loop.bench import Setting, loop, soak
-from netboard.benchmarks.loop.serving import Company, Crowd
+from netboard.benchmarks.loop.scale import Company, Crowd
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 

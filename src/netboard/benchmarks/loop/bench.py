@@ -22,8 +22,7 @@ from netboard.benchmarks.loop.loop import (
     measure_loop,
     ratios_part,
 )
-from netboard.benchmarks.loop.scale import measure_scale, measure_waiting, scale_part, waiting_part
-from netboard.benchmarks.loop.serving import Crowd
+from netboard.benchmarks.loop.scale import Crowd, measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.benchmarks.loop.spreads import draw_histograms, histogram_part
