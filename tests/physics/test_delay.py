@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from netboard.base.tables.scene import Physics
-from netboard.benchmarks.coupling.stiffness import largest_stiffness, passive_stiffness, ruled_stiffness
+from netboard.benchmarks.coupling.boundary import largest_stiffness, passive_stiffness, ruled_stiffness
 from netboard.physics.stability.delayed_coupling import (
     FIXED,
     End,

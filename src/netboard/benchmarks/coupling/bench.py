@@ -12,8 +12,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.coupling import boundary, releases, remedies
-from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Found
-from netboard.benchmarks.coupling.stiffness import ruled_stiffness
+from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Found, ruled_stiffness
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.benchmarks.harness.running import Tell
 

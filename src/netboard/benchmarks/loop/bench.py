@@ -22,8 +22,7 @@ from netboard.benchmarks.loop.loop import (
     measure_loop,
     ratios_part,
 )
-from netboard.benchmarks.loop.scale import measure_scale, measure_waiting, scale_part, waiting_part
-from netboard.benchmarks.loop.serving import Crowd
+from netboard.benchmarks.loop.scale import Crowd, measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.benchmarks.loop.skips import measure_skips, skips_part, tick_part
 from netboard.benchmarks.loop.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.benchmarks.loop.spreads import draw_histograms, histogram_part
@@ -81,23 +80,25 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
 
 
 def loop(
-    setting: Setting,
-    seconds: float | None,
-    dyads: Sequence[int],
-    output: Path | None,
-    json: Path | None,
     *,
+    seconds: float | None,
+    dyads: str | None,
     skips: bool,
-    force: bool,
+    output: Path | None = None,
+    json: Path | None = None,
+    force: bool = False,
+    **given: Any,
 ) -> int:
     """Run ``netboard bench loop``; the exit code is 0, also if claims fail, since that is a result.
 
     - `seconds`: duration of each measurement; None for the default [s].
-    - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
+    - `dyads`: numbers of dyads for which a server is measured, as for `read_dyads`.
+    - `given`: as for `Setting`.
     """
+    setting, numbers = Setting(**given), read_dyads(dyads)
     seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
-    about = {"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
+    about = {"seconds": seconds, "rounds": rounds, "dyads": list(numbers)}
 
     def study(place: Folder, tell: Tell) -> Iterator[Part]:
         scratch = place.path / "processes"
@@ -108,9 +109,9 @@ def loop(
         yield lateness_part(found)
         yield costs_part(found.costs)
         yield histogram_part(series[0] | series[1])
-        if dyads or skips:
+        if numbers or skips:
             with Crowd(scratch) as crowd:
-                yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
+                yield from _crowded(crowd, setting.config, numbers, seconds / rounds, tell, skips=skips)
         place.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
     _run("loop", setting, about, study, output, json, force=force)
@@ -132,9 +133,19 @@ def _crowded(
 
 
 def soak(
-    setting: Setting, minutes: float | None, dyads: int, output: Path | None, json: Path | None, *, force: bool
+    *,
+    minutes: float | None,
+    dyads: int,
+    output: Path | None = None,
+    json: Path | None = None,
+    force: bool = False,
+    **given: Any,
 ) -> int:
-    """Run ``netboard bench soak``."""
+    """Run ``netboard bench soak``.
+
+    - `given`: as for `Setting`.
+    """
+    setting = Setting(**given)
     minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
 
     def study(place: Folder, tell: Tell) -> Iterator[Part]:

@@ -94,18 +94,8 @@ class Rig:
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
-                self._until(operator, lambda status: status.phase in ACTIVE)
+                await_status(self._launcher, operator, lambda status: status.phase in ACTIVE)
         time.sleep(SETTLE_SECONDS)
-
-    def _until(self, operator: Operator, ready: Callable[[Status], bool]) -> None:
-        """Poll a server's status until it meets a condition."""
-        until = time.monotonic() + START_SECONDS
-        while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
-            self.poll()
-            if time.monotonic() > until:
-                said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
-                raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
-            time.sleep(ANSWER_SECONDS)
 
     def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
         """Run for a period and return it."""
@@ -133,7 +123,7 @@ class Rig:
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
-                self._until(operator, lambda status: True)
+                await_status(self._launcher, operator)
                 operator.command("end")
             names = [name for name in self._pids if name.startswith(("server", "logger"))]
             for name in names:
@@ -147,13 +137,29 @@ class Rig:
 
     def poll(self) -> None:
         """Check that the processes still run."""
-        if (ended := self._launcher.ended()) is not None:
-            raise NetboardError(str(ended))
+        check_running(self._launcher)
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._pids.values():
             with suppress(ProcessLookupError):  # `look` reports a process that has ended
                 os.kill(pid, number)
+
+
+def check_running(launcher: Launcher) -> None:
+    """Raise an error if a process has ended."""
+    if (ended := launcher.ended()) is not None:
+        raise NetboardError(str(ended))
+
+
+def await_status(launcher: Launcher, operator: Operator, ready: Callable[[Status], bool] = lambda status: True) -> None:
+    """Poll a server's status until it meets a condition, by default until the server answers."""
+    until = time.monotonic() + START_SECONDS
+    while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
+        check_running(launcher)
+        if time.monotonic() > until:
+            said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
+            raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
+        time.sleep(ANSWER_SECONDS)
 
 
 def own_configs(config: Config, folder: Path, count: int) -> list[Config]:

@@ -1,22 +1,112 @@
 """Many dyads in one server process on one core: CPU cost and tick jitter by number of dyads, up to the limit.
 
+The server is a real one. Two more processes are all its lightweight peers (`netboard.benchmarks.loop.crowd`); their
+orders say which peers, and for how long.
+
 Every dyad is in a trial with haptic feedback and has a logger; all peers are on another core. Then idle dyads: with
 agents but no trial, and without peers.
 """
 
 import os
+import signal
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.serving import Company, Crowd, Served
-from netboard.benchmarks.loop.spreads import HEADS, in_milliseconds
-from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, total
+from netboard.benchmarks.loop.played import Punctuality, punctuality
+from netboard.benchmarks.loop.rig import await_status, own_configs, write_configs
+from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.usage import LOOP, TRANSPORT, Cost, read_usage, total
+from netboard.benchmarks.loop.workers import Workers
+from netboard.network.transport import sockets
+from netboard.nodes.operator.launcher import Launcher
+from netboard.nodes.operator.operator import Operator
 from netboard.recording.format.summary import spread
+
+CROWD = "netboard.benchmarks.loop.crowd"
+
+WARM_SECONDS = 4.0
+"""Time for sessions to begin their trials and for agents to adjust their phase, before counting starts [s]."""
+
+
+@dataclass(frozen=True)
+class Company:
+    """The peers of a server."""
+
+    agents: bool = True
+    loggers: bool = True
+    displays: bool = False
+    moving: bool = True
+    trial: bool = True
+
+
+@dataclass(frozen=True)
+class Served:
+    """Resource use and timing of a server.
+
+    - `counts`: frames received by its peers [Hz].
+    - `peers_late_ns`: delay of the samples when the peers sent them [ns].
+    """
+
+    cost: Cost
+    counts: dict[str, float]
+    ticks: Punctuality
+    active: float
+    peers_late_ns: Times
+
+
+class Crowd(Workers):
+    """The two processes that are all peers of a server; leaving the context ends them."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+        self._agents, self._watchers = (self.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers"))
+
+    def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
+        """Run a server of some dyads with these peers."""
+        configs = own_configs(config, self._folder, dyads)
+        files = [str(file) for file in write_configs(configs, self._folder)]
+        with Launcher(self._folder, {}) as launcher:
+            words = [word for file in files for word in ("-c", file)]
+            launcher.start("server", "server", *words, *([] if company.trial else ["--no-autostart"]))
+            with sockets.open_context() as context:
+                operator = Operator(configs[-1].network, context)  # the context closes its socket
+                await_status(launcher, operator)
+            from_ns = now_ns() + round(WARM_SECONDS * 1e9)
+            until_ns = from_ns + round(seconds * 1e9)
+            order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
+            self._watchers.order(**order, loggers=company.loggers, displays=company.displays)
+            if company.agents:
+                self._agents.order(**order, moving=company.moving)
+            cost, process = Cost(), launcher.process_id("server")
+            _sleep_until(from_ns)
+            before = read_usage(process)
+            _sleep_until(until_ns)
+            cost.add(before, read_usage(process))
+            seen = self._watchers.answer()
+            felt = self._agents.answer() if company.agents else {"counts": {}, "late_ns": []}
+            os.kill(process, signal.SIGKILL)  # what it has not recorded was never meant to be
+        return Served(
+            cost,
+            {name: count / seconds for name, count in (seen["counts"] | felt["counts"]).items()},
+            punctuality(np.array(seen["late_ns"], np.int64), seen["passed_over"]),
+            seen["active"],
+            np.array(felt["late_ns"], np.int64),
+        )
+
+
+def _sleep_until(at_ns: int) -> None:
+    time.sleep(max(0.0, (at_ns - now_ns()) * 1e-9))
+
 
 MAX_LATE, MIN_ACTIVE = 0.02, 0.99
 """Criteria for the capacity: largest share of deadline misses, smallest share of ticks in a trial [1]."""

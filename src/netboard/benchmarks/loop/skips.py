@@ -11,8 +11,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.loop.scale import core_share, on_cores
-from netboard.benchmarks.loop.serving import Company, Crowd, Served
+from netboard.benchmarks.loop.scale import Company, Crowd, Served, core_share, on_cores
 from netboard.benchmarks.loop.usage import LOOP, TRANSPORT
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Phase
