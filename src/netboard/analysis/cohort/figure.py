@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from netboard.analysis.cohort.power import Power
-from netboard.analysis.topics.figure import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, STYLE, VERMILION, new_figure
-from netboard.analysis.topics.marks import beside
+from netboard.analysis.topics.figure import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, STYLE, VERMILION, beside, new_figure
 
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, SKY, PINK, BLACK)
 MARKERS = "osD^vPX"

@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.movements import Average, mean_shares
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.figure import CLASS_COLOURS, Picture
+from netboard.analysis.topics.figure import (
+    CLASS_COLOURS,
+    Picture,
+    apart,
+    draw_dyads,
+    draw_mean,
+    how_many,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
 from netboard.analysis.topics.groups import (
     CLASSES,
     Condition,
@@ -25,16 +36,6 @@ from netboard.analysis.topics.groups import (
     estimate,
     estimated,
     of_dyads,
-)
-from netboard.analysis.topics.marks import (
-    apart,
-    draw_dyads,
-    draw_mean,
-    how_many,
-    look_of,
-    new_mosaic,
-    styled,
-    titled,
 )
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT

@@ -10,8 +10,7 @@ import numpy as np
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
-from netboard.analysis.topics.figure import Picture
-from netboard.analysis.topics.marks import Look, draw_dyads, draw_mean, styled
+from netboard.analysis.topics.figure import Look, Picture, draw_dyads, draw_mean, styled
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 

@@ -22,7 +22,23 @@ from netboard.analysis.measures.performance import (
 )
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import Test, sign_test
-from netboard.analysis.topics.figure import BLACK, GREEN, ORANGE, PINK, SKY, YELLOW, Picture
+from netboard.analysis.topics.figure import (
+    BLACK,
+    GREEN,
+    ORANGE,
+    PINK,
+    SKY,
+    YELLOW,
+    Look,
+    Picture,
+    draw_dyads,
+    draw_mean,
+    how_many,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
 from netboard.analysis.topics.groups import (
     QUANTITIES,
     Condition,
@@ -31,16 +47,6 @@ from netboard.analysis.topics.groups import (
     counted,
     estimate,
     estimated,
-)
-from netboard.analysis.topics.marks import (
-    Look,
-    draw_dyads,
-    draw_mean,
-    how_many,
-    look_of,
-    new_mosaic,
-    styled,
-    titled,
 )
 from netboard.analysis.topics.result import Result
 from netboard.base.tables.forces import FORCES

@@ -14,9 +14,17 @@ import pandas as pd
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import (
+    Picture,
+    draw_dyads,
+    draw_mean,
+    how_many,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
 from netboard.analysis.topics.groups import estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.measures import BESIDE, Levels, Measure, column, legend, levels_of, places
 from netboard.analysis.topics.result import Result
 

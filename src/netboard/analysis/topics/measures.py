@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
