@@ -19,7 +19,7 @@ from netboard.analysis.topics.figure import (
     CLASS_COLOURS,
     Picture,
     apart,
-    draw_dyads,
+    draw_joined,
     draw_mean,
     how_many,
     look_of,
@@ -188,13 +188,7 @@ def _bars(axes: "Axes", found: list[Shares]) -> None:
 def _dots(axes: "Axes", found: list[Shares], name: str) -> None:
     """Draw the share of one class in each condition: each dyad, and the mean."""
     at = _places(found)
-    for team in dict.fromkeys(one.condition.team for one in found):
-        own = [one for one in found if one.condition.team == team]
-        for dyad in sorted({dyad for one in own for dyad in one.dyads.index}):
-            here = [one for one in own if dyad in one.dyads.index]
-            x = [at[one.condition.name] for one in here]
-            y = [PERCENT.scale * one.dyads.loc[dyad, name] for one in here]
-            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    draw_joined(axes, [(one.condition, one.dyads[name].to_dict()) for one in found], at, PERCENT.scale)
     first = {one.condition.team: one for one in reversed(found)}
     for one in found:
         mean, aside = one.means[CLASSES.index(name)], -_BESIDE if first[one.condition.team] is one else _BESIDE

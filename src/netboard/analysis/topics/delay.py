@@ -34,15 +34,7 @@ from netboard.analysis.topics.figure import (
     styled,
     titled,
 )
-from netboard.analysis.topics.groups import (
-    Condition,
-    comparisons,
-    conditions,
-    estimate,
-    estimated,
-    of_dyads,
-    with_base,
-)
+from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
 from netboard.analysis.topics.result import Result
 
 if TYPE_CHECKING:

@@ -39,15 +39,7 @@ from netboard.analysis.topics.figure import (
     styled,
     titled,
 )
-from netboard.analysis.topics.groups import (
-    QUANTITIES,
-    Condition,
-    Quantity,
-    conditions,
-    counted,
-    estimate,
-    estimated,
-)
+from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
 from netboard.analysis.topics.result import Result
 from netboard.base.tables.forces import FORCES
 

@@ -26,6 +26,7 @@ from netboard.base.tables.forces import FORCES
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
     from matplotlib.patheffects import AbstractPathEffect
 
 WIDTH = 7.0
@@ -314,6 +315,27 @@ def draw_dyads(axes: "Axes", x: ArrayLike, y: ArrayLike, colour: str, label: str
         zorder=3,
         label=f"_{label}",
     )
+
+
+def draw_joined(
+    axes: "Axes", found: Sequence[tuple[Condition, Mapping[str, float]]], at: Mapping[str, float], scale: float = 1.0
+) -> None:
+    """Draw the values of dyads in conditions, by dyad, times `scale`; a dyad is joined within a team."""
+    for team in dict.fromkeys(condition.team for condition, _ in found):
+        own = [(condition, values) for condition, values in found if condition.team == team]
+        for dyad in sorted({dyad for _, values in own for dyad in values}):
+            here = [(at[condition.name], scale * values[dyad]) for condition, values in own if dyad in values]
+            draw_dyads(axes, *zip(*here, strict=True), look_of(own[0][0]).colour, f"{dyad} {team}", joined=True)
+
+
+def handles(looks: Sequence[Look]) -> "list[Line2D]":
+    """Return the marks of a legend."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
+        for look in looks
+    ]
 
 
 def beside(count: int, width: float) -> list[float]:
