@@ -325,7 +325,8 @@ def draw_joined(
         own = [(condition, values) for condition, values in found if condition.team == team]
         for dyad in sorted({dyad for _, values in own for dyad in values}):
             here = [(at[condition.name], scale * values[dyad]) for condition, values in own if dyad in values]
-            draw_dyads(axes, *zip(*here, strict=True), look_of(own[0][0]).colour, f"{dyad} {team}", joined=True)
+            x, y = zip(*here, strict=True)
+            draw_dyads(axes, x, y, look_of(own[0][0]).colour, f"{dyad} {team}", joined=True)
 
 
 def handles(looks: Sequence[Look]) -> "list[Line2D]":
