@@ -28,7 +28,7 @@ entry = '"made_up": ForceCondition("a", "b", "made-up force", _full, local=True)
 start = 'CONDITIONS: dict[str, ForceCondition] = {'
 source = source.replace(start, start + entry)
 exec(compile(source, forces.__file__, "exec"), forces.__dict__)
-from netboard.analysis.topics.marks import _SHAPES
+from netboard.analysis.topics.figure import _SHAPES
 from netboard.analysis.topics import groups
 from netboard.base.config import parse
 from netboard.physics.scene.rendering import GAINS, rendering_of, force_on_hand

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from made_study import Block, made_study, times
-from netboard.analysis.extraction.completions import notes
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, parse
-from netboard.analysis.extraction.study import study_of
+from netboard.analysis.extraction.study import notes, study_of
 from netboard.analysis.measures.motion import find_completion
 from netboard.base.config import Config
 from netboard.base.tick import STATE

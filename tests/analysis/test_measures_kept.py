@@ -154,7 +154,7 @@ def test_bytes_name_readings_and_code_do(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_the_code_that_measures_is_all_that_it_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = fingerprint.sources()
     for name in (
-        *("analysis.extraction.recordings", "analysis.extraction.modern", "analysis.measures.lags"),
+        *("analysis.extraction.recordings", "analysis.extraction.attempts", "analysis.measures.lags"),
         *("task.trials.quality", "base.tick", "base.config"),
     ):
         assert found[f"netboard.{name}"].is_file()

@@ -15,7 +15,7 @@ from netboard.analysis.report.folder import write_tables
 from netboard.analysis.report.html import write_report
 from netboard.analysis.topics.everything import NOT_COMPUTED, PICTURES, drawn, results_in, results_of
 from netboard.analysis.topics.figure import Picture, as_bytes
-from netboard.analysis.topics.windows import windows_of
+from netboard.analysis.topics.groups import windows_of
 from report_studies import provenance_of
 from thinned_study import LACKS, lacking
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from netboard.analysis.extraction.path_table import PathTable
+from netboard.analysis.extraction.cache import PathTable
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.report.trials import sparklines

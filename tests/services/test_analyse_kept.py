@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.analysis.extraction import kept
+from netboard.analysis.extraction import store as kept
 from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
 from netboard.analysis.report.analysing import PLACEHOLDER, name_command
 from netboard.services.cli import app

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.attempts import PAPER
 from netboard.analysis.extraction.details import MOVEMENTS, movements
 from netboard.analysis.extraction.devices import simulated_mechanics
-from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.recordings import ATTEMPT, BLOCKS, Measured, attempt_row, block_row, place_of
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import columns_of

@@ -13,7 +13,7 @@ from typing import Any
 
 from netboard.analysis.cohort.block import READINGS, measured, rehearse
 from netboard.analysis.cohort.rows import as_columns, attempt_rows, fields_of, group_rows
-from netboard.analysis.extraction.streams import Streams
+from netboard.analysis.extraction.cache import Streams
 from netboard.analysis.extraction.study import Study as Tables
 from netboard.analysis.extraction.study import study_of
 from netboard.analysis.extraction.tables import Columns

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.conditions import factors_text, kind_text, settings_text
 from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
-from netboard.analysis.extraction.modern import MODERN
-from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, Group, columns_of, count, number, words
 from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable

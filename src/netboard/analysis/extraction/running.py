@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from netboard.analysis.extraction.cache import Cache, key_of
-from netboard.analysis.extraction.kept import digest_of
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.store import digest_of
 from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process import peak_memory
@@ -24,7 +24,7 @@ from netboard.recording.export.runs import Run, runs_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from netboard.analysis.extraction.path_table import PathTable
+    from netboard.analysis.extraction.cache import PathTable
 
 
 @dataclass(frozen=True, slots=True)

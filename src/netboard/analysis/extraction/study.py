@@ -21,6 +21,7 @@ from netboard.analysis.extraction.exclusions import excluded
 from netboard.analysis.extraction.recordings import FIELDS, Measured
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.tables import Columns, count, words
+from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.measures.performance import running_number
 from netboard.recording.format.channels import Field
 
@@ -250,3 +251,32 @@ FIELDS_IN_STUDY = {
     "paths": FIELDS["paths"],
 }
 """Columns of each table of a study, without those of its factors."""
+
+
+NEAR = 1.5 / RATE
+"""Tolerance between recorded and recomputed times: one tick, because the server counts the tick of entry [s]."""
+
+
+def notes(study: Study) -> tuple[str, ...]:
+    """Return notes on successes whose samples show no hold, or another completion time than the recorded one.
+
+    A recorded time replaces the computed one if the samples show no hold. Each note names the columns of the table of
+    trials to compare.
+    """
+    done = study.trials[study.trials["outcome"] == "success"]
+    from_recording = int((done["completion_source"] == "recording").sum())
+    apart = np.abs(done["completion"] - done["recorded_completion"])
+    differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
+    told = []
+    if from_recording:
+        told.append(
+            f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
+            "table of trials): the samples show no hold."
+        )
+    if len(differ):
+        told.append(
+            f"{len(differ)} of {len(done)} completion times differ from the recorded ones by more than a tick, by "
+            f"{1e3 * differ.max():.0f} ms at most: compare the columns completion and recorded_completion of the table "
+            "of trials."
+        )
+    return tuple(told)

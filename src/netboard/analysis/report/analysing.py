@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
-from netboard.analysis.extraction.kept import keep, key_of_analysis, take
-from netboard.analysis.extraction.store import Store, default_folder
+from netboard.analysis.extraction.store import Store, default_folder, keep, key_of_analysis, take
 from netboard.analysis.report.wording import visible
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
@@ -112,9 +111,8 @@ def _analysed(
 
     Return a summary in words, how many recordings came from the cache, and the largest memory of a process [bytes].
     """
-    from netboard.analysis.extraction.cache import Cache
+    from netboard.analysis.extraction.cache import Cache, PathTable
     from netboard.analysis.extraction.exclusions import require_recordings
-    from netboard.analysis.extraction.path_table import PathTable
     from netboard.analysis.extraction.running import extract
     from netboard.analysis.extraction.study import study_of
     from netboard.analysis.report.folder import write_analysis
@@ -148,7 +146,7 @@ def _in_words(study: "Study", found: "Extraction") -> Iterator[str]:
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
     if len(silent):
         yield f"  no attempt at a trial: {len(silent)} of these, the first is {silent.iloc[0]}"
-    from netboard.analysis.extraction.completions import notes
+    from netboard.analysis.extraction.study import notes
 
     left_out = study.exclusions
     failed = int((study.trials["outcome"] != "success").sum())

@@ -2,14 +2,21 @@
 
 The page has no scripts, and its content security policy forbids loading anything. Names from participants,
 experimenters and file systems are escaped text. The same study and provenance give the same bytes.
+
+Figures are SVG with title and description, or PNG if the SVG would be huge. Element ids are made unique, so that
+figures with the same marks do not share them.
 """
 
+import base64
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -17,14 +24,13 @@ from markupsafe import Markup
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.report.design import design, participants
-from netboard.analysis.report.drawings import drawing
 from netboard.analysis.report.numbers import comparison_grid, topics
 from netboard.analysis.report.sections import head, recordings_grid, settings_grids, software_grid
 from netboard.analysis.report.soundness import soundness
 from netboard.analysis.report.summary import few, summary
 from netboard.analysis.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.analysis.report.wording import css_text, visible
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, as_bytes
 from netboard.base.errors import NetboardError
 
 NAME = "report.html"
@@ -134,3 +140,70 @@ def _write_new(path: Path, text: str) -> None:
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+MAX_SVG = 400_000
+"""Largest SVG file that is embedded; larger figures are embedded as PNG, in bytes [1]."""
+
+_SVG = "http://www.w3.org/2000/svg"
+_HREF = "{http://www.w3.org/1999/xlink}href"
+_DROPPED = {f"{{{_SVG}}}metadata", f"{{{_SVG}}}style", f"{{{_SVG}}}title"}
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A figure prepared for the page."""
+
+    name: str
+    title: str
+    caption: str
+    svg: str = ""
+    png: str = ""
+
+
+def drawing(picture: Picture) -> Drawing:
+    """Prepare a figure for the page."""
+    words = picture.name, visible(picture.title), visible(picture.caption)
+    if picture.figure is None:
+        return Drawing(*words)
+    file = as_bytes(picture.figure, "svg")
+    if len(file) > MAX_SVG:
+        data = base64.b64encode(as_bytes(picture.figure, "png")).decode("ascii")
+        return Drawing(*words, png=f"data:image/png;base64,{data}")
+    return Drawing(*words, svg=_inline(file, *words))
+
+
+def _inline(file: bytes, name: str, title: str, caption: str) -> str:
+    """Return an SVG file as an HTML element."""
+    root = ElementTree.fromstring(file)
+    for parent in root.iter():
+        for child in [child for child in parent if child.tag in _DROPPED]:
+            parent.remove(child)
+    for element in root.iter():
+        element.attrib = dict(_attributes(element.attrib, name))
+        element.tag = element.tag.removeprefix(f"{{{_SVG}}}")
+    for place, (tag, text) in enumerate((("title", title), ("desc", caption))):
+        label = ElementTree.Element(tag, {"id": f"{name}-{tag}"})
+        label.text, label.tail = text, "\n"
+        root.insert(place, label)
+    root.attrib = {
+        "viewBox": root.attrib["viewBox"],
+        "role": "img",
+        "aria-labelledby": f"{name}-title",
+        "aria-describedby": f"{name}-desc",
+    }
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _attributes(found: dict[str, str], name: str) -> Iterator[tuple[str, str]]:
+    """Yield the attributes of an element with unique ids and without external links."""
+    for key, value in found.items():
+        if key == "id":
+            yield "id", f"{name}-{value}"
+        elif key == _HREF:
+            if value.startswith("#"):
+                yield "href", f"#{name}-{value[1:]}"
+            elif value.startswith("data:image/"):
+                yield "href", value
+        elif not key.startswith("{"):
+            yield key, re.sub(r"url\(#", f"url(#{name}-", value)

@@ -6,9 +6,8 @@ from typing import Any
 
 import pandas as pd
 
-from netboard.analysis.extraction.completions import notes
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.study import Study, notes
 from netboard.analysis.report.grids import Cell, Column, Grid, code, grid, name
 from netboard.analysis.report.wording import amount, counted
 from netboard.base.settings import Table, tables, to_toml

@@ -95,9 +95,6 @@ def condition_contrast(
     rng : numpy.random.Generator
         Random generator for the bootstrap, and for permutations of more than 16 units.
     name : str
-    unit : str
-    level : float
-        Confidence level [1].
     resamples : int
         Number of bootstrap resamples, and of random permutations where not all can be evaluated [1].
 
@@ -139,7 +136,6 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     ----------
     differences : array_like, shape (n,)
         One difference for each unit; NaN are ignored [any].
-    unit : str
     """
     x = np.asarray(differences, dtype=float)
     x = x[np.isfinite(x)]

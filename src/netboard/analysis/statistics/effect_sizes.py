@@ -29,9 +29,6 @@ def paired_effect(
         One difference for each unit; NaN are ignored [any].
     correction : {"none", "hedges"}
         No correction, or multiplication of estimate and interval by the small-sample factor (`hedges_factor`).
-    level : float
-        Confidence level [1].
-    unit : str
 
     Returns
     -------
@@ -64,9 +61,6 @@ def hedges_g(
         One value for each unit; NaN are ignored [any].
     correction : {"none", "hedges"}
         Cohen's d, or Hedges' g: estimate and interval multiplied by the small-sample factor (`hedges_factor`).
-    level : float
-        Confidence level [1].
-    unit : str
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2

@@ -246,8 +246,6 @@ def effects_of(
         Coefficient of each name [log of the response].
     covariance : ndarray of float64, shape (k, k)
         Covariance of the coefficients; NaN if unknown [square of the log of the response].
-    level : float
-        Confidence level [1].
     interval : {"t", "z"}
         Student's t with `careful_freedom`, or the normal distribution.
     moments : Moments or None
@@ -275,22 +273,12 @@ def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> 
 
 
 def careful_freedom(design: Design) -> float:
-    """Return the dyads minus 1, minus the effects that vary only between dyads; 0 for too few dyads [1].
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Return the dyads minus 1, minus the effects that vary only between dyads; 0 for too few dyads [1]."""
     return max(0.0, design.n_dyads - 1.0 - design.between)
 
 
 def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
-    """Return the contrast vector of each effect by name; None if a needed coefficient is not estimable [1].
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Return the contrast vector of each effect by name; None if a needed coefficient is not estimable [1]."""
     place = {name: i for i, name in enumerate(design.names)}
     wanted = {name: {name: 1.0} for name in design.asked} | simple_effects(design)
     rows: dict[str, NDArray[np.float64] | None] = {}
@@ -341,8 +329,6 @@ def interval_effect(
         Degrees of freedom [1].
     p : float
         p value of the null hypothesis of no effect [1].
-    level : float
-        Confidence level [1].
     n : int
         Number of dyads [1].
     method : str
@@ -363,7 +349,6 @@ def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.
 
     Parameters
     ----------
-    design : Design
     residuals, fitted : ndarray of float64, shape (n,)
         Residuals and fitted values [log of the response].
     """

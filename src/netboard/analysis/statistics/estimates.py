@@ -61,9 +61,6 @@ def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") ->
     ----------
     values : array_like, shape (n,)
         One value for each unit; NaN are ignored [any].
-    level : float
-        Confidence level [1].
-    unit : str
     """
     x = known(values)
     if len(x) < 2:
@@ -90,16 +87,12 @@ def cluster_mean(
     ----------
     clusters : sequence of array_like, shape (n_k,)
         Samples of each unit; NaN and empty units are ignored [any].
-    rng : numpy.random.Generator
     weighting : {"units", "samples"}
         Mean of the units' means, or mean of all samples, which gives units with more samples more weight.
-    level : float
-        Confidence level [1].
     method : {"percentile", "basic", "BCa"}
         As in `bootstrap`.
     resamples : int
         Number of bootstrap resamples [1].
-    unit : str
     """
     samples = [x for x in map(known, clusters) if len(x)]
     sums, counts = np.array([x.sum() for x in samples]), np.array([float(len(x)) for x in samples])
@@ -148,15 +141,11 @@ def bootstrap(
         One or more values of each unit [any].
     statistic : callable
         Function of the columns, shape (..., n), and `axis`; returns shape (...) [any].
-    rng : numpy.random.Generator
-    level : float
-        Confidence level [1].
     method : {"percentile", "basic", "BCa"}
         Percentiles of the bootstrap distribution, reflected percentiles, or bias-corrected and accelerated (Efron
         1987).
     resamples : int
         Number of bootstrap resamples [1].
-    unit : str
 
     Raises
     ------

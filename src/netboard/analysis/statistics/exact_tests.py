@@ -70,7 +70,6 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
         One difference for each unit; zeros and NaN are ignored [any].
     alternative : {"two-sided", "greater", "less"}
         Alternative hypothesis; "greater": more positive differences, "less": fewer.
-    unit : str
     """
     x = known(differences)
     x = x[x != 0.0]
@@ -106,7 +105,6 @@ def permutation_test(
         Random generator for more than 16 units, which have too many arrangements to evaluate all.
     resamples : int
         Number of random arrangements then [1].
-    unit : str
 
     Raises
     ------
@@ -182,7 +180,6 @@ def permutation_test_between(
         Random generator for more than `MAX_EXACT` divisions.
     resamples : int
         Number of random arrangements then [1].
-    unit : str
 
     Raises
     ------

@@ -329,10 +329,6 @@ def simple_effects(design: Design) -> dict[str, dict[str, float]]:
 
     Contrasts are over the columns, for all two-way interactions. For a numeric second factor: at its lowest and highest
     value. An ambiguous level name is preceded by the factor's name.
-
-    Parameters
-    ----------
-    design : Design
     """
     taken = [str(level) for factor in design.factors for level in factor.levels]
     found = {}
@@ -389,7 +385,6 @@ def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometr
 
     Parameters
     ----------
-    design : Design
     factors : sequence of Factor or None
         Factors that define the conditions; None for all factors of the design.
     geometric : bool

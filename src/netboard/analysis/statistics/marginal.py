@@ -39,8 +39,6 @@ def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
 
     Parameters
     ----------
-    fit : Specification
-    design : Design
     family : statsmodels family
         Distribution of the response.
     """
@@ -84,8 +82,6 @@ def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> 
 
     Parameters
     ----------
-    fit : Specification
-    design : Design
     poisson : Model
     """
     coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
@@ -102,7 +98,6 @@ def one_sided(design: Design, what: str, value: float) -> str:
 
     Parameters
     ----------
-    design : Design
     what : str
         Meaning of that value, such as ``none failed``.
     value : float
@@ -129,7 +124,6 @@ def penalised_model(fit: Specification, design: Design, family: Family, why: str
     ----------
     fit : Specification
         Specification of the model that it replaces.
-    design : Design
     family : {"poisson", "binomial"}
         Distribution of the response.
     why : str

@@ -25,12 +25,7 @@ AT_ZERO = (
 
 
 def residual_deviation(design: Design) -> float:
-    """Return the residual standard deviation without random effects: least squares [log of the response].
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Return the residual standard deviation without random effects: least squares [log of the response]."""
     coefficients = np.linalg.lstsq(design.columns, design.values, rcond=None)[0]
     residuals = design.values - design.columns @ coefficients
     return sqrt(float(residuals @ residuals) / (len(residuals) - design.columns.shape[1]))
@@ -44,7 +39,6 @@ def random_effects(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np
 
     Parameters
     ----------
-    design : Design
     slopes : {"none", "dyad", "performer"}
         Units with random slopes.
 
@@ -99,7 +93,6 @@ def mixed_model(fit: Specification, design: Design, slopes: Slopes) -> Model:
 
     Parameters
     ----------
-    fit : Specification
     design : Design
         Trials of at least two dyads.
     slopes : {"none", "dyad", "performer"}

@@ -24,12 +24,6 @@ def satterthwaite_freedom(moments: Moments, contrast: Array) -> float:
     """Return Satterthwaite's degrees of freedom of a combination of coefficients; infinite for a known variance [1].
 
     As in lmerTest (Kuznetsova et al., J. Stat. Softw. 82:13, 2017): with the observed information about the variances.
-
-    Parameters
-    ----------
-    moments : Moments
-    contrast : ndarray of float64, shape (k,)
-        Linear combination of the coefficients [1].
     """
     active = moments.active
     inverse = _inverse(moments.observed[np.ix_(active, active)])
@@ -40,22 +34,12 @@ def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
     """Return Kenward and Roger's degrees of freedom of a linear combination of coefficients [1].
 
     As in pbkrtest (Halekoh and Hojsgaard, J. Stat. Softw. 59:9, 2014); for one combination the scale of their F is 1.
-
-    Parameters
-    ----------
-    moments : Moments
-    contrast : ndarray of float64, shape (k,)
-        Linear combination of the coefficients [1].
     """
     return _freedom(moments, contrast, np.ones_like(moments.active), _inverse(moments.expected))
 
 
 def kenward_roger_covariance(moments: Moments) -> Array:
     """Return Kenward and Roger's covariance of the coefficients, adjusted for the uncertainty of the variances.
-
-    Parameters
-    ----------
-    moments : Moments
 
     Returns
     -------

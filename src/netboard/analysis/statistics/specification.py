@@ -76,7 +76,6 @@ class Specification:
 
         Parameters
         ----------
-        design : Design
         coefficients : ndarray of float64, shape (k,)
             Coefficient of each column [log of the response].
         covariance : ndarray of float64, shape (k, k)
@@ -135,7 +134,6 @@ class Specification:
 
         Parameters
         ----------
-        design : Design
         why : str
         """
         nothing = np.full(len(design.names), np.nan)
@@ -146,7 +144,6 @@ class Specification:
 
         Parameters
         ----------
-        design : Design
         family : statsmodels family
             Distribution of the response.
         """
@@ -165,12 +162,7 @@ def _fixed(design: Design) -> str:
 
 
 def lacking(design: Design) -> str:
-    """Return what a design lacks.
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Return what a design lacks."""
     n, k = design.columns.shape
     return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
 

@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.movements import Average, mean_shares
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.figure import CLASS_COLOURS, Picture
+from netboard.analysis.topics.figure import (
+    CLASS_COLOURS,
+    Picture,
+    apart,
+    draw_joined,
+    draw_mean,
+    due_count,
+    look_of,
+    new_mosaic,
+    styled,
+    titled,
+)
 from netboard.analysis.topics.groups import (
     CLASSES,
     Condition,
@@ -25,16 +36,6 @@ from netboard.analysis.topics.groups import (
     estimate,
     estimated,
     of_dyads,
-)
-from netboard.analysis.topics.marks import (
-    apart,
-    draw_dyads,
-    draw_mean,
-    due_count,
-    look_of,
-    new_mosaic,
-    styled,
-    titled,
 )
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT
@@ -187,13 +188,7 @@ def _bars(axes: "Axes", found: list[Shares]) -> None:
 def _dots(axes: "Axes", found: list[Shares], name: str) -> None:
     """Draw the share of one class in each condition: each dyad, and the mean."""
     at = _places(found)
-    for team in dict.fromkeys(one.condition.team for one in found):
-        own = [one for one in found if one.condition.team == team]
-        for dyad in sorted({dyad for one in own for dyad in one.dyads.index}):
-            here = [one for one in own if dyad in one.dyads.index]
-            x = [at[one.condition.name] for one in here]
-            y = [PERCENT.scale * one.dyads.loc[dyad, name] for one in here]
-            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    draw_joined(axes, [(one.condition, one.dyads[name].to_dict()) for one in found], at, PERCENT.scale)
     first = {one.condition.team: one for one in reversed(found)}
     for one in found:
         mean, aside = one.means[CLASSES.index(name)], -_BESIDE if first[one.condition.team] is one else _BESIDE

@@ -19,9 +19,8 @@ from netboard.analysis.statistics.contrasts import Contrast, condition_contrast,
 from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
-from netboard.analysis.topics.figure import BLACK, Picture
+from netboard.analysis.topics.figure import BLACK, Look, Picture, beside, draw_mean, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, paired_levels, with_base
-from netboard.analysis.topics.marks import Look, beside, draw_mean, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
 from netboard.analysis.topics.result import Result, kept
 

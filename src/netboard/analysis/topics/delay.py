@@ -20,18 +20,9 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.cooperation import PORTIONS
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.figure import Picture
-from netboard.analysis.topics.groups import (
-    Condition,
-    comparisons,
-    conditions,
-    estimate,
-    estimated,
-    of_dyads,
-    with_base,
-)
-from netboard.analysis.topics.marks import (
+from netboard.analysis.topics.figure import (
     Look,
+    Picture,
     beside,
     draw_dyads,
     draw_mean,
@@ -43,6 +34,7 @@ from netboard.analysis.topics.marks import (
     styled,
     titled,
 )
+from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
 from netboard.analysis.topics.result import Result
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
-from netboard.analysis.topics.figure import Picture
-from netboard.analysis.topics.marks import Look, draw_dyads, draw_mean, styled
+from netboard.analysis.topics.figure import Look, Picture, draw_dyads, draw_mean, handles, styled
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 
@@ -27,8 +26,6 @@ FEW = 8
 @styled
 def picture(study: Study) -> Picture:
     """Draw all differences between conditions."""
-    from matplotlib.lines import Line2D
-
     found = comparisons(study).comparisons
     if not found:
         return Picture("differences", TITLE, "No dyad has two conditions that are compared.", None)
@@ -38,12 +35,15 @@ def picture(study: Study) -> Picture:
     figure, axes = grid(names, 1.35, COLUMNS if len(questions) <= FEW else COLUMNS // 2)
     for name in names:
         _panel(axes[name], [one for one in found if one.measure.name == name], questions, looks)
-    handles = [
-        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
-        for look in (looks[one.name] for one in questions)
-    ]
     labels = [f"{letter}: {one.name}" for letter, one in zip(_LETTERS, questions, strict=False)]
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, handletextpad=0.2, fontsize=7)
+    figure.legend(
+        handles([looks[one.name] for one in questions]),
+        labels,
+        loc="outside upper center",
+        ncols=2,
+        handletextpad=0.2,
+        fontsize=7,
+    )
     return Picture("differences", TITLE, _caption(found), figure)
 
 

@@ -22,18 +22,15 @@ from netboard.analysis.measures.performance import (
 )
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import Test, sign_test
-from netboard.analysis.topics.figure import BLACK, GREEN, ORANGE, PINK, SKY, YELLOW, Picture
-from netboard.analysis.topics.groups import (
-    QUANTITIES,
-    Condition,
-    Quantity,
-    conditions,
-    counted,
-    estimate,
-    estimated,
-)
-from netboard.analysis.topics.marks import (
+from netboard.analysis.topics.figure import (
+    BLACK,
+    GREEN,
+    ORANGE,
+    PINK,
+    SKY,
+    YELLOW,
     Look,
+    Picture,
     draw_dyads,
     draw_mean,
     due_count,
@@ -42,6 +39,7 @@ from netboard.analysis.topics.marks import (
     styled,
     titled,
 )
+from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
 from netboard.analysis.topics.result import Result
 from netboard.base.tables.forces import FORCES
 

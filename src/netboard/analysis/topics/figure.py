@@ -1,18 +1,33 @@
-"""Figures and their common style: colour-blind-safe colours and editable fonts.
+"""Figures and their common style: colours and marks of conditions, means and confidence intervals.
 
-Figures need no screen and no global state: `new_figure` returns an independent figure.
+Figures need no screen and no global state: `new_figure` and `new_mosaic` return independent figures. Colours are
+distinguishable with any colour vision, and figures are readable without colour; fonts are editable. A configuration has
+a colour. A haptic condition has a marker: hollow for haptics off, filled for haptics on, and other shapes for parts of
+the force. Dyads are small pale points behind their mean.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import cache, wraps
 from io import BytesIO
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.topics.groups import Condition, bounded, simulated, teams
+from netboard.base.tables.forces import FORCES
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
+    from matplotlib.lines import Line2D
+    from matplotlib.patheffects import AbstractPathEffect
 
 WIDTH = 7.0
 """Width of a full-page figure [in]."""
@@ -123,3 +138,256 @@ def _file(figure: "Figure", kind: str) -> bytes:
     with mpl.rc_context(STYLE), BytesIO() as file:
         figure.savefig(file, format=kind, dpi=DPI, metadata=undated[kind])
         return file.getvalue()
+
+
+PARTNERS = {"robot partner": SKY, "still partner": PINK}
+"""Colours of dyadic conditions without a human partner."""
+
+MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
+"""Colours of teams that differ in the levels of other factors, in order."""
+
+_TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
+"""Colours of such teams in the current figure."""
+
+_MARKS = (
+    ("o", "white", "--"),
+    ("o", "", "-"),
+    ("^", "", "-."),
+    ("s", "", ":"),
+    ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
+    ("v", "", (0, (1, 1))),
+    ("P", "", (0, (5, 2))),
+    ("h", "white", (0, (3, 1, 1, 1))),
+)
+_SHAPES = dict(zip(FORCES, _MARKS, strict=False))
+"""Marker, face and line of each force condition."""
+
+_OTHER = ("X", "", ":")
+
+_TITLE = 92
+"""Characters of a title over the full width of a figure [1]."""
+
+
+@cache
+def _halo() -> "list[AbstractPathEffect]":
+    """Return the outline that keeps means readable on areas and among points."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.6, foreground="white")]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Colour, marker, marker face and line style of a condition or team."""
+
+    colour: str
+    marker: str
+    face: str
+    line: Any
+
+
+def team_colour(team: str) -> str:
+    """Return the colour of a team."""
+    if team in _TEAMS.get():
+        return _TEAMS.get()[team]
+    configuration, _, partner = team.partition(", ")
+    return PARTNERS.get(partner, COLOURS.get(configuration, BLACK))
+
+
+def look_of(condition: Condition, colour: str = "") -> Look:
+    """Return the style of a condition."""
+    own = colour or team_colour(condition.team)
+    marker, face, line = _SHAPES.get(condition.force, _OTHER)
+    return Look(own, marker, face or own, line)
+
+
+def team_look(team: str) -> Look:
+    """Return the style of a team, over all its haptic conditions."""
+    markers = {"bimanual": "o", "dyadic": "s"}
+    lines = {"bimanual": "-", "dyadic": "--"}
+    colour, configuration = team_colour(team), team.partition(", ")[0]
+    named = configuration if team in _TEAMS.get() else team
+    return Look(colour, markers.get(named, "^"), colour, lines.get(named, ":"))
+
+
+def _colours(study: Study) -> dict[str, str]:
+    """Return colours for teams that differ by more than configuration and partner."""
+    every = teams(study)
+    others = [one for one in every if one not in COLOURS and one.partition(", ")[2] not in PARTNERS]
+    taken = {team_colour(one) for one in every if one not in others}
+    free = [colour for colour in MORE if colour not in taken]
+    return {one: free[k % len(free)] for k, one in enumerate(others)}
+
+
+def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """Decorate a drawing function with the common style and a caption note on simulated participants."""
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        import matplotlib as mpl
+
+        chosen = _TEAMS.set(_colours(study))
+        try:
+            with mpl.rc_context(STYLE):
+                picture = draw(study)
+        finally:
+            _TEAMS.reset(chosen)
+        said = simulated(study) if picture.figure is not None else ""
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """As `styled_whole`, but pool conditions to fit a figure; the caption names the pooled factors."""
+    whole = styled_whole(draw)
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        fewer, said = bounded(study)
+        picture = whole(fewer)
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> "tuple[Figure, dict[str, Axes]]":
+    """Return a new figure with axes of different sizes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height))
+    return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
+
+
+def titled(axes: "Axes", letter: str, text: str) -> None:
+    """Set the title of a panel: a bold letter and its content."""
+    place = axes.get_subplotspec()
+    columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
+    lines = fill(text, max(14, _TITLE // max(columns, 1)), break_long_words=False)
+    axes.set_title(f"$\\bf{{{letter}}}$  {lines}", loc="left")
+
+
+def draw_mean(
+    axes: "Axes", at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
+) -> None:
+    """Draw a mean and its interval (its label ends with ``, interval``), times `scale`; nothing without a mean."""
+    if not np.isfinite(mean.value):
+        return
+    ends, value = np.array([mean.low, mean.high]) * scale, mean.value * scale
+    if np.isfinite(ends).all():
+        place = (ends, [at, at]) if across else ([at, at], ends)
+        axes.plot(
+            *place,
+            color=look.colour,
+            linewidth=1.3,
+            solid_capstyle="butt",
+            zorder=4,
+            path_effects=_halo(),
+            label=f"_{label}, interval",
+        )
+    point = ([value], [at]) if across else ([at], [value])
+    axes.plot(
+        *point,
+        linestyle="none",
+        marker=look.marker,
+        markersize=5,
+        markerfacecolor=look.face,
+        markeredgecolor=look.colour,
+        markeredgewidth=1.1,
+        zorder=5,
+        path_effects=_halo(),
+        label=f"_{label}",
+    )
+
+
+def draw_dyads(axes: "Axes", x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
+    """Draw the values of single dyads behind their mean."""
+    axes.plot(
+        np.asarray(x, float),
+        np.asarray(y, float),
+        linestyle="-" if joined else "none",
+        linewidth=0.6,
+        marker="o",
+        markersize=3.2,
+        color=colour,
+        alpha=0.45,
+        markeredgewidth=0.0,
+        zorder=3,
+        label=f"_{label}",
+    )
+
+
+def draw_joined(
+    axes: "Axes", found: Sequence[tuple[Condition, Mapping[str, float]]], at: Mapping[str, float], scale: float = 1.0
+) -> None:
+    """Draw the values of dyads in conditions, by dyad, times `scale`; a dyad is joined within a team."""
+    for team in dict.fromkeys(condition.team for condition, _ in found):
+        own = [(condition, values) for condition, values in found if condition.team == team]
+        for dyad in sorted({dyad for _, values in own for dyad in values}):
+            here = [(at[condition.name], scale * values[dyad]) for condition, values in own if dyad in values]
+            x, y = zip(*here, strict=True)
+            draw_dyads(axes, x, y, look_of(own[0][0]).colour, f"{dyad} {team}", joined=True)
+
+
+def handles(looks: Sequence[Look]) -> "list[Line2D]":
+    """Return the marks of a legend."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
+        for look in looks
+    ]
+
+
+def beside(count: int, width: float) -> list[float]:
+    """Return offsets for several items around one position."""
+    return [0.0] if count == 1 else [float(x) for x in np.linspace(-width / 2, width / 2, count)]
+
+
+def apart(places: Sequence[float], least: float) -> list[float]:
+    """Shift label positions upwards to a minimum distance, in order and as little as possible."""
+    moved: list[float] = []
+    for place in places:
+        moved.append(max(place, moved[-1] + least) if moved else place)
+    return moved
+
+
+def in_lines(condition: Condition) -> str:
+    """Return the label of a condition for a narrow axis."""
+    return condition.label.replace(", ", "\n")
+
+
+def many(count: int, word: str) -> str:
+    """Return a count with its noun."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
+    """Return a sentence with the sample sizes of names and their units of replication, once if they are equal."""
+    if not known:
+        return ""
+    each = [f"n = {many(count, unit)}" for _, count, unit in known]
+    if len(set(each)) == 1:
+        said = each[0] + (" in every condition" if len(each) > 1 else "")
+    else:
+        said = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
+    if details:
+        low, high = min(details), max(details)
+        between = many(high, of) if low == high else f"{low} to {high} {of}s"
+        said += f" ({between}{' each' if len(each) > 1 else ''})"
+    return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
+
+
+def sentence(words: str) -> str:
+    """Return a note as a sentence."""
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def trial_ticks(size: int, last: int) -> list[int]:
+    """Return the ticks of a trial axis: the first, the last of each whole group, and otherwise the last."""
+    return sorted({1, *(range(size, last + 1, size) or (last,))})
+
+
+def listed(words: Sequence[str]) -> str:
+    """Join words with commas, and ``and`` before the last."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -3,6 +3,10 @@
 The unit of replication is the dyad. Values of trials are averaged for each performer (a participant, or a dyad whose
 trials both perform), and performers' means for each dyad. So each dyad is one value, whatever its number of trials and
 blocks.
+
+The paper compares 30 first with 30 last trials and groups 30 trials. Studies with shorter conditions get smaller
+windows, and a note gives the reason. They follow the trials that count, not the planned ones: in a short condition,
+windows of half the plan would leave out every performer of whom one trial is excluded.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,7 +17,7 @@ import pandas as pd
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled
-from netboard.analysis.measures.performance import trial_times
+from netboard.analysis.measures.performance import ENDS, trial_times, window_sizes
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.result import Result, kept
 from netboard.base.tables.forces import CONDITIONS
@@ -298,3 +302,46 @@ def simulated(study: Study) -> str:
         return ""
     some = "Some of the participants are simulated."
     return "Simulated participants: no evidence about people." if marks.all() else some
+
+
+SHORTER = 0.25
+"""Largest share of the series with fewer trials than the windows require [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Window sizes of a study.
+
+    Attributes
+    ----------
+    ends_note, group_note : str
+        Reasons for deviating from the paper's sizes; empty for the paper's or set sizes.
+    """
+
+    ends: int
+    group: int
+    ends_note: str = ""
+    group_note: str = ""
+
+    @property
+    def note(self) -> str:
+        """Both notes, each once."""
+        return "; ".join(dict.fromkeys(filter(None, (self.ends_note, self.group_note))))
+
+
+def windows_of(study: Study) -> Windows:
+    """Return the windows of a study: as set, or the paper's 30, or as many as short conditions allow."""
+    how = study.readings.summaries
+    trials = counted(study)
+    if not len(trials):
+        return Windows(how.ends or ENDS, how.group or ENDS)
+    lengths = trials.groupby(["team", "dyad", "performer", *(["condition"] * (how.numbering == "condition"))]).size()
+    usual = int(lengths.groupby(level="team").quantile(SHORTER).min())
+    ends, group = window_sizes(usual)
+    note = f"windows of trials chosen for {usual} trials in a condition; the paper's are {ENDS}"
+    return Windows(
+        how.ends or ends,
+        how.group or group,
+        note if not how.ends and ends < ENDS else "",
+        note if not how.group and group < ENDS else "",
+    )

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.information import Past, SurrogateComparison, chance_level, granger
 from netboard.analysis.statistics.estimates import mean
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions
-from netboard.analysis.topics.marks import look_of, many, new_mosaic, styled
 from netboard.analysis.topics.paths import joined
 from netboard.analysis.topics.result import Result, kept
 

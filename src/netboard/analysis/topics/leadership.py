@@ -14,11 +14,11 @@ import pandas as pd
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.lags import leadership
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, due_count, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, due_count, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.measures import BESIDE, Levels, Measure, column, legend, levels_of, places
+from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
 from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.units import MS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,8 +78,6 @@ def _changed_seats(study: Study) -> tuple[str, ...]:
 
 TITLE = "Who moved first"
 
-_MS = 1000.0
-
 
 @styled
 def picture(study: Study) -> Picture:
@@ -101,17 +99,9 @@ def picture(study: Study) -> Picture:
 def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure: each dyad, and the mean."""
     in_ms = found[0].measure.unit == "s"
-    scale = _MS if in_ms else 1.0
+    scale = MS.scale if in_ms else 1.0
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
-    for team in dict.fromkeys(one.condition.team for one in found):
-        own = [one for one in found if one.condition.team == team]
-        for dyad in sorted({dyad for one in own for dyad in one.dyads}):
-            here = [one for one in own if dyad in one.dyads]
-            x = [at[one.condition.name] + BESIDE for one in here]
-            y = [scale * one.values[one.dyads.index(dyad)] for one in here]
-            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
-    for one in found:
-        draw_mean(axes, at[one.condition.name], one.mean, look_of(one.condition), one.condition.name, scale=scale)
+    draw_levels(axes, found, at, scale)
     reach = 1.1 * max(abs(end) for end in axes.get_ylim())
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("left first   [ms]   right first" if in_ms else "left first   [1]   right first")

@@ -23,20 +23,10 @@ from netboard.analysis.measures.performance import (
     learning_curve,
 )
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.figure import BLACK, CLASS_COLOURS, Picture
-from netboard.analysis.topics.groups import (
-    CLASSES,
-    QUANTITIES,
-    Quantity,
-    counted,
-    estimate,
-    estimated,
-    of_dyads,
-    of_performers,
-    over_the_same,
-    teams,
-)
-from netboard.analysis.topics.marks import (
+from netboard.analysis.topics.figure import (
+    BLACK,
+    CLASS_COLOURS,
+    Picture,
     apart,
     beside,
     draw_dyads,
@@ -49,8 +39,20 @@ from netboard.analysis.topics.marks import (
     titled,
     trial_ticks,
 )
+from netboard.analysis.topics.groups import (
+    CLASSES,
+    QUANTITIES,
+    Quantity,
+    counted,
+    estimate,
+    estimated,
+    of_dyads,
+    of_performers,
+    over_the_same,
+    teams,
+    windows_of,
+)
 from netboard.analysis.topics.result import Result
-from netboard.analysis.topics.windows import windows_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

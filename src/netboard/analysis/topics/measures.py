@@ -15,9 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import (
+    Picture,
+    draw_joined,
+    draw_mean,
+    due_count,
+    handles,
+    look_of,
+    new_mosaic,
+    styled,
+)
 from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated
-from netboard.analysis.topics.marks import draw_dyads, draw_mean, due_count, look_of, new_mosaic, styled
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -331,15 +339,10 @@ def places(shown: Sequence[Condition]) -> dict[str, float]:
 
 def legend(figure: "Figure", shown: Sequence[Condition], where: Where = "outside upper center") -> None:
     """Draw a legend of the conditions beside the panels."""
-    from matplotlib.lines import Line2D
-
-    looks = [look_of(one) for one in shown]
-    handles = [
-        Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)
-        for look in looks
-    ]
     labels = [one.label for one in shown]
-    figure.legend(handles, labels, loc=where, ncols=_columns(labels), handletextpad=0.2)
+    figure.legend(
+        handles([look_of(one) for one in shown]), labels, loc=where, ncols=_columns(labels), handletextpad=0.2
+    )
 
 
 def _columns(labels: Sequence[str]) -> int:
@@ -348,20 +351,19 @@ def _columns(labels: Sequence[str]) -> int:
     return max(1, min(most, _WIDE // max(map(len, labels), default=1)))
 
 
+def draw_levels(axes: "Axes", found: Sequence[Levels], at: dict[str, float], scale: float) -> None:
+    """Draw each dyad, joined within a team, and beside it the mean, in every condition, times `scale`."""
+    values = [(one.condition, dict(zip(one.dyads, one.values, strict=True))) for one in found]
+    draw_joined(axes, values, {name: place + BESIDE for name, place in at.items()}, scale)
+    for one in found:
+        draw_mean(axes, at[one.condition.name], one.mean, look_of(one.condition), one.condition.name, scale=scale)
+
+
 def _panel(axes: "Axes", found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure, with dyads joined within a team."""
     measure = found[0].measure
     unit = read_in(measure.unit, measure.name)
-    for team in dict.fromkeys(one.condition.team for one in found):
-        own = [one for one in found if one.condition.team == team]
-        for dyad in sorted({dyad for one in own for dyad in one.dyads}):
-            here = [one for one in own if dyad in one.dyads]
-            x = [at[one.condition.name] + BESIDE for one in here]
-            y = [unit.scale * one.values[one.dyads.index(dyad)] for one in here]
-            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
-    for one in found:
-        look, name = look_of(one.condition), one.condition.name
-        draw_mean(axes, at[name], one.mean, look, name, scale=unit.scale)
+    draw_levels(axes, found, at, unit.scale)
     axes.margins(y=0.08)
     axes.set_title(measure.name, loc="left", fontsize=7.5)
     axes.set_ylabel(unit.in_brackets, fontsize=7)

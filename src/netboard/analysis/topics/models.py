@@ -18,9 +18,20 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.effects import Effect, Inference, Model
 from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
 from netboard.analysis.statistics.models import count_model, log_time_model, share_model
-from netboard.analysis.topics.figure import BLACK, ORANGE, SKY, Picture
+from netboard.analysis.topics.figure import (
+    BLACK,
+    ORANGE,
+    SKY,
+    Look,
+    Picture,
+    beside,
+    draw_mean,
+    many,
+    new_mosaic,
+    styled_whole,
+    titled,
+)
 from netboard.analysis.topics.groups import FORCES
-from netboard.analysis.topics.marks import Look, beside, draw_mean, many, new_mosaic, styled_whole, titled
 from netboard.analysis.topics.measures import rows_of
 from netboard.analysis.topics.result import Result, kept
 

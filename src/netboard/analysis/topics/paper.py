@@ -17,9 +17,9 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.topics.delay import APART, OVER_ALL, RISE
 from netboard.analysis.topics.everything import PAPER, results_in
+from netboard.analysis.topics.groups import windows_of
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import read_in
-from netboard.analysis.topics.windows import windows_of
 
 Kind = Literal["number", "count", "rises", "falls", "unchanged", "words"]
 

@@ -13,12 +13,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from netboard.analysis.extraction.modern import STIFFNESSES
+from netboard.analysis.extraction.attempts import STIFFNESSES
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions, estimated, with_base
-from netboard.analysis.topics.marks import beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.measures import as_read, column, levels, rows_of
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT, POINTS

@@ -17,9 +17,8 @@ from netboard.analysis.extraction.details import STEP
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
-from netboard.analysis.topics.figure import BLACK, Picture
+from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import Condition, conditions, estimated
-from netboard.analysis.topics.marks import due_count, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 

@@ -10,9 +10,8 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.measures.movements import mean_shares
-from netboard.analysis.topics.groups import counted
+from netboard.analysis.topics.groups import CLASSES, counted
 
-_CLASSES = ("cooperative", "competitive", "single", "still")
 _MEANS = {
     "completion": ("mean completion time", "s"),
     "peaks": ("mean number of velocity peaks", "1"),
@@ -39,7 +38,7 @@ PEOPLE = (
     number("completion_sd", "standard deviation of the completion times", "s"),
     *(
         number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
-        for name in _CLASSES
+        for name in CLASSES
     ),
     number("delay_20", "mean absolute delay at 20 % of the peak that is set, over cooperative movements", "s"),
     number("signed_delay_20", "mean delay there, left minus right: + = right first", "s"),
@@ -103,11 +102,11 @@ def _of_attempts(attempts: pd.DataFrame) -> dict[str, int]:
 def _of_trials(trials: pd.DataFrame, study: Study) -> dict[str, float]:
     """Average the trials that count."""
     times = trials["completion"]
-    shares = mean_shares(trials[list(_CLASSES)].to_numpy(np.float64), of=study.readings.summaries.shares)
+    shares = mean_shares(trials[list(CLASSES)].to_numpy(np.float64), of=study.readings.summaries.shares)
     return {
         **{name: trials[name].mean() for name in _MEANS},
         "log_completion": np.log(times[times > 0]).mean(),
         "completion_median": times.median(),
         "completion_sd": times.std(),
-        **dict(zip(_CLASSES, shares, strict=True)),
+        **dict(zip(CLASSES, shares, strict=True)),
     }

@@ -12,9 +12,8 @@ import pandas as pd
 
 from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.statistics.estimates import Estimate, t_interval
-from netboard.analysis.topics.figure import Picture
+from netboard.analysis.topics.figure import Picture, look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import Condition, block_labels, conditions, estimated
-from netboard.analysis.topics.marks import look_of, new_mosaic, styled, titled
 from netboard.analysis.topics.measures import exponential, legend
 from netboard.analysis.topics.result import Result
 

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.measures.ellipses import FEWEST, Ellipse, convergence, groups_of
 from netboard.analysis.statistics.estimates import Estimate
-from netboard.analysis.topics.figure import WIDTH, Picture
-from netboard.analysis.topics.groups import counted, estimate, estimated, teams
-from netboard.analysis.topics.learning import series_of
-from netboard.analysis.topics.marks import (
+from netboard.analysis.topics.figure import (
+    WIDTH,
+    Picture,
     apart,
     draw_dyads,
     many,
@@ -31,9 +30,10 @@ from netboard.analysis.topics.marks import (
     titled,
     trial_ticks,
 )
+from netboard.analysis.topics.groups import counted, estimate, estimated, teams, windows_of
+from netboard.analysis.topics.learning import series_of
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import read_in
-from netboard.analysis.topics.windows import windows_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

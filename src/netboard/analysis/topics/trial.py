@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from netboard.analysis.extraction.attempts import classes_of, peaks_of, strategy_of
 from netboard.analysis.extraction.details import PERCENT, delays_of
-from netboard.analysis.extraction.paper import classes_of, peaks_of, strategy_of
 from netboard.analysis.extraction.trials import RATE, Take
 from netboard.analysis.measures.movements import Movement
 from netboard.analysis.measures.signals import derivative, runs

@@ -14,8 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import ParamSpec, TypeVar
 
-from netboard.analysis.extraction.cache import Cache
-from netboard.analysis.extraction.path_table import PathTable
+from netboard.analysis.extraction.cache import Cache, PathTable
 from netboard.analysis.extraction.running import Extraction, extract
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of

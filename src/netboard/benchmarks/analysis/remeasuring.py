@@ -12,9 +12,8 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from netboard.analysis.extraction.attempts import MODERN, PAPER
 from netboard.analysis.extraction.details import MOVEMENTS, movements
-from netboard.analysis.extraction.modern import MODERN
-from netboard.analysis.extraction.paper import PAPER
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings, measured_with
 from netboard.analysis.extraction.tables import PLACE, Columns, Group, columns_of
