@@ -106,14 +106,24 @@ class Resumed:
 
 @dataclass(frozen=True, slots=True)
 class _Began:
-    """The place where a block or an attempt begins."""
+    """The place where a block or an attempt begins.
+
+    Attributes
+    ----------
+    block, trial, attempt : int
+        Numbers of the block in the plan, the trial and the attempt, together unique in the session [1].
+    run : str
+        Id of the run of the server; its recordings have the same id.
+    tick : int
+        Tick of that run [1].
+    """
 
     __pydantic_config__ = NO_EXTRAS
-    block: int  # number of the block in the plan
+    block: int
     trial: int
     attempt: int
-    run: str  # id of the run of the server; its recordings have the same id
-    tick: int  # tick of that run
+    run: str
+    tick: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +178,13 @@ class AttemptEnded:
 
 @dataclass(frozen=True, slots=True)
 class _OfTrial:
-    """A trial that an operator's request is about."""
+    """A trial that an operator's request is about.
+
+    Attributes
+    ----------
+    block, trial : int
+        Numbers of the block and the trial [1].
+    """
 
     __pydantic_config__ = NO_EXTRAS
     block: int
