@@ -20,7 +20,7 @@ from netboard.nodes.rehearsal.block import Rehearsal
 from netboard.recording.export.formats import export
 from netboard.recording.files.offline_writer import BlockWriter
 from netboard.recording.files.reader import Recording
-from netboard.recording.importing import reading
+from netboard.recording.importing import tables
 from netboard.recording.importing.table_import import ImportOptions, import_table
 from netboard.recording.integrity.account import account_of, parts_of
 from netboard.recording.integrity.checking import check
@@ -247,7 +247,7 @@ def test_what_is_wrong_with_wishes_is_said(tmp_path: Path, wishes: dict[str, Any
 def test_a_table_that_ends_badly_leaves_nothing(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reading, "ROWS", 1000)
+    monkeypatch.setattr(tables, "ROWS", 1000)
     export([rehearsed], "csv", tmp_path / "out", lambda *told: None)
     table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)

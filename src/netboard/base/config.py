@@ -16,11 +16,12 @@ from pydantic import TypeAdapter
 
 from netboard.base.errors import ConfigError
 from netboard.base.settings import FORBID_UNKNOWN_KEYS, read, write, write_template
-from netboard.base.tables.contradictions import of_block, of_design, of_force, of_safety, of_scene, of_sizes
-from netboard.base.tables.experiment import Block, Design, Quality, Session, Task
+from netboard.base.tables.experiment import MAX_TRIALS, Block, Design, Quality, Session, Task
+from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
-from netboard.base.tables.scene import Geometry, Physics
+from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.base.tick import TICK_SECONDS
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -164,9 +165,149 @@ def contradictions(config: Config) -> Iterator[str]:
     str
         One sentence for each, with table, key, value and the expected value.
     """
-    yield from of_scene(config.physics)
-    yield from of_block(config.block)
-    yield from of_design(config.design)
-    yield from of_force(config.block, config.physics)
-    yield from of_sizes(config.geometry, config.task, config.physics)
-    yield from of_safety(config.safety)
+    yield from _of_scene(config.physics)
+    yield from _of_block(config.block)
+    yield from _of_design(config.design)
+    yield from _of_force(config.block, config.physics)
+    yield from _of_sizes(config.geometry, config.task, config.physics)
+    yield from _of_safety(config.safety)
+
+
+def _of_scene(physics: Physics) -> Iterator[str]:
+    """Find contradictions in a scene."""
+    needs: dict[str, tuple[bool, str]] = {
+        "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
+        "ball_stop": (physics.balls > 0, "balls = 1 or more"),
+        "restitution": (physics.ball_stop > 0, "a ball_stop"),
+        "ball_height": (physics.model == "lagrangian", 'model = "lagrangian": in the paper\'s a ball is a point'),
+        "b_z": (physics.board != "hinged", "a board that heaves"),
+        "b_theta": (physics.board != "level", "a board that tilts"),
+        **dict.fromkeys(FRICTION, (physics.balls > 0, "balls = 1 or more")),
+    }
+    for key, (there, what) in needs.items():
+        if getattr(physics, key) > 0 and not there:
+            yield f"[physics] {key}: found {getattr(physics, key):g}, which needs {what}; expected 0"
+    if physics.ball_height > 0 and physics.balls == 0:
+        yield f"[physics] ball_height: found {physics.ball_height:g}, which needs balls = 1 or more; expected 0"
+    if physics.model == "lagrangian" and physics.ball_sign == "printed":
+        yield (
+            '[physics] ball_sign: found "printed", expected "downhill": only the paper\'s model can have a ball '
+            "that rolls uphill"
+        )
+    if physics.method == "exact" and (physics.board != "level" or friction_rate(physics) > 0):
+        yield '[physics] method: found "exact", expected another one: it is for board = "level" without friction'
+    if friction_rate(physics) * TICK_SECONDS > 1.0:
+        keys = [key for key in FRICTION if getattr(physics, key) > 0]
+        found = ", ".join(f"{getattr(physics, key):g}" for key in keys)
+        yield (
+            f"[physics] {', '.join(keys)}: found {found}, which can stop a ball within a tick; "
+            f"expected at most {1.0 / (friction_rate(physics) * TICK_SECONDS):.3g} times as much"
+        )
+
+
+def _of_block(block: Block) -> Iterator[str]:
+    """Find contradictions in a block."""
+    if block.number > block.blocks:
+        yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
+    if CONDITIONS[block.force].recorded != bool(block.unrelated):
+        wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
+        yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
+    if block.left != "person" and block.right != "person":
+        yield f'[block] left, right: found "{block.left}" and "{block.right}", expected a "person" at one of them'
+    if block.configuration == "bimanual" and (block.left, block.right) != ("person", "person"):
+        yield '[block] left, right: expected "person" and "person" in a bimanual block'
+    for trial in block.catch:
+        if not 1 <= trial <= MAX_TRIALS:
+            yield f"[block] catch: found {trial}, expected numbers of trials, from 1 to {MAX_TRIALS}"
+    for scale in block.trial_scales:
+        if not 0 <= scale <= 2:
+            yield f"[block] trial_scales: found {scale:g}, expected numbers from 0 to 2"
+    if block.trial_scales and block.force == "none":
+        yield '[block] trial_scales: found some with force = "none", expected none'
+
+
+def _of_design(design: Design) -> Iterator[str]:
+    """Find undeclared levels of factors."""
+    for name in design.trials:
+        if name in design.factors or not design.trials[name]:
+            yield f"[design] trials.{name}: expected a level for each trial, and no level of the block in factors"
+    for name, levels in design.levels.items():
+        given = {design.factors[name]} if name in design.factors else {*design.trials.get(name, ())}
+        if given - {*levels}:
+            yield f"[design] {name}: found {', '.join(sorted(given))}, expected levels from {', '.join(levels)}"
+        if name in design.values and len(design.values[name]) != len(levels):
+            found = len(design.values[name])
+            yield f"[design] values.{name}: found {found}, expected one for each of {len(levels)} levels"
+
+
+def _of_force(block: Block, physics: Physics) -> Iterator[str]:
+    """Find force settings that agents cannot compute: they know only their own coupling."""
+    if physics.coupling_at != "both" or not block.haptics:
+        return
+    needs: dict[str, tuple[bool, str]] = {
+        "force": (CONDITIONS[block.force].local, " or ".join(f'"{name}"' for name in FORCES if CONDITIONS[name].local)),
+        "force_scale": (block.force_scale == 1.0, "1"),
+        "force_delay_ms": (block.force_delay_ms == 0, "0"),
+        "catch": (not block.catch, "none"),
+        "trial_scales": (not block.trial_scales, "none"),
+        "left": (block.left == "person", '"person"'),
+        "right": (block.right == "person", '"person"'),
+    }
+    for key, (fine, expected) in needs.items():
+        if not fine:
+            found = getattr(block, key)
+            said = f'"{found}"' if isinstance(found, str) else str(list(found) if isinstance(found, tuple) else found)
+            yield f'[block] {key}: found {said}, expected {expected} with [physics] coupling_at = "both"'
+
+
+def _of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]:
+    """Find contradictions between sizes and distances."""
+    edge, half = geometry.board_length / 2, geometry.target_width / 2
+    outer = geometry.target_distance + half
+    if outer > edge:
+        yield (
+            f"[geometry] target_distance, target_width: the target ends {outer:g} m from the board's centre, "
+            f"expected within the board, which ends at {edge:g} m"
+        )
+    if 2 * geometry.target_distance <= half:
+        yield (
+            f"[geometry] target_distance: found {geometry.target_distance:g}, expected more than {half / 2:g} m, "
+            "so that the ball does not start inside the target"
+        )
+    if physics.l > edge:
+        yield f"[physics] l: found {physics.l:g}, expected a control point on the board, at most {edge:g} m"
+    if task.fall_distance < outer:
+        yield (
+            f"[task] fall_distance: found {task.fall_distance:g}, expected at least {outer:g} m, the target's far edge"
+        )
+    if task.fall_distance > edge + geometry.ball_radius:
+        yield (
+            f"[task] fall_distance: found {task.fall_distance:g}, expected at most {edge + geometry.ball_radius:g} m, "
+            "where the ball has left the board"
+        )
+    if task.stylus_range >= physics.l:
+        yield (
+            f"[task] stylus_range: found {task.stylus_range:g}, expected less than {physics.l:g} m ([physics] l), "
+            "or the board could stand upright"
+        )
+    if 0 < physics.ball_stop < geometry.target_distance:
+        yield (
+            f"[physics] ball_stop: found {physics.ball_stop:g}, expected at least {geometry.target_distance:g} m "
+            "([geometry] target_distance), or the ball could not reach the target; 0 for no stops"
+        )
+    if task.level_height > task.stylus_range:
+        yield (
+            f"[task] level_height: found {task.level_height:g}, expected at most {task.stylus_range:g} m "
+            "([task] stylus_range)"
+        )
+
+
+def _of_safety(safety: Safety) -> Iterator[str]:
+    """Find contradictions between safety limits."""
+    if safety.disarm_after_ms < safety.stale_after_ms + safety.fade_ms:
+        yield (
+            f"[safety] disarm_after_ms: found {safety.disarm_after_ms:g}, expected at least "
+            f"{safety.stale_after_ms + safety.fade_ms:g} ms, the time a stale force takes to begin and end its fade"
+        )
+    if safety.arm_gate > safety.max_force:
+        yield f"[safety] arm_gate: found {safety.arm_gate:g}, expected at most {safety.max_force:g} N (max_force)"

@@ -1,1 +1,1 @@
-"""The tables of the configuration, one frozen dataclass each, and the checks across tables."""
+"""The tables of the configuration, one frozen dataclass each."""

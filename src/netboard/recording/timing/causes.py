@@ -31,42 +31,13 @@ class Cause:
     holds: Callable[[Evidence], bool]
 
 
-def _block_began(evidence: Evidence) -> bool:
-    return evidence.load_age <= BLOCK_TICKS
-
-
-def _away(evidence: Evidence) -> bool:
-    return evidence.away
-
-
 def _throttled(evidence: Evidence) -> bool:
     low, high = THROTTLED_NS
     return evidence.is_late and low <= evidence.late_ns <= high and evidence.repeats_each_second
 
 
-def _machine(evidence: Evidence) -> bool:
-    states = list(evidence.agents.values())
-    return evidence.is_late and "late" in states and "on time" not in states
-
-
-def _shared(evidence: Evidence) -> bool:
-    return evidence.is_late and "late" in evidence.agents.values()
-
-
-def _event(evidence: Evidence) -> bool:
-    return evidence.is_late and evidence.late_ns < MAX_EVENT_NS and bool(evidence.events)
-
-
-def _server(evidence: Evidence) -> bool:
-    return evidence.is_late and "on time" in evidence.agents.values()
-
-
 def _agent(evidence: Evidence) -> bool:
     return evidence.missing is not None and evidence.read_late_ns * 2 >= evidence.missing_ns
-
-
-def _network(evidence: Evidence) -> bool:
-    return evidence.missing is not None or evidence.longest_part == "up"
 
 
 CAUSES = (
@@ -74,13 +45,13 @@ CAUSES = (
         "away",
         "agent away",
         "Look at agent_left, agent_joined and the agent's log: it was stopped, lost its device, or its connection.",
-        _away,
+        lambda evidence: evidence.away,
     ),
     Cause(
         "block",
         "block began or agent joined",
         "Server and agents load the block in its first ticks; that does no harm unless a trial was running.",
-        _block_began,
+        lambda evidence: evidence.load_age <= BLOCK_TICKS,
     ),
     Cause(
         "throttle",
@@ -92,25 +63,25 @@ CAUSES = (
         "machine",
         "whole machine stood still",
         "Server and agents stalled together: look for a virtual machine, power saving, or firmware interrupts (SMI).",
-        _machine,
+        lambda evidence: evidence.is_late and set(evidence.agents.values()) & {"late", "on time"} == {"late"},
     ),
     Cause(
         "shared",
         "server and one agent together",
         "They share a machine or a core: name a core for each loop (realtime.server_cpus, realtime.agent_cpus).",
-        _shared,
+        lambda evidence: evidence.is_late and "late" in evidence.agents.values(),
     ),
     Cause(
         "event",
         "server busy with an event",
         "The server handled the named event first; if the same event always delays a tick, please report it.",
-        _event,
+        lambda evidence: evidence.is_late and evidence.late_ns < MAX_EVENT_NS and bool(evidence.events),
     ),
     Cause(
         "server",
         "server late alone",
         "Another program ran on the server's core: permit real-time scheduling, isolate that core.",
-        _server,
+        lambda evidence: evidence.is_late and "on time" in evidence.agents.values(),
     ),
     Cause(
         "short",
@@ -140,7 +111,7 @@ CAUSES = (
         "network",
         "samples late on the way",
         "Read on time, arrived late: use a dedicated wired network without interrupt coalescing (ethtool rx-usecs 0).",
-        _network,
+        lambda evidence: evidence.missing is not None or evidence.longest_part == "up",
     ),
     Cause(
         "return",

@@ -8,7 +8,7 @@ skipped and reported. Any other damage is an error that names file and line.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
@@ -105,15 +105,13 @@ class Resumed:
 
 
 @dataclass(frozen=True, slots=True)
-class BlockBegan:
-    """A block begins, or continues.
+class _Began:
+    """The place where a block or an attempt begins.
 
     Attributes
     ----------
-    block : int
-        Number of the block in the plan [1].
-    trial, attempt : int
-        First trial and attempt from here [1].
+    block, trial, attempt : int
+        Numbers of the block in the plan, the trial and the attempt, together unique in the session [1].
     run : str
         Id of the run of the server; its recordings have the same id.
     tick : int
@@ -129,25 +127,13 @@ class BlockBegan:
 
 
 @dataclass(frozen=True, slots=True)
-class AttemptBegan:
-    """An attempt begins, with levelling. Without a matching `AttemptEnded` it counts as incomplete.
+class BlockBegan(_Began):
+    """A block begins, or continues, with this trial and attempt."""
 
-    Attributes
-    ----------
-    block, trial, attempt : int
-        Numbers of the attempt, unique in the session [1].
-    run : str
-        Id of the run of the server.
-    tick : int
-        Tick of that run [1].
-    """
 
-    __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    block: int
-    trial: int
-    attempt: int
-    run: str
-    tick: int
+@dataclass(frozen=True, slots=True)
+class AttemptBegan(_Began):
+    """An attempt begins, with levelling. Without a matching `AttemptEnded` it counts as incomplete."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +177,8 @@ class AttemptEnded:
 
 
 @dataclass(frozen=True, slots=True)
-class Repeat:
-    """An operator requests the repeat of a trial at the end of its block.
+class _OfTrial:
+    """A trial that an operator's request is about.
 
     Attributes
     ----------
@@ -206,18 +192,13 @@ class Repeat:
 
 
 @dataclass(frozen=True, slots=True)
-class Veto:
-    """An operator cancels the repeat of a trial.
+class Repeat(_OfTrial):
+    """An operator requests the repeat of a trial at the end of its block."""
 
-    Attributes
-    ----------
-    block, trial : int
-        Numbers of the block and the trial [1].
-    """
 
-    __pydantic_config__ = FORBID_UNKNOWN_KEYS
-    block: int
-    trial: int
+@dataclass(frozen=True, slots=True)
+class Veto(_OfTrial):
+    """An operator cancels the repeat of a trial."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,7 +301,7 @@ def line_of(entry: Header | Entry, at: str) -> bytes:
     ValueError
         If a number is not finite, which is a bug of the caller.
     """
-    said = {name: getattr(entry, name) for name in type(entry).__slots__}
+    said = {field.name: getattr(entry, field.name) for field in fields(entry)}
     text = _WRITER.encode({"entry": _NAMES[type(entry)], "at": at, **said})
     return text.encode(errors="replace") + b"\n"
 

@@ -5,6 +5,8 @@ counterbalanced, so that all combinations come up in turn. Within a dyad, what p
 Random draws use only the raw bits of a PCG64 generator, a stream that numpy guarantees not to change. So a seed gives
 the same plan on every computer and with every version of numpy.
 
+``words`` are the entropy of a draw: the seed and the purpose of the draw, none negative.
+
 This module handles only numbers; `netboard.task.plans.conditions` knows what they stand for.
 """
 
@@ -29,29 +31,12 @@ class Draw(IntEnum):
 
 
 def bits(number: int, *words: int) -> tuple[int, ...]:
-    """Draw 64-bit random numbers.
-
-    Parameters
-    ----------
-    *words : int
-        Entropy: the seed and the purpose of the draw; none negative [1].
-    """
+    """Draw 64-bit random numbers."""
     return tuple(int(word) for word in np.random.PCG64(np.random.SeedSequence(words)).random_raw(number))
 
 
 def shuffled(number: int, *words: int) -> Row:
-    """Draw a random permutation of 0 to ``number - 1``.
-
-    Parameters
-    ----------
-    *words : int
-        Entropy: the seed and the purpose of the draw; none negative [1].
-
-    Returns
-    -------
-    tuple of int
-        A permutation; all are equally likely [1].
-    """
+    """Draw a random permutation of 0 to ``number - 1``; all are equally likely."""
     drawn = bits(number, *words) if number else ()
     return tuple(sorted(range(number), key=lambda index: drawn[index]))
 
@@ -143,21 +128,13 @@ def first_sides(number: int, spare: int, *words: int) -> Row:
     ----------
     spare : int
         The side that comes once more if the number of blocks is odd: 0 left, 1 right [1].
-    *words : int
-        Entropy: the seed and the purpose of the draw; none negative [1].
     """
     sides = [index % 2 for index in range(number - number % 2)] + [spare] * (number % 2)
     return tuple(sides[index] for index in shuffled(number, *words))
 
 
 def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
-    """Draw the catch trials of a block, balanced over the two targets as far as possible.
-
-    Parameters
-    ----------
-    *words : int
-        Entropy: the seed and the purpose of the draw; none negative [1].
-    """
+    """Draw the catch trials of a block, balanced over the two targets as far as possible."""
     if number == 0:
         return ()
     order = [after + 1 + index for index in shuffled(max(trials - after, 0), *words)]
@@ -168,13 +145,7 @@ def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
 
 
 def trial_levels(levels: int, trials: int, *words: int) -> Row:
-    """Draw the level of each trial of a block, balanced over levels and targets as far as possible.
-
-    Parameters
-    ----------
-    *words : int
-        Entropy: the seed and the purpose of the draw; none negative [1].
-    """
+    """Draw the level of each trial of a block, balanced over levels and targets as far as possible."""
     order = shuffled(levels, *words, 0)
     odd = trials - trials // 2
     drawn = [0] * trials
