@@ -15,8 +15,7 @@ from netboard.benchmarks.faults.attack_cases import (
 )
 from netboard.benchmarks.faults.attackers import ROLE_MESSAGES
 from netboard.benchmarks.faults.bench import Outcome, parts_of
-from netboard.benchmarks.faults.evidence import Pause
-from netboard.benchmarks.faults.gathering import Evidence, Taken, Window
+from netboard.benchmarks.faults.evidence import Evidence, Pause, Taken, Window
 from netboard.network.protocol.codec import decode, encode
 from netboard.nodes.server.tick_clock import LATE_NS
 from netboard.task.trials.state_machine import Cause

@@ -31,8 +31,7 @@ from netboard.benchmarks.faults.checks import (
     whole,
 )
 from netboard.benchmarks.faults.devices import TRACE
-from netboard.benchmarks.faults.evidence import Pause
-from netboard.benchmarks.faults.gathering import Evidence, Taken, Window
+from netboard.benchmarks.faults.evidence import Evidence, Pause, Taken, Window
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.integrity.account import Account, NumberRange

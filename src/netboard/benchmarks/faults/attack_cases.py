@@ -20,8 +20,7 @@ from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.benchmarks.faults.case import Case
 from netboard.benchmarks.faults.checks import Check, agents_stood_still, noted, nothing_lost
-from netboard.benchmarks.faults.evidence import between
-from netboard.benchmarks.faults.gathering import Evidence
+from netboard.benchmarks.faults.evidence import Evidence, between
 from netboard.benchmarks.faults.harm import Act, Facts
 from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
@@ -115,7 +114,7 @@ def _run_attacker(
 ) -> dict[str, int]:
     """Run an attacker for a duration [s] on the server, or on another port; return its counts and times."""
     arguments = (name, str(site.rig.file), str(site.rig.folder / GUESTS), str(seconds), *port)
-    with _start("attackers", *arguments) as process:
+    with _start(*arguments) as process:
         _read_line(process, f"attacker {name}")
         assert process.stdin is not None
         process.stdin.write("go\n")
@@ -129,8 +128,8 @@ def _run_attacker(
             raise NetboardError(f"the attacker {name} did not report its counts: {error}") from error
 
 
-def _start(module: str, *arguments: str) -> "subprocess.Popen[str]":
-    command = (sys.executable, "-m", f"netboard.benchmarks.faults.{module}", *arguments)
+def _start(*arguments: str) -> "subprocess.Popen[str]":
+    command = (sys.executable, "-m", "netboard.benchmarks.faults.attackers", *arguments)
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
 

@@ -5,11 +5,16 @@ The attack cases run ``python -m netboard.benchmarks.faults.attackers ATTACK FIL
 FILE is the server's configuration, FOLDER has the attacker's keys if keys are in use, and PORT replaces the server's
 port (that of a sink). The process has the lowest priority (niceness 19) and stays off the server's CPU, because the
 test is about the server's work for the messages, not about competition for the processor.
+
+``python -m netboard.benchmarks.faults.attackers sink FILE`` runs a sink instead: a process that receives an attacker's
+messages as the server does, and discards them. An attack on it shows the load that the attack itself puts on the
+machine; the difference to an attack on the server is the server's own work for the messages.
 """
 
 import json
 import os
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -29,9 +34,16 @@ from netboard.network.protocol.motion import Stylus
 from netboard.network.protocol.records import LogAck, LogRequest
 from netboard.network.protocol.views import MAX_SHOWN, Frames
 from netboard.network.transport import authenticator, channels, sockets
+from netboard.network.transport.ports import free_port
 
 MESSAGES_PER_TURN = 32
 """Messages sent over a connection before answers are read [1]."""
+
+SINK_MESSAGES_PER_TURN = 4
+"""Messages that the sink receives from each channel in a turn [1]."""
+
+TICK_S = 1e-3
+"""Time between the sink's turns, equal to the server's tick [s]."""
 
 OPEN_CONNECTIONS = 1000
 """Connections with unknown keys that are open at any time [1]."""
@@ -256,5 +268,37 @@ def main(attack: str, file: Path, folder: Path, seconds: float, port: int | None
         print(json.dumps(counts), flush=True)  # noqa: T201
 
 
+def receive_and_discard(file: Path) -> None:
+    """Run the sink: print its port, and receive on every channel until the standard input closes."""
+    config = parse(file.read_text(encoding="utf-8"), str(file))
+    network = replace(config.network, port=free_port())
+    gate = keys.make_authenticator(network)
+    addresses = channels.addresses(network, gate)
+    reader = threading.Thread(target=sys.stdin.read, daemon=True)
+    reader.start()
+    with sockets.open_context(apart=True) as context:
+        routers = [
+            serve(context, addresses.listen(channel))
+            for serve, channel in (
+                (sockets.motion_server, channels.MOTION),
+                (sockets.log_server, channels.LOG),
+                (sockets.control_server, channels.CONTROL),
+            )
+        ]
+        print(network.port, flush=True)  # noqa: T201
+        while reader.is_alive():
+            if gate is not None:
+                gate.answer_handshakes()
+                gate.reports(time.monotonic_ns())
+            for router in routers:
+                for _ in range(SINK_MESSAGES_PER_TURN):
+                    if router.receive() is None:
+                        break
+            time.sleep(TICK_S)
+
+
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), float(sys.argv[4]), *map(int, sys.argv[5:]))
+    if sys.argv[1] == "sink":
+        receive_and_discard(Path(sys.argv[2]))
+    else:
+        main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), float(sys.argv[4]), *map(int, sys.argv[5:]))

@@ -24,8 +24,7 @@ from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.case import PARTS, Case
 from netboard.benchmarks.faults.cases import CASES, choose
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
-from netboard.benchmarks.faults.evidence import largest_step, without_cut
-from netboard.benchmarks.faults.gathering import Evidence, Window, gather
+from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, without_cut
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show

@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES, Side
 from netboard.base.tick import TICK_NS
 from netboard.benchmarks.faults.evidence import (
+    Evidence,
     Fade,
     Pause,
+    Taken,
     between,
     fades,
     largest_step,
     steps_to_nothing,
     without_cut,
 )
-from netboard.benchmarks.faults.gathering import Evidence, Taken
 from netboard.benchmarks.harness.results import Verdict
 from netboard.network.protocol.motion import Safeguard
 from netboard.nodes.ports import emergency

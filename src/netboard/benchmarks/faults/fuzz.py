@@ -16,9 +16,8 @@ from pathlib import Path
 from netboard.base.errors import WireError
 from netboard.base.process import resident_memory
 from netboard.benchmarks.faults.fuzz_peers import peer_parts
-from netboard.benchmarks.faults.fuzz_server import server_parts
+from netboard.benchmarks.faults.fuzz_server import MAX_GROWTH, server_parts
 from netboard.benchmarks.faults.malformed_frames import MalformedFrames, valid_frames
-from netboard.benchmarks.faults.process_health import MAX_GROWTH
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder
 from netboard.benchmarks.harness.running import Tell, run
 from netboard.network.protocol.codec import decode, encode

@@ -17,7 +17,7 @@ from typing import Self
 
 from netboard.base.config import SIDES, Config, Side, parse, resolve
 from netboard.base.errors import NetboardError
-from netboard.base.process import STOP_WITH_PARENT
+from netboard.base.process import STOP_WITH_PARENT, resident_memory
 from netboard.benchmarks.faults.devices import NAME, install, read_trace, trace_file
 from netboard.network.protocol.control import Status
 from netboard.network.transport import sockets
@@ -170,7 +170,7 @@ class Rig:
         """Wait until forces are rendered in a trial to both hands; for a rig with tampered devices."""
 
         def felt(status: Status) -> bool:
-            self._look_after()
+            self.require_running()
             return status.phase in ACTIVE and all(map(self._feels, SIDES))
 
         return self.until(felt, seconds)
@@ -189,11 +189,15 @@ class Rig:
             if time.monotonic() > end:
                 raise NetboardError(f"waited {patience:g} s: no trial goes on for {seconds:g} s; {after.notice}")
 
-    def _look_after(self) -> None:
-        """Raise if a process has ended."""
+    def require_running(self) -> None:
+        """Raise an error if a process has ended."""
         for name, process in self.running.items():
-            if process.poll() is not None:
-                raise NetboardError(f"the {name} has ended: {self._last_words(name)}")
+            if (code := process.poll()) is not None:
+                raise NetboardError(f"the {name} ended with exit code {code}:\n{self.said(name)[-2000:]}")
+
+    def memory(self) -> dict[str, float]:
+        """Return the resident memory of each process [bytes]."""
+        return {name: resident_memory(process.pid) for name, process in self.running.items()}
 
     def _feels(self, side: Side) -> bool:
         """Return whether changing forces are written to the device of a side."""
