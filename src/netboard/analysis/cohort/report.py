@@ -25,9 +25,9 @@ from netboard.analysis.topics.figure import (
     STYLE,
     VERMILION,
     as_bytes,
+    beside,
     new_figure,
 )
-from netboard.analysis.topics.marks import beside
 from netboard.base.config import Config
 from netboard.base.errors import RecordingError
 from netboard.base.settings import tables

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.analysis.cohort.block import rehearse
+from netboard.analysis.extraction.attempts import classes_of, strategy_of
 from netboard.analysis.extraction.details import delays_of
-from netboard.analysis.extraction.paper import classes_of, strategy_of
 from netboard.analysis.extraction.trials import RATE, Block
 from netboard.analysis.measures.cooperation import PORTIONS
 from netboard.analysis.measures.movements import movement_times
