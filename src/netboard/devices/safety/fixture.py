@@ -12,11 +12,11 @@ from netboard.devices.contract.device import Reading
 def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
     """Return the lateral force x, y of the fixture on the hand [N]."""
     k, c = fixture.stiffness, fixture.damping
-    return drawn_in(k, c, reading.x, reading.vx), drawn_in(k, c, reading.y, reading.vy)
+    return fixture_force(k, c, reading.x, reading.vx), fixture_force(k, c, reading.y, reading.vy)
 
 
 @kernel
-def drawn_in(k: float, c: float, place: float, rate: float) -> float:
+def fixture_force(k: float, c: float, place: float, rate: float) -> float:
     """Return the force of the fixture along one axis [N].
 
     Parameters

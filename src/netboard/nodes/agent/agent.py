@@ -26,7 +26,7 @@ from netboard.base.process import NAME, RateLimitedLog, steady_loop
 from netboard.base.tick import TICK_NS
 from netboard.devices.contract.device import Device, DeviceInfo, Reading
 from netboard.devices.safety.chain import Guard, Safety, limit
-from netboard.devices.safety.fixture import drawn_in, lateral_force
+from netboard.devices.safety.fixture import fixture_force, lateral_force
 from netboard.devices.safety.passivity import Passivity
 from netboard.devices.safety.virtual_coupling import hand_force
 from netboard.network import keys
@@ -55,13 +55,13 @@ SEARCH_INTERVAL_NS = 500_000_000
 """Interval at which the agent looks for a lost device [ns]."""
 
 LIMITED = -5
-"""Result of `answered` beside those of `wait_for_answer`: a limited force is ready [1]."""
+"""Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""
 
 _NOT_READY = int(Safeguard.NOT_READY)
 
 
 @waiting
-def answered(
+def await_limited_force(
     fast: Any,
     frame: Any,
     link: Any,
@@ -96,7 +96,7 @@ def answered(
     us = link[0]
     if came != NEWER or not limits or us["kind"] != FORCE:
         return came, 0.0, 0.0, 0.0, 0
-    fx, fy, fz = drawn_in(k, c, x, vx), drawn_in(k, c, y, vy), us["words"].view(np.float64)[3]
+    fx, fy, fz = fixture_force(k, c, x, vx), fixture_force(k, c, y, vy), us["words"].view(np.float64)[3]
     safeguards = limit(chain, fastpath.now_ns(fast), fx, fy, fz, us["received_ns"], vx, vy, vz)
     ready = chain[0]
     return LIMITED, ready["fx"], ready["fy"], ready["fz"], safeguards
@@ -150,7 +150,7 @@ class Agent:
         self._rendered = 0.0
         self._shift_ns = 0
         self._ring = RenderedRing()
-        self._answered = answered
+        self._await_limited_force = await_limited_force
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until stopped; the caller closes the device."""
@@ -160,8 +160,8 @@ class Agent:
             try:
                 self._serve(stopping)
             except DeviceError as error:
-                self._lose(error)
-                self._seek(stopping)
+                self._close_lost_device(error)
+                self._find_device(stopping)
         self._link.leave("the agent was stopped")
 
     def _warm(self) -> None:
@@ -169,8 +169,8 @@ class Agent:
         self._link.warm()
         nowhere = fastpath.FastPath(None).record
         chain = Safety(self._config.safety, 0.0, 0.0).chain
-        self._answered = machine_code(
-            answered, nowhere, self._link.frame, motion_link.empty(), chain, 0, False, *(0.0,) * 7
+        self._await_limited_force = machine_code(
+            await_limited_force, nowhere, self._link.frame, motion_link.empty(), chain, 0, False, *(0.0,) * 7
         )
 
     def _serve(self, stopping: Callable[[], bool]) -> None:
@@ -181,7 +181,7 @@ class Agent:
             pacer.shift(self._tick(pacer.due_ns + TICK_NS))
         self._device.write(0.0, 0.0, 0.0)
 
-    def _lose(self, error: DeviceError) -> None:
+    def _close_lost_device(self, error: DeviceError) -> None:
         """Close the lost device, with zero force, and leave the session."""
         self._safety.device_lost()
         self._rendered = 0.0
@@ -192,7 +192,7 @@ class Agent:
         log.error("the device is lost, no force is rendered: %s", error)
         self._link.part(f"the device is lost: {error}")
 
-    def _seek(self, stopping: Callable[[], bool]) -> None:
+    def _find_device(self, stopping: Callable[[], bool]) -> None:
         """Look for the lost device until it is back."""
         log.info("looking for the device every %g s", SEARCH_INTERVAL_NS * 1e-9)
         trouble = RateLimitedLog(log)
@@ -225,7 +225,7 @@ class Agent:
             self._render(reading)
         self._shift_ns = 0
         rendered = self._await(reading, until_ns - TICK_NS // 4, alone)
-        self._live()
+        self._advance_source()
         while now_ns() < until_ns:
             rendered |= self._await(reading, until_ns, alone)
         if not (alone or rendered):
@@ -240,7 +240,7 @@ class Agent:
         hand = (fixture.stiffness, fixture.damping, reading.x, reading.y, reading.vx, reading.vy, reading.vz)
         limits = not alone and self._passivity is None
         while True:
-            came, fx, fy, fz, safeguards = self._answered(
+            came, fx, fy, fz, safeguards = self._await_limited_force(
                 link.fast, link.frame, link.state, self._safety.chain, until_ns, limits, *hand
             )
             if came == LIMITED:
@@ -255,7 +255,7 @@ class Agent:
             self._shift_ns += phase_shift(link.lead_ns)
             return True
 
-    def _live(self) -> None:
+    def _advance_source(self) -> None:
         """Advance the stylus source by a millisecond, at a time when that delays no force."""
         if self._source is not None:
             if self._link.block:

@@ -200,7 +200,7 @@ class Link:
         self.introduce(hello)
         self._hello_ns = -HELLO_INTERVAL_NS
         self._refused = ""
-        self._nonsense = RateLimitedLog(log)
+        self._invalid_messages = RateLimitedLog(log)
 
     @property
     def kind(self) -> int:
@@ -242,7 +242,7 @@ class Link:
     def introduce(self, hello: Hello) -> None:
         """Leave the session, and use this `Hello` from now on."""
         self._hello = encode(hello)
-        self._go("")
+        self._set_session("")
 
     def warm(self) -> None:
         """Compile or load the kernels, so that the first tick is not late."""
@@ -283,7 +283,7 @@ class Link:
         try:
             message = decode(frame)
         except WireError as error:
-            self._nonsense.log(f"invalid message from the server: {error}")
+            self._invalid_messages.log(f"invalid message from the server: {error}")
             return False
         match message:
             case Force() | Point() | Heartbeat():
@@ -295,7 +295,7 @@ class Link:
                 self.block = block
             case Goodbye(reason=reason):
                 log.info("the server ended the connection: %s", reason)
-                self._go("", forget=False)
+                self._set_session("", forget=False)
             case Refusal(reason=reason) if reason != self._refused:
                 self._refused = reason
                 log.warning("the server refused the connection: %s", reason)
@@ -316,7 +316,7 @@ class Link:
             if sockets.send(self._socket, encode(Goodbye(reason))):
                 break
             Pacer(now_ns() + TICK_NS).wait()
-        self._go("")
+        self._set_session("")
 
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
@@ -335,9 +335,9 @@ class Link:
         self._refused = ""
         if session != self._session:
             log.info("in session %s", session[:8])
-            self._go(session)
+            self._set_session(session)
 
-    def _go(self, session: str, *, forget: bool = True) -> None:
+    def _set_session(self, session: str, *, forget: bool = True) -> None:
         """Be in another session, or in none."""
         self._session = session
         self.state[0]["in_session"] = session != ""

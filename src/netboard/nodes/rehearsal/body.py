@@ -18,7 +18,7 @@ from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK, TICK_NS
 from netboard.devices.contract.velocity import SAMPLES, SLACK, taken
-from netboard.devices.safety.fixture import drawn_in
+from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.simulated.virtual import encoder_position, within
 from netboard.network.protocol.motion import Safeguard
 from netboard.participants.cable import CABLES, TIP
@@ -140,7 +140,7 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
     wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
     update_muscles(hand, body["arm"], body["submovements"], when, d["fz"], wx, wy, wz)
     _integrate(body, d["fx"], d["fy"], d["fz"], _BEFORE)
-    fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
+    fx, fy = fixture_force(d["k"], d["c"], d["x"], d["vx"]), fixture_force(d["k"], d["c"], d["y"], d["vy"])
     fx, fy, fz = within(d["limit"], fx, fy, d["commanded"])
     d["fx"], d["fy"], d["fz"] = fx, fy, fz
     _integrate(body, fx, fy, fz, STEPS - _BEFORE)
