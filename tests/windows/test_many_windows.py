@@ -1,6 +1,6 @@
 """Windows come and go under an eager collector, and the process outlives them.
 
-More of them by hand: ``NETBOARD_WINDOWS=2000 python -m pytest tests/display/test_many_windows.py``.
+More of them by hand: ``NETBOARD_WINDOWS=2000 python -m pytest tests/windows/test_many_windows.py``.
 """
 
 import os
