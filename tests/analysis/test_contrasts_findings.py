@@ -79,6 +79,7 @@ def test_differences_of_dyads_are_0_1_2_and_3(found: Comparisons) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(2, of="contrasts")
 def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
     """The least p, of four dyads, times all tests of the family is far above 1."""
     assert all(one.corrected == 1.0 for one in found.comparisons if np.isfinite(one.contrast.permutation.p))
@@ -118,6 +119,7 @@ def test_a_lost_block_of_one_of_two_makes_no_effect() -> None:
     assert (one.difference.value, one.contrast.n) == (pytest.approx(1.0), 6)
 
 
+@pytest.mark.daily(2, of="contrasts")
 def test_without_any_difference_intervals_cover_zero() -> None:
     """Of a hundred intervals of 95 % some five do not; bootstraps of ten dyads are a little too short."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
@@ -136,6 +138,7 @@ def test_without_any_difference_intervals_cover_zero() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(2, of="contrasts")
 def test_new_names_of_dyads_change_no_difference() -> None:
     study = modern_study(modern_blocks(change=halved))
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
@@ -148,6 +151,7 @@ def test_new_names_of_dyads_change_no_difference() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(2, of="contrasts")
 def test_exchanged_conditions_change_the_sign() -> None:
     forces = {"full": "none", "none": "full"}
     blocks = modern_blocks(seed=2)
