@@ -22,7 +22,7 @@ from netboard.base.process import STOP_WITH_PARENT, SUPERVISOR
 log = logging.getLogger(__name__)
 
 STOP_ORDER = ("display", "agent", "server", "logger")
-"""Nobody must see or feel a server that has gone, and the server's last records must still be written."""
+"""Displays and agents stop before the server that they depend on; the logger stops last, to write its last records."""
 
 ROUND_SECONDS = 0.1
 
