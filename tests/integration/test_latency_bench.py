@@ -20,7 +20,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
 @pytest.mark.daily(2, of="sessions in real time")
 def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
-    assert loop(seconds=1.0, dyads=None, skips=False, output=folder, json=file, quick=True) == 0
+    assert loop(Setting(quick=True), 1.0, (), folder, file, skips=False, force=False) == 0
     assert file.read_text() == (folder / "results.json").read_text()
     assert {path.suffix for path in folder.iterdir()} >= {".csv", ".json"}
     assert (folder / "loop.png").exists() == (find_spec("matplotlib") is not None)
@@ -52,7 +52,7 @@ def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
 @pytest.mark.daily(2, of="sessions in real time")
 def test_a_soak_loses_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "soaked"
-    assert soak(minutes=0.05, dyads=1, output=folder) == 0
+    assert soak(Setting(), 0.05, 1, folder, None, force=False) == 0
     parts = parts_of(folder / "results.json")
     assert set(parts) == {"records", "memory", "minutes", "costs"}
     ((dyad, ticks, missing, lost, _, verified, size),) = parts["records"]["rows"]

@@ -80,25 +80,23 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
 
 
 def loop(
-    *,
+    setting: Setting,
     seconds: float | None,
-    dyads: str | None,
+    dyads: Sequence[int],
+    output: Path | None,
+    json: Path | None,
+    *,
     skips: bool,
-    output: Path | None = None,
-    json: Path | None = None,
-    force: bool = False,
-    **given: Any,
+    force: bool,
 ) -> int:
     """Run ``netboard bench loop``; the exit code is 0, also if claims fail, since that is a result.
 
     - `seconds`: duration of each measurement; None for the default [s].
-    - `dyads`: numbers of dyads for which a server is measured, as for `read_dyads`.
-    - `given`: as for `Setting`.
+    - `dyads`: numbers of dyads for which a server is measured; empty to skip that part [1].
     """
-    setting, numbers = Setting(**given), read_dyads(dyads)
     seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
     rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
-    about = {"seconds": seconds, "rounds": rounds, "dyads": list(numbers)}
+    about = {"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}
 
     def study(place: Folder, tell: Tell) -> Iterator[Part]:
         scratch = place.path / "processes"
@@ -109,9 +107,9 @@ def loop(
         yield lateness_part(found)
         yield costs_part(found.costs)
         yield histogram_part(series[0] | series[1])
-        if numbers or skips:
+        if dyads or skips:
             with Crowd(scratch) as crowd:
-                yield from _crowded(crowd, setting.config, numbers, seconds / rounds, tell, skips=skips)
+                yield from _crowded(crowd, setting.config, dyads, seconds / rounds, tell, skips=skips)
         place.save("loop", lambda: draw_histograms(series, f"Stylus to force: {setting}"))
 
     _run("loop", setting, about, study, output, json, force=force)
@@ -133,19 +131,9 @@ def _crowded(
 
 
 def soak(
-    *,
-    minutes: float | None,
-    dyads: int,
-    output: Path | None = None,
-    json: Path | None = None,
-    force: bool = False,
-    **given: Any,
+    setting: Setting, minutes: float | None, dyads: int, output: Path | None, json: Path | None, *, force: bool
 ) -> int:
-    """Run ``netboard bench soak``.
-
-    - `given`: as for `Setting`.
-    """
-    setting = Setting(**given)
+    """Run ``netboard bench soak``."""
     minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
 
     def study(place: Folder, tell: Tell) -> Iterator[Part]:

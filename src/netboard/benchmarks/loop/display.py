@@ -174,7 +174,7 @@ def lateness(shown: Shown) -> tuple[float, float]:
 
 
 def main(
-    config: Config, output: Path | None, json: Path | None, seconds: float | None, *, quick: bool, force: bool
+    config: Config, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
 ) -> int:
     """Run the study.
 
@@ -186,7 +186,7 @@ def main(
     platform = application().platformName()
     settings = {"study": "display", "seconds": seconds, "quick": quick, "platform": platform}
     lines = [f"drawn by: {platform}"]
-    run(folder, settings, lambda tell: study(config, seconds, tell), json, lines=lines, bar=False)
+    run(folder, settings, lambda tell: study(config, seconds, tell), json_file, lines=lines, bar=False)
     return 0
 
 

@@ -44,7 +44,7 @@ BUSY = {False: "", True: ", busy thread"}
 
 
 def main(
-    library: str, output: Path | None, json: Path | None, seconds: float | None, *, quick: bool, force: bool
+    library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
 ) -> int:
     """Run the study; the exit code is 0, also if claims fail, since that is a result.
 
@@ -55,7 +55,7 @@ def main(
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-servo"), force=force)
     settings = {"study": "servo", "library": library, "seconds": seconds, "quick": quick}
-    run(folder, settings, lambda tell: study(library, seconds, tell), json, bar=False)
+    run(folder, settings, lambda tell: study(library, seconds, tell), json_file, bar=False)
     return 0
 
 

@@ -27,11 +27,11 @@ SOAK_STEPS = 1_000_000_000
 QUICK_SOAK_STEPS = 10_000_000
 
 
-def main(output: Path | None, *, quick: bool, force: bool, soak: bool) -> int:
+def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> int:
     """Run the study; the exit code is 0, also if claims fail, since that is a result."""
     folder = Folder(output or new_folder("stability"), force=force)
-    settings = {"study": "stability", "quick": quick, "soak": soak}
-    run(folder, settings, lambda tell: study(folder, quick, soak, tell))
+    settings = {"study": "stability", "quick": quick, "soak": soak_too}
+    run(folder, settings, lambda tell: study(folder, quick, soak_too, tell))
     return 0
 
 
