@@ -128,7 +128,7 @@ def _is_measure(node: ast.stmt) -> bool:
 
 
 def all_evidence() -> list[Evidence]:
-    """Return the evidence marks of all tests of this folder."""
+    """Return the evidence marks of all tests in this folder."""
     return [one for path in sorted(TESTS.glob("test_*.py")) for one in _evidence_in(path)]
 
 
@@ -175,7 +175,7 @@ def _counts(evidence: list[Evidence]) -> str:
 
 
 def _cell(function: str, kind: str, evidence: list[Evidence]) -> str:
-    """Name the tests that show something of a function, after what they show."""
+    """List the tests that give this kind of evidence for a function, each after the details of its mark."""
     own = [one for one in evidence if (one.function, one.kind) == (function, kind)]
     if not own:
         return WITHOUT.get((function, kind), "-")
@@ -187,5 +187,5 @@ def _words(one: Evidence) -> str:
 
 
 def _sentence(test: str) -> str:
-    """A test's name is a sentence."""
+    """Turn the name of a test into a phrase."""
     return test.removeprefix("test_").replace("_", " ")

@@ -1,4 +1,4 @@
-"""Shared fixtures of the analysis tests: the same drawn examples each time, and the recordings of a small study."""
+"""Shared set-up of the analysis tests: reproducible Hypothesis examples, and the recordings of a small study."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -17,7 +17,7 @@ settings.register_profile(
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Import test modules with that profile: what is decorated keeps the one in force then."""
+    """Import test modules with that profile: a decorated test keeps the profile that is active at import."""
     before = settings.get_current_profile_name()
     settings.load_profile("repeatable")
     try:

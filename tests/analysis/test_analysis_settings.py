@@ -10,16 +10,16 @@ from netboard.base.settings import tables
 from netboard.task.trials.quality import WORDS
 
 
-def test_a_flag_is_a_word_of_the_referee() -> None:
+def test_exclusions_accept_every_quality_flag() -> None:
     for word in WORDS:
         assert parse("", overrides=[f'exclusions.flags=["{word}"]']).exclusions.flags == (word,)
 
 
-def test_the_defaults_are_written_and_read_back() -> None:
+def test_default_settings_survive_a_round_trip() -> None:
     assert parse(resolve(Readings())) == Readings()
 
 
-def test_every_word_of_every_choice_is_taken_and_read_back() -> None:
+def test_every_choice_of_every_setting_survives_a_round_trip() -> None:
     seen = 0
     for table in tables(Readings):
         for key in table.keys:
@@ -40,12 +40,12 @@ def test_every_word_of_every_choice_is_taken_and_read_back() -> None:
         ("peaks.height=1", "unknown"),
     ],
 )
-def test_a_wrong_setting_is_told_with_what_was_expected(word: str, said: str) -> None:
+def test_invalid_setting_error_states_the_expected_values(word: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         parse("", overrides=[word])
 
 
-def test_summaries_and_exclusions_do_not_change_what_is_measured() -> None:
+def test_summaries_and_exclusions_do_not_change_the_measurement_settings() -> None:
     base = measured_with(Readings())
     assert measured_with(replace(Readings(), summaries=Summaries(level="median"))) == base
     assert measured_with(replace(Readings(), exclusions=Exclusions(warm_up=5))) == base

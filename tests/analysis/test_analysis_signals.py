@@ -44,7 +44,7 @@ def closed_form(low_pass: LowPass, frequency: np.ndarray, n: int) -> np.ndarray:
         (LowPass(8.0, order=4), 2),
     ],
 )
-def test_filter_is_the_closed_form_in_the_frequency_domain(low_pass: LowPass, n: int) -> None:
+def test_filter_has_the_closed_form_gain(low_pass: LowPass, n: int) -> None:
     times = np.arange(20_000) / RATE
     frequencies = np.array([0.3, 1.1, 3.7, 4.9, 7.3, 15.1, 23.9, 61.7])
     waves = np.sin(2 * np.pi * frequencies[:, None] * times + np.arange(8)[:, None])
@@ -54,7 +54,7 @@ def test_filter_is_the_closed_form_in_the_frequency_domain(low_pass: LowPass, n:
 
 
 @pytest.mark.evidence("independent", LowPass, by="scipy")
-def test_filter_is_the_textbooks_where_that_is_stable() -> None:
+def test_filter_equals_the_transfer_function_form_where_that_is_stable() -> None:
     rng = np.random.default_rng(1)
     walk = np.cumsum(rng.normal(size=4000))
     b, a = butter(5, 20, fs=RATE)
@@ -62,7 +62,7 @@ def test_filter_is_the_textbooks_where_that_is_stable() -> None:
     np.testing.assert_allclose(FAST(walk, RATE), expected, atol=1e-6)
 
 
-def test_tenth_order_as_one_fraction_is_unstable_at_5_hz_and_ours_is_not() -> None:
+def test_filter_of_tenth_order_at_5_hz_is_stable() -> None:
     a = butter(10, 5, fs=RATE)[1]
     assert np.abs(np.roots(a)).max() > 1
     filtered = LowPass(5.0, order_of="each_pass")(np.sin(2 * np.pi * TIMES), RATE)
@@ -70,7 +70,7 @@ def test_tenth_order_as_one_fraction_is_unstable_at_5_hz_and_ours_is_not() -> No
 
 
 @pytest.mark.parametrize("cutoff", [5.0, 20.0])
-def test_gain_at_the_cutoff(cutoff: float) -> None:
+def test_gain_at_the_cutoff_is_half_or_the_square_root_of_half(cutoff: float) -> None:
     at = np.array([cutoff])
     assert closed_form(LowPass(cutoff), at, 5)[0] == pytest.approx(0.5)
     assert closed_form(LowPass(cutoff, cutoff_of="both_passes"), at, 5)[0] == pytest.approx(1 / np.sqrt(2))
@@ -78,7 +78,7 @@ def test_gain_at_the_cutoff(cutoff: float) -> None:
 
 
 @pytest.mark.evidence("truth", LowPass)
-def test_a_step_keeps_its_time() -> None:
+def test_filter_does_not_delay_a_step() -> None:
     filtered = SLOW((TIMES >= 2.0).astype(float), RATE)
     crossing = np.interp(0.5, filtered[1900:2100], TIMES[1900:2100])
     assert crossing == pytest.approx(2.0 - 0.5 / RATE, abs=1e-9)
@@ -87,8 +87,8 @@ def test_a_step_keeps_its_time() -> None:
 @pytest.mark.evidence("independent", LowPass, by="scipy")
 @pytest.mark.parametrize("length", [1, 2, 150, TIMES.size])
 @pytest.mark.parametrize("padding", ["odd", "even", "constant", "none"])
-def test_padding(padding: str, length: int) -> None:
-    """To the bit: both find the steady state in the same way."""
+def test_padding_equals_that_of_scipy(padding: str, length: int) -> None:
+    """Equal to the bit: both compute the initial steady state in the same way."""
     kinds = {"odd": "odd", "even": "even", "constant": "constant", "none": None}
     ramp = (3 * TIMES + np.sin(2 * np.pi * 0.7 * TIMES))[:length]
     pad = 0 if padding == "none" else min(200, length - 1)
@@ -97,7 +97,7 @@ def test_padding(padding: str, length: int) -> None:
     np.testing.assert_array_equal(LowPass(20.0, padding=padding, pad=0.2)(ramp, RATE), expected)
 
 
-def test_what_cannot_be_filtered_is_refused() -> None:
+def test_invalid_filter_parameters_are_refused() -> None:
     with pytest.raises(ValueError, match="order 9"):
         LowPass(5.0, order=9)
     with pytest.raises(ValueError, match="positive"):
@@ -119,14 +119,14 @@ def test_filter_is_linear_and_passes_constants(x: np.ndarray, constant: float, f
 
 @pytest.mark.evidence("properties", LowPass, of="time")
 @given(signals)
-def test_filter_does_not_know_which_way_time_goes_in_the_middle(x: np.ndarray) -> None:
+def test_filter_is_invariant_to_time_reversal_far_from_the_ends(x: np.ndarray) -> None:
     padded = np.pad(x, 3000)
     np.testing.assert_allclose(FAST(padded[::-1], RATE)[::-1], FAST(padded, RATE), atol=1e-9)
 
 
 @pytest.mark.evidence("disturbance", LowPass, derivative, of="holes")
 @given(signals, st.data())
-def test_pieces_are_filtered_and_differentiated_by_themselves(x: np.ndarray, data: st.DataObject) -> None:
+def test_segments_between_breaks_or_holes_are_processed_independently(x: np.ndarray, data: st.DataObject) -> None:
     at = data.draw(st.integers(1, x.size - 1))
     for change in (FAST, derivative):
         apart = np.concatenate([change(x[:at], RATE), change(x[at:], RATE)])
@@ -137,12 +137,12 @@ def test_pieces_are_filtered_and_differentiated_by_themselves(x: np.ndarray, dat
         np.testing.assert_array_equal(change(holed, RATE), apart)
 
 
-def test_breaks_outside_change_nothing() -> None:
+def test_breaks_outside_the_record_are_ignored() -> None:
     np.testing.assert_array_equal(FAST(TIMES, RATE, [0, 4000, 5000, -3]), FAST(TIMES, RATE))
 
 
 @pytest.mark.evidence("truth", derivative)
-def test_derivative_of_a_parabola_is_exact_to_its_ends() -> None:
+def test_derivative_of_a_parabola_is_exact_including_the_ends() -> None:
     np.testing.assert_allclose(derivative(3 * TIMES**2 - TIMES, RATE), 6 * TIMES - 1, atol=1e-8)
     np.testing.assert_array_equal(derivative(np.array([1.0, 3.0]), 10.0), [20.0, 20.0])
     assert np.isnan(derivative(np.array([1.0]), 10.0)).all()
@@ -150,7 +150,7 @@ def test_derivative_of_a_parabola_is_exact_to_its_ends() -> None:
 
 
 @pytest.mark.evidence("truth", runs)
-def test_runs() -> None:
+def test_runs_are_the_intervals_of_true_samples() -> None:
     mask = np.array([1, 1, 0, 0, 1, 0, 1], bool)
     np.testing.assert_array_equal(runs(mask), [[0, 2], [4, 5], [6, 7]])
     assert runs(np.zeros(3, bool)).shape == (0, 2)
@@ -158,7 +158,7 @@ def test_runs() -> None:
 
 
 @pytest.mark.evidence("truth", lasting, lasts, ticks_of)
-def test_a_hold_of_a_time_takes_one_sample_more_than_ticks() -> None:
+def test_hold_of_n_ticks_takes_n_plus_one_samples() -> None:
     assert (ticks_of(1.5, 1000.0), ticks_of(0.03, 100.0), ticks_of(0.0, 1000.0)) == (1500, 3, 0)
     mask = np.repeat([False, True, False, True], [5, 1500, 5, 1501])
     np.testing.assert_array_equal(lasting(mask, 1.5, 1000.0), [[1510, 3011]])
@@ -168,7 +168,7 @@ def test_a_hold_of_a_time_takes_one_sample_more_than_ticks() -> None:
 
 @pytest.mark.evidence("properties", lasting, lasts, ticks_of, of=("time", "rate"))
 @given(st.lists(st.booleans(), max_size=60), st.integers(0, 9), st.sampled_from([250.0, 1000.0]), st.integers(0, 9))
-def test_what_lasts_is_as_long_as_it_says(mask: list[bool], ticks: int, rate: float, shift: int) -> None:
+def test_lasting_finds_all_runs_of_at_least_a_duration(mask: list[bool], ticks: int, rate: float, shift: int) -> None:
     found = lasting(np.array(mask, bool), ticks / rate, rate)
     assert ticks_of(ticks / rate, rate) == ticks
     assert (lasts(*found.T, rate) >= ticks / rate - 1e-12).all()
@@ -180,7 +180,7 @@ def test_what_lasts_is_as_long_as_it_says(mask: list[bool], ticks: int, rate: fl
 
 @pytest.mark.evidence("disturbance", by_number, of="holes")
 @pytest.mark.evidence("truth", by_number)
-def test_by_number_leaves_holes() -> None:
+def test_by_number_fills_missing_samples_with_nan() -> None:
     whole = by_number(np.array([7, 8, 11]), np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(whole, [1, 2, np.nan, np.nan, 3])
     assert by_number(np.empty(0, np.int64), np.empty(0)).size == 0
@@ -190,7 +190,7 @@ def test_by_number_leaves_holes() -> None:
 
 @pytest.mark.evidence("disturbance", bridge, of="holes")
 @pytest.mark.evidence("truth", bridge)
-def test_bridge_fills_short_holes_inside_only() -> None:
+def test_bridge_fills_only_short_interior_holes() -> None:
     x = np.array([np.nan, 1, np.nan, 3, np.nan, np.nan, np.nan, 7, np.nan])
     np.testing.assert_array_equal(bridge(x, RATE, 0.002), [np.nan, 1, 2, 3, np.nan, np.nan, np.nan, 7, np.nan])
     np.testing.assert_allclose(bridge(x, RATE, 0.003), [np.nan, 1, 2, 3, 4, 5, 6, 7, np.nan])
@@ -199,7 +199,7 @@ def test_bridge_fills_short_holes_inside_only() -> None:
 
 @pytest.mark.evidence("truth", bridge)
 @given(st.integers(20, 120), st.data())
-def test_bridge_gives_a_straight_line_back(n: int, data: st.DataObject) -> None:
+def test_bridge_restores_a_straight_line(n: int, data: st.DataObject) -> None:
     x = 2.0 * np.arange(n)
     lost = data.draw(st.lists(st.integers(1, n - 2), max_size=15))
     holed = x.copy()
@@ -209,7 +209,7 @@ def test_bridge_gives_a_straight_line_back(n: int, data: st.DataObject) -> None:
 
 @pytest.mark.evidence("truth", resample)
 @pytest.mark.parametrize("new_rate", [250.0, 500.0, 600.0, 2000.0])
-def test_resampled_slow_waves_are_the_same_waves(new_rate: float) -> None:
+def test_resampling_preserves_slow_waves(new_rate: float) -> None:
     def wave(times: np.ndarray) -> np.ndarray:
         return np.sin(2 * np.pi * 3 * times) + 0.4 * times
 
@@ -230,7 +230,7 @@ def test_resampling_refuses_holes_and_odd_ratios() -> None:
 
 @pytest.mark.evidence("truth", evenly)
 @pytest.mark.parametrize(("kind", "tolerance"), [("linear", 2e-2), ("monotone", 4e-3)])
-def test_evenly(kind: str, tolerance: float) -> None:
+def test_evenly_interpolates_uneven_samples(kind: str, tolerance: float) -> None:
     rng = np.random.default_rng(2)
     times = np.sort(rng.uniform(0, 2, 400))
     found = evenly(times, np.sin(2 * np.pi * times), 500.0, kind)

@@ -14,15 +14,17 @@ RELEASE = 500
 TARGET = 0.15
 
 
-def tilts(*movements: Movement) -> tuple[list[Movement], list[Movement]]:
-    """Movements of both hands that turn the board (start, duration, degrees), + = right end up."""
+def tilting(*movements: Movement) -> tuple[list[Movement], list[Movement]]:
+    """Movements of both hands that tilt the board (start, duration, degrees), + = right end up."""
     heights = [(start, duration, ARM * np.radians(degrees)) for start, duration, degrees in movements]
     return [(start, duration, -height) for start, duration, height in heights], heights
 
 
 def trial_of(*movements: Movement, side: float = 1, rate: float = 1000.0) -> tuple[TwoHands, np.ndarray, np.ndarray]:
-    """Board and ball of a trial with these tilts towards a target at one side."""
-    hands = two_hands(*tilts(*[(start, duration, side * degrees) for start, duration, degrees in movements]), rate=rate)
+    """Board and ball of a trial with these tilts, towards a target on one side."""
+    hands = two_hands(
+        *tilting(*[(start, duration, side * degrees) for start, duration, degrees in movements]), rate=rate
+    )
     release = round(RELEASE * rate / 1000)
     return hands, *rolled(hands.theta, rate, -side * TARGET, release)
 
@@ -40,7 +42,7 @@ BRAKE = (1.3, 0.4, 5.0)
 
 @pytest.mark.evidence("truth", first_braking)
 @pytest.mark.parametrize("side", [-1, 1])
-def test_distance_and_velocity_at_the_onset(side: float) -> None:
+def test_first_braking_reports_distance_and_velocity_at_its_onset(side: float) -> None:
     found = strategy(START, BRAKE, side=side)
     hands, p, vp = trial_of(START, BRAKE)
     assert (found.initial, found.onset) == pytest.approx((0.2, 0.8), abs=0.03)
@@ -52,34 +54,34 @@ def test_distance_and_velocity_at_the_onset(side: float) -> None:
 
 
 @pytest.mark.evidence("truth", first_braking)
-def test_wrong_way_first() -> None:
+def test_initial_tilt_away_from_the_target_is_counted() -> None:
     found = strategy((0.6, 0.2, 2.0), (0.9, 0.3, -5.0), BRAKE)
     assert found.wrong_way == 1
     assert (found.initial, found.onset) == pytest.approx((0.4, 0.8), abs=0.03)
 
 
 @pytest.mark.evidence("truth", first_braking)
-def test_levelling_brakes_by_rotation_only() -> None:
+def test_levelling_the_board_is_braking_by_rotation_only() -> None:
     level_then_brake = (START, (1.1, 0.3, 2.5), (1.6, 0.3, 4.0))
     assert strategy(*level_then_brake).onset == pytest.approx(1.1, abs=0.03)
     assert strategy(*level_then_brake, braking="rotation").onset == pytest.approx(0.6, abs=0.03)
 
 
-def test_another_movement_towards_the_target_is_no_brake() -> None:
-    """A tilt that is still the wrong way after turning towards the target does brake, but was not made by that."""
+def test_later_movement_towards_the_target_is_not_braking() -> None:
+    """The board may still tilt away from the target, which brakes the ball, after a movement towards the target."""
     found = strategy((0.55, 0.2, 6.0), (0.8, 0.2, -2.0), (1.05, 0.2, -2.0), (1.4, 0.2, 3.0))
     assert found.onset == pytest.approx(0.9, abs=0.03)
     assert found.wrong_way == 1
 
 
 @pytest.mark.evidence("truth", first_braking)
-def test_a_ball_behind_the_midpoint_has_a_negative_distance() -> None:
+def test_distance_is_negative_when_the_ball_is_past_the_target() -> None:
     found = strategy((0.7, 0.3, -8.0), (1.7, 0.4, 12.0))
     assert found.distance < 0 < found.velocity
     assert found.absolute_distance == -found.distance
 
 
-def test_what_there_is_not() -> None:
+def test_missing_initial_movement_or_braking_is_nan() -> None:
     no_brake = strategy(START)
     assert no_brake.initial == pytest.approx(0.2, abs=0.03)
     assert np.isnan([no_brake.onset, no_brake.distance, no_brake.velocity]).all()
@@ -89,7 +91,7 @@ def test_what_there_is_not() -> None:
     assert strategy().wrong_way == 0
 
 
-def test_movements_of_other_trials_do_not_count() -> None:
+def test_movements_of_other_trials_are_ignored() -> None:
     hands, p, vp = trial_of((0.1, 0.3, -3.0), (0.7, 0.3, -2.0), (1.3, 0.4, 8.0), (2.2, 0.3, 3.0))
     segments = board_segments(hands.omega, hands.theta, 1000.0)
     found = first_braking(segments, hands.theta, p, vp, 1000.0, Trial(RELEASE, 1250, TARGET))
@@ -97,7 +99,7 @@ def test_movements_of_other_trials_do_not_count() -> None:
     assert np.isnan(found.onset)
 
 
-def test_filters_change_little() -> None:
+def test_filters_hardly_change_the_first_braking() -> None:
     hands, p, vp = trial_of(START, BRAKE)
     found = motion(1000.0, hands.left_z, hands.right_z, hands.theta, p)
     trial = Trial(RELEASE, p.size, TARGET)
@@ -118,7 +120,7 @@ courses = st.lists(st.floats(-8, 8), min_size=1, max_size=5).map(
 @pytest.mark.slow
 @pytest.mark.evidence("properties", first_braking, of="mirror")
 @given(courses, st.sampled_from(["tilt", "rotation"]))
-def test_left_is_right_mirrored(course: list[Movement], braking: str) -> None:
+def test_first_braking_is_mirror_symmetric(course: list[Movement], braking: str) -> None:
     left, right = (strategy(*course, side=side, braking=braking) for side in (-1, 1))
     np.testing.assert_allclose(
         [left.distance, left.velocity, left.onset, left.initial],
@@ -129,6 +131,6 @@ def test_left_is_right_mirrored(course: list[Movement], braking: str) -> None:
 
 
 @given(courses)
-def test_rotation_is_never_later_than_tilt(course: list[Movement]) -> None:
+def test_onset_by_rotation_is_never_later_than_onset_by_tilt(course: list[Movement]) -> None:
     rotation, tilt = (strategy(*course, braking=braking).onset for braking in ("rotation", "tilt"))
     assert np.isnan(tilt) or rotation <= tilt

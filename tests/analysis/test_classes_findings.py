@@ -7,16 +7,16 @@ from made_study import Block, made_study, random_blocks
 from netboard.analysis.topics.classes import Classes, classes
 
 
-def moved(*seconds: tuple[float, float, float, float]) -> list[dict[str, float]]:
+def rows_of_seconds(*seconds: tuple[float, float, float, float]) -> list[dict[str, float]]:
     names = ("cooperative", "competitive", "single", "still")
     return [{"completion": sum(times), **dict(zip(names, times, strict=True))} for times in seconds]
 
 
 SHORT, LONG = (1.0, 0.0, 0.0, 0.0), (0.0, 3.0, 0.0, 0.0)
 BLOCKS = (
-    Block("D01", "D01A", "bimanual", "full", moved(SHORT, LONG)),
-    Block("D01", "D01B", "bimanual", "full", moved((0.0, 0.0, 1.0, 1.0))),
-    Block("D02", "D02A", "bimanual", "full", moved((0.5, 0.0, 0.0, 1.5))),
+    Block("D01", "D01A", "bimanual", "full", rows_of_seconds(SHORT, LONG)),
+    Block("D01", "D01B", "bimanual", "full", rows_of_seconds((0.0, 0.0, 1.0, 1.0))),
+    Block("D02", "D02A", "bimanual", "full", rows_of_seconds((0.5, 0.0, 0.0, 1.5))),
 )
 
 
@@ -24,7 +24,7 @@ def values(found: Classes, group: str) -> dict[str, float]:
     return {one.quantity.removeprefix("share of "): one.value for one in found.results if one.group == group}
 
 
-def test_shares_are_means_of_trials_then_of_performers_then_of_dyads() -> None:
+def test_shares_are_averaged_over_trials_then_performers_then_dyads() -> None:
     """D01A: half cooperative, half competitive. D01B: half single, half still. D02A: a quarter cooperative."""
     found = classes(made_study(BLOCKS))
     assert values(found, "bimanual, haptics on") == {
@@ -36,7 +36,7 @@ def test_shares_are_means_of_trials_then_of_performers_then_of_dyads() -> None:
     assert {(one.n, one.of) for one in found.results} == {(2, "dyad")}
 
 
-def test_long_trials_count_more_where_every_second_does() -> None:
+def test_long_trials_count_more_when_shares_are_weighted_by_time() -> None:
     """D01A then has a quarter of cooperative movement and three quarters of competitive movement."""
     found = values(classes(made_study(BLOCKS, 'summaries.shares="time"')), "bimanual, haptics on")
     assert found["cooperative movement"] == pytest.approx((0.125 + 0.25) / 2)
@@ -49,13 +49,13 @@ def test_shares_add_up_to_one() -> None:
         assert sum(mean.value for mean in one.means) == pytest.approx(1.0)
 
 
-def test_differences_are_of_each_dyad_with_itself() -> None:
+def test_differences_are_within_dyads() -> None:
     blocks = [
-        Block("D01", "D01", "dyadic", "none", moved((1.0, 0.0, 0.0, 1.0))),
-        Block("D01", "D01", "dyadic", "full", moved((3.0, 0.0, 0.0, 1.0))),
-        Block("D02", "D02", "dyadic", "none", moved((0.0, 0.0, 0.0, 1.0))),
-        Block("D02", "D02", "dyadic", "full", moved((3.0, 0.0, 0.0, 1.0))),
-        Block("D03", "D03", "dyadic", "full", moved((0.0, 0.0, 0.0, 1.0))),
+        Block("D01", "D01", "dyadic", "none", rows_of_seconds((1.0, 0.0, 0.0, 1.0))),
+        Block("D01", "D01", "dyadic", "full", rows_of_seconds((3.0, 0.0, 0.0, 1.0))),
+        Block("D02", "D02", "dyadic", "none", rows_of_seconds((0.0, 0.0, 0.0, 1.0))),
+        Block("D02", "D02", "dyadic", "full", rows_of_seconds((3.0, 0.0, 0.0, 1.0))),
+        Block("D03", "D03", "dyadic", "full", rows_of_seconds((0.0, 0.0, 0.0, 1.0))),
     ]
     found = classes(made_study(blocks))
     (one,) = [
@@ -66,8 +66,8 @@ def test_differences_are_of_each_dyad_with_itself() -> None:
     assert (one.value, one.n) == (pytest.approx((0.25 + 0.75) / 2), 2)
 
 
-def test_a_condition_whose_trials_have_no_time_has_no_shares_but_a_reason() -> None:
-    found = classes(made_study([*BLOCKS, Block("D01", "D01", "dyadic", "none", moved((0.0, 0.0, 0.0, 0.0)))]))
+def test_condition_with_trials_of_zero_duration_reports_why_it_has_no_shares() -> None:
+    found = classes(made_study([*BLOCKS, Block("D01", "D01", "dyadic", "none", rows_of_seconds((0.0, 0.0, 0.0, 0.0)))]))
     nothing = [one for one in found.results if one.group == "dyadic, haptics off"]
     assert len(nothing) == 4
     assert all(np.isnan(one.value) and (one.n, one.note) == (0, "no dyad has it") for one in nothing)

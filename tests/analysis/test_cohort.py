@@ -40,14 +40,14 @@ performers = "dyad"
 DESIGN = Design(parse_study(PLAN, "short"), Config(), dyads=2, seed=3, keep_trials=True)
 
 
-def quiet(what: str, done: int, total: int) -> None:
+def check_progress(what: str, done: int, total: int) -> None:
     assert 0 <= done <= total
 
 
 @pytest.fixture(scope="module")
 def cohort(tmp_path_factory: pytest.TempPathFactory) -> Cohort:
     folder = tmp_path_factory.mktemp("cohort") / "whole"
-    return make_cohort(DESIGN, 3, folder, workers=1, progress=quiet)
+    return make_cohort(DESIGN, 3, folder, workers=1, progress=check_progress)
 
 
 @pytest.fixture(scope="module")
@@ -60,12 +60,12 @@ def analysed(tmp_path_factory: pytest.TempPathFactory) -> Tables:
     return study_of([measure(run, Readings()) for run in runs_of(sorted(folder.glob("*.mcap")))], Readings())
 
 
-def files(cohort: Cohort) -> dict[str, bytes]:
+def table_files(cohort: Cohort) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted((cohort.folder / "tables").iterdir())}
 
 
 @pytest.mark.slow
-def test_measures_are_those_of_an_analysis_of_the_recordings(cohort: Cohort, analysed: Tables) -> None:
+def test_cohort_measures_equal_those_of_analysed_recordings(cohort: Cohort, analysed: Tables) -> None:
     found = pd.DataFrame(cohort.get(1).tables["trials"])
     common = [name for name in found if name in analysed.trials]
     assert {"completion", "peaks", "cooperative", "still", "braking_distance", "order", "flags"} <= set(common)
@@ -75,7 +75,7 @@ def test_measures_are_those_of_an_analysis_of_the_recordings(cohort: Cohort, ana
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.measure.name)
-def test_levels_of_dyads_are_those_of_an_analysis(cohort: Cohort, analysed: Tables, kept) -> None:
+def test_dyad_levels_equal_those_of_analysed_recordings(cohort: Cohort, analysed: Tables, kept) -> None:
     found = condition_means(pd.DataFrame(cohort.get(1).tables["groups"]), kept)
     expected = levels(analysed, kept.measure).pivot(index="dyad", columns="condition", values="level")
     assert found.to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
@@ -91,12 +91,12 @@ def test_tables_are_equal_with_two_processes_and_after_an_interruption(cohort: C
     damaged = folder / "studies" / "study-000003.tables"
     damaged.write_bytes(damaged.read_bytes()[:-1])
     (folder / "studies" / "killed.part").write_bytes(b"")
-    again = make_cohort(DESIGN, 3, folder, workers=2, resume=True, progress=quiet)
-    assert files(again) == files(cohort)
+    again = make_cohort(DESIGN, 3, folder, workers=2, resume=True, progress=check_progress)
+    assert table_files(again) == table_files(cohort)
     assert len(list((folder / "studies").iterdir())) == 3
 
 
-def test_no_two_studies_are_alike(cohort: Cohort) -> None:
+def test_every_study_has_its_own_seed_and_results(cohort: Cohort) -> None:
     table = pd.read_csv(cohort.folder / "tables" / "studies.csv")
     assert table["seed"].tolist() == [3_000_001, 3_000_002, 3_000_003]
     groups = pd.read_parquet(cohort.folder / "tables" / "groups.parquet")
@@ -116,19 +116,19 @@ def test_no_two_studies_are_alike(cohort: Cohort) -> None:
         ),
     ],
 )
-def test_a_cohort_is_continued_with_its_own_settings_only(cohort: Cohort, design: Design, words: str) -> None:
+def test_resuming_a_cohort_with_other_settings_is_refused(cohort: Cohort, design: Design, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        make_cohort(design, 3, cohort.folder, workers=1, resume=True, progress=quiet)
+        make_cohort(design, 3, cohort.folder, workers=1, resume=True, progress=check_progress)
 
 
-def test_a_folder_is_not_overwritten_and_not_invented(cohort: Cohort, tmp_path: Path) -> None:
+def test_existing_folder_is_not_overwritten_and_missing_one_not_resumed(cohort: Cohort, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="already exists; continue it with --resume"):
-        make_cohort(DESIGN, 3, cohort.folder, workers=1, progress=quiet)
+        make_cohort(DESIGN, 3, cohort.folder, workers=1, progress=check_progress)
     with pytest.raises(ConfigError, match=r"has no cohort.json"):
-        make_cohort(DESIGN, 3, tmp_path / "none", workers=1, resume=True, progress=quiet)
+        make_cohort(DESIGN, 3, tmp_path / "none", workers=1, resume=True, progress=check_progress)
 
 
-def refused() -> Iterator[tuple[Design, int, str]]:
+def invalid_designs() -> Iterator[tuple[Design, int, str]]:
     yield DESIGN, 0, "--studies: found 0, expected 1"
     ball = replace(DESIGN.config, physics=replace(DESIGN.config.physics, balls=0))
     yield replace(DESIGN, config=ball), 1, "balls: found 0, expected 1 or more"
@@ -136,24 +136,24 @@ def refused() -> Iterator[tuple[Design, int, str]]:
     yield replace(DESIGN, study=forces), 1, "unrelated"
 
 
-@pytest.mark.parametrize(("design", "studies", "words"), list(refused()))
-def test_what_cannot_be_simulated_is_refused_before_it_begins(
+@pytest.mark.parametrize(("design", "studies", "words"), list(invalid_designs()))
+def test_invalid_designs_are_refused_before_any_file_is_written(
     tmp_path: Path, design: Design, studies: int, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        make_cohort(design, studies, tmp_path / "new", workers=1, progress=quiet)
+        make_cohort(design, studies, tmp_path / "new", workers=1, progress=check_progress)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("line", "words"), [("block.trials = 0", "trials"), ('short = ""', "short")])
-def test_plans_have_blocks_with_trials(line: str, words: str) -> None:
+def test_plans_without_blocks_or_trials_are_refused(line: str, words: str) -> None:
     key = line.partition(" =")[0]
     text = "\n".join(line if own.startswith(f"{key} =") else own for own in PLAN.splitlines())
     with pytest.raises(ConfigError, match=words):
         parse_study(text, "none")
 
 
-def test_designs_have_dyads_and_seeds_of_their_own() -> None:
+def test_designs_without_dyads_or_with_too_large_a_seed_are_refused() -> None:
     with pytest.raises(ConfigError, match="--dyads: found 0, expected 1 or more"):
         replace(DESIGN, dyads=0)
     with pytest.raises(ConfigError, match="--seed: found 99999"):

@@ -1,4 +1,4 @@
-"""Tasks in processes: a task whose process dies is repeated; a second time it is an error that keeps finished work."""
+"""Tasks in worker processes: a task whose process dies is retried once; if it dies again, that is an error."""
 
 import os
 import signal
@@ -13,8 +13,8 @@ from netboard.base.errors import NetboardError
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="POSIX signals")]
 
 
-def dies(folder: Path, times: int, number: int) -> int:
-    """Be killed the first times that the second task is tried."""
+def square_or_die(folder: Path, times: int, number: int) -> int:
+    """Return the square; task 2 kills its process on the first `times` attempts."""
     if number == 2:
         tries = len(list(folder.iterdir()))
         if tries < times:
@@ -23,16 +23,16 @@ def dies(folder: Path, times: int, number: int) -> int:
     return number * number
 
 
-def test_a_task_whose_process_is_killed_is_tried_again(tmp_path: Path) -> None:
-    assert dict(run_all(partial(dies, tmp_path, 1), range(1, 5), 2)) == {1: 1, 2: 4, 3: 9, 4: 16}
+def test_task_is_retried_after_its_process_is_killed(tmp_path: Path) -> None:
+    assert dict(run_all(partial(square_or_die, tmp_path, 1), range(1, 5), 2)) == {1: 1, 2: 4, 3: 9, 4: 16}
 
 
-def test_a_task_that_kills_its_process_twice_is_an_error(tmp_path: Path) -> None:
+def test_task_whose_process_dies_twice_is_an_error(tmp_path: Path) -> None:
     done = []
     with pytest.raises(NetboardError, match=r"virtual study 2: its process ended 2 times .* --resume"):
-        done.extend(run_all(partial(dies, tmp_path, 9), range(1, 3), 2))
+        done.extend(run_all(partial(square_or_die, tmp_path, 9), range(1, 3), 2))
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_no_tasks_take_no_process() -> None:
-    assert list(run_all(dies, (), 2)) == []  # type: ignore[arg-type]
+def test_empty_task_list_yields_no_results() -> None:
+    assert list(run_all(square_or_die, (), 2)) == []  # type: ignore[arg-type]

@@ -30,7 +30,7 @@ def contrast(first: np.ndarray, second: np.ndarray, names: list[str]) -> Contras
 
 
 @pytest.mark.evidence("truth", condition_contrast)
-def test_it_is_everything_that_can_be_said_of_the_differences() -> None:
+def test_contrast_combines_intervals_tests_and_effect_size() -> None:
     found = contrast(WITH, WITHOUT, NAMES)
     gaps = WITH - WITHOUT
     assert (found.name, found.n, found.unit, found.labels, found.left_out) == ("haptics", 4, "dyad", tuple(NAMES), ())
@@ -46,7 +46,7 @@ def test_it_is_everything_that_can_be_said_of_the_differences() -> None:
     assert any("below 0.125" in note for note in found.notes)
 
 
-def test_a_unit_counts_once_however_many_values_it_has() -> None:
+def test_unit_counts_once_however_many_values_it_has() -> None:
     values = [*np.repeat(WITH, 7), 3.5, 3.7, *WITHOUT[1:]]
     units = [*np.repeat(NAMES, 7), "D01", "D01", *NAMES[1:]]
     found = condition_contrast(values, units, [True] * 28 + [False] * 5, rng(), name="haptics", resamples=999)
@@ -56,14 +56,14 @@ def test_a_unit_counts_once_however_many_values_it_has() -> None:
 
 @pytest.mark.evidence("properties", condition_contrast, of="order")
 @given(st.permutations(range(8)))
-def test_the_order_of_rows_changes_nothing(by: list[int]) -> None:
+def test_contrast_does_not_depend_on_the_order_of_rows(by: list[int]) -> None:
     values, units, condition = np.r_[WITH, WITHOUT], np.array([*NAMES, *NAMES]), np.repeat([True, False], 4)
     found = condition_contrast(values[by], units[by], condition[by], rng(), name="haptics", resamples=99)
     assert found == condition_contrast(values, units, condition, rng(), name="haptics", resamples=99)
 
 
 @pytest.mark.evidence("properties", condition_contrast, of="mirror")
-def test_conditions_change_places() -> None:
+def test_swapping_conditions_reverses_the_differences() -> None:
     one, other = contrast(WITH, WITHOUT, NAMES), contrast(WITHOUT, WITH, NAMES)
     assert other.differences == pytest.approx([-gap for gap in one.differences])
     assert (other.difference.low, other.difference.high) == pytest.approx((-one.difference.high, -one.difference.low))
@@ -72,7 +72,7 @@ def test_conditions_change_places() -> None:
 
 
 @pytest.mark.evidence("disturbance", condition_contrast, of="holes")
-def test_a_unit_without_one_of_the_conditions_is_named() -> None:
+def test_unit_without_one_of_the_conditions_is_left_out_and_named() -> None:
     found = contrast(WITH, np.array([3.6, np.nan, 4.9, 3.4]), NAMES)
     assert (found.n, found.labels, found.left_out) == (3, ("D01", "D03", "D04"), ("D02",))
     assert found.difference == t_interval((WITH - WITHOUT)[[0, 2, 3]])
@@ -80,7 +80,7 @@ def test_a_unit_without_one_of_the_conditions_is_named() -> None:
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_too_few_units_have_no_test(n: int) -> None:
+def test_fewer_than_two_units_give_no_test(n: int) -> None:
     found = contrast(WITH[:n], WITHOUT[:n], NAMES[:n])
     assert found.n == n
     ends = [found.difference.low, found.bootstrap.high, found.t.p, found.permutation.p, found.effect.value]
@@ -88,7 +88,7 @@ def test_too_few_units_have_no_test(n: int) -> None:
     assert ["no interval" in note for note in found.notes] == [True]
 
 
-def test_differences_that_do_not_vary_have_no_size() -> None:
+def test_constant_differences_have_no_effect_size() -> None:
     found = contrast(np.arange(6.0), np.arange(6.0) + 2.0, [f"D{i}" for i in range(6)])
     assert (found.bootstrap.low, found.bootstrap.high) == (-2.0, -2.0)
     assert np.isnan([found.t.p, found.effect.value]).all()
@@ -97,7 +97,7 @@ def test_differences_that_do_not_vary_have_no_size() -> None:
 
 
 @pytest.mark.parametrize("off", [0.1, -1e7])
-def test_differences_that_vary_by_rounding_do_not_vary(off: float) -> None:
+def test_differences_that_vary_only_by_rounding_count_as_constant(off: float) -> None:
     gaps = off * (1.0 + np.array([0.0, 1.0, -1.0, 2.0]) * np.finfo(float).eps)
     assert np.ptp(gaps) > 0.0
     assert np.isnan([paired_t_test(gaps).statistic, paired_t_test(gaps).p]).all()
@@ -107,7 +107,7 @@ def test_differences_that_vary_by_rounding_do_not_vary(off: float) -> None:
     assert any("equal" in note for note in found.notes)
 
 
-def test_many_units_need_no_note() -> None:
+def test_contrast_of_many_units_has_no_notes() -> None:
     source = np.random.default_rng(1)
     found = contrast(source.normal(size=24), source.normal(size=24), [f"D{i:02}" for i in range(24)])
     assert found.notes == ()
@@ -115,13 +115,13 @@ def test_many_units_need_no_note() -> None:
     assert found.permutation.p == pytest.approx(found.t.p, abs=0.05)
 
 
-def test_labels_must_be_as_many_as_values() -> None:
+def test_numbers_of_labels_and_values_must_agree() -> None:
     with pytest.raises(ValueError, match="one unit and one condition for each"):
         condition_contrast([1.0, 2.0], ["D01"], [True, False], rng(), name="haptics")
 
 
 @pytest.mark.evidence("properties", paired_t_test, of=("mirror", "unit"))
-def test_a_t_test_knows_neither_sign_nor_unit() -> None:
+def test_t_test_is_invariant_to_sign_and_unit() -> None:
     found, turned = paired_t_test([1.0, 2.0, 4.0]), paired_t_test([-1e3, -2e3, -4e3])
     assert turned.p == pytest.approx(found.p)
     assert turned.statistic == pytest.approx(-found.statistic)
@@ -129,14 +129,14 @@ def test_a_t_test_knows_neither_sign_nor_unit() -> None:
 
 @pytest.mark.evidence("independent", paired_t_test, by="scipy")
 @pytest.mark.evidence("disturbance", paired_t_test, of="holes")
-def test_a_t_test_leaves_out_what_is_missing() -> None:
+def test_t_test_leaves_out_missing_values() -> None:
     assert paired_t_test([1.0, np.nan, 2.0, 4.0]) == paired_t_test([1.0, 2.0, 4.0])
     assert paired_t_test([1.0, 2.0, 4.0]).p == pytest.approx(stats.ttest_1samp([1.0, 2.0, 4.0], 0.0).pvalue)
 
 
 @pytest.mark.evidence("independent", holm, by="statsmodels")
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))
-def test_holms_correction_is_that_of_another_library(p: list[float]) -> None:
+def test_holm_correction_equals_that_of_statsmodels(p: list[float]) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gc, "collect", lambda: 0)  # the other library collects all garbage of this process each time
         theirs = multipletests(p, method="holm")[1]
@@ -144,7 +144,7 @@ def test_holms_correction_is_that_of_another_library(p: list[float]) -> None:
 
 
 @pytest.mark.evidence("truth", holm)
-def test_holms_correction_by_hand() -> None:
+def test_holm_correction_equals_hand_computed_values() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.01, np.nan, 0.03]) == pytest.approx([0.02, np.nan, 0.03], nan_ok=True)
     assert len(holm([])) == 0

@@ -22,8 +22,8 @@ def comparison(found: Comparisons, measure: str, question: str) -> Comparison:
     return only
 
 
-def halved(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
-    """Forces halve completion times of two people, and give peaks; a dyad alone takes a tenth longer than the other."""
+def halve_times_with_haptics(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Haptics halve dyadic completion times and add peaks; each dyad takes a tenth longer than the one before."""
     felt = configuration == "dyadic" and force == "full"
     row["completion"] = 4.0 * 1.1**dyad * (0.5 if felt else 1.0)
     row["peaks"] = (3 + dyad if felt else 3) + (1 if configuration == "dyadic" else 0)
@@ -31,11 +31,11 @@ def halved(row: dict[str, float], configuration: str, force: str, dyad: int) -> 
 
 @pytest.fixture(scope="module")
 def found() -> Comparisons:
-    return comparisons(modern_study(modern_blocks(change=halved)))
+    return comparisons(modern_study(modern_blocks(change=halve_times_with_haptics)))
 
 
 @pytest.mark.slow
-def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each_measure(found: Comparisons) -> None:
+def test_study_with_two_forces_and_configurations_has_five_contrasts(found: Comparisons) -> None:
     assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
         "bimanual, haptics on vs off",
         ON_IN_DYADS,
@@ -57,14 +57,14 @@ def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each
         ("haptics on vs off, dyadic vs bimanual", 0.5),
     ],
 )
-def test_times_are_compared_by_their_ratio(found: Comparisons, question: str, ratio: float) -> None:
+def test_completion_times_are_compared_by_ratio(found: Comparisons, question: str, ratio: float) -> None:
     one = comparison(found, "completion time", question)
     assert one.difference.value == pytest.approx(ratio)
     assert one.bootstrap.value == pytest.approx(ratio)
     assert one.unit == "1"
 
 
-def test_differences_of_dyads_are_0_1_2_and_3(found: Comparisons) -> None:
+def test_statistics_of_differences_0_1_2_and_3_equal_hand_computed_values(found: Comparisons) -> None:
     one = comparison(found, "velocity peaks", ON_IN_DYADS)
     assert one.contrast.differences == pytest.approx((0.0, 1.0, 2.0, 3.0))
     assert one.difference.value == pytest.approx(1.5)
@@ -80,10 +80,10 @@ def test_differences_of_dyads_are_0_1_2_and_3(found: Comparisons) -> None:
 
 @pytest.mark.slow
 @pytest.mark.daily(2, of="contrasts")
-def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
-    """The least p, of four dyads, times all tests of the family is far above 1."""
+def test_p_values_are_corrected_within_their_family(found: Comparisons) -> None:
+    """With four dyads, the least possible p times the tests of the family is far above 1."""
     assert all(one.corrected == 1.0 for one in found.comparisons if np.isfinite(one.contrast.permutation.p))
-    many = comparisons(modern_study(modern_blocks(dyads=11, trials=2, change=halved)))
+    many = comparisons(modern_study(modern_blocks(dyads=11, trials=2, change=halve_times_with_haptics)))
     sure = comparison(many, "completion time", ON_IN_DYADS)
     family = [one for one in many.comparisons if one.measure.family == "performance"]
     assert len(family) == 8 * 5
@@ -92,7 +92,7 @@ def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
     assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)
 
 
-def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_differences_are(found: Comparisons) -> None:
+def test_permutation_p_is_noted_with_its_assumption_and_the_skewness(found: Comparisons) -> None:
     table = table_of(found.results)
     p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
     assert len(p)
@@ -106,8 +106,8 @@ def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_diff
 
 
 @pytest.mark.slow
-def test_a_lost_block_of_one_of_two_makes_no_effect() -> None:
-    """A takes 3 s and B 9 s, whatever they feel; B of two dyads has no trials with haptics."""
+def test_missing_block_of_one_participant_makes_no_effect() -> None:
+    """A takes 3 s and B 9 s in both conditions; B of two dyads has no trials with haptics."""
     blocks = [
         Block(f"D{k}", f"D{k}{who}", "bimanual", force, times(3.0 if who == "A" else 9.0))
         for k in range(1, 7)
@@ -120,8 +120,8 @@ def test_a_lost_block_of_one_of_two_makes_no_effect() -> None:
 
 
 @pytest.mark.daily(2, of="contrasts")
-def test_without_any_difference_intervals_cover_zero() -> None:
-    """Of a hundred intervals of 95 % some five do not; bootstraps of ten dyads are a little too short."""
+def test_confidence_intervals_cover_zero_without_an_effect() -> None:
+    """About 5 % of the 95 % intervals miss it; bootstrap intervals of ten dyads are slightly too narrow."""
     found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
     covered = []
     for one in found.comparisons:
@@ -139,8 +139,8 @@ def test_without_any_difference_intervals_cover_zero() -> None:
 
 @pytest.mark.slow
 @pytest.mark.daily(2, of="contrasts")
-def test_new_names_of_dyads_change_no_difference() -> None:
-    study = modern_study(modern_blocks(change=halved))
+def test_contrasts_do_not_depend_on_the_names_of_dyads() -> None:
+    study = modern_study(modern_blocks(change=halve_times_with_haptics))
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
     tables = {name: getattr(study, name).replace({"dyad": names}) for name in ("blocks", "trials", "movements")}
     first, second = (
@@ -152,7 +152,7 @@ def test_new_names_of_dyads_change_no_difference() -> None:
 
 @pytest.mark.slow
 @pytest.mark.daily(2, of="contrasts")
-def test_exchanged_conditions_change_the_sign() -> None:
+def test_swapping_conditions_changes_the_sign_of_differences() -> None:
     forces = {"full": "none", "none": "full"}
     blocks = modern_blocks(seed=2)
     exchanged = [replace(one, force=forces[one.force]) for one in blocks]
@@ -163,7 +163,7 @@ def test_exchanged_conditions_change_the_sign() -> None:
     assert one.permutation.p == other.permutation.p
 
 
-def test_a_dyad_alone_has_differences_and_no_intervals() -> None:
+def test_single_dyad_has_differences_and_no_intervals() -> None:
     study = made_study([Block("D01", "D01", "dyadic", force, times(3.0, 4.0)) for force in ("full", "none")])
     results = table_of(comparisons(study).results)
     differences = results[results["quantity"] == "completion time: ratio"]
@@ -173,7 +173,7 @@ def test_a_dyad_alone_has_differences_and_no_intervals() -> None:
     assert (missing["note"] != "").all()
 
 
-def test_partners_that_are_no_people_and_conditions_without_a_pair_are_not_compared() -> None:
+def test_robot_partners_and_unpaired_conditions_are_not_compared() -> None:
     robot = [Block("D01", "D01", "dyadic", force, times(3.0), right_by="robot") for force in ("full", "none")]
     assert comparisons(made_study(robot)).comparisons == ()
     alone = [Block("D01", "D01A", "bimanual", "full", times(3.0)), Block("D02", "D02", "dyadic", "full", times(3.0))]
@@ -182,7 +182,7 @@ def test_partners_that_are_no_people_and_conditions_without_a_pair_are_not_compa
     assert comparisons(study).comparisons == ()
 
 
-def test_every_force_is_compared_with_none() -> None:
+def test_every_force_condition_is_compared_with_no_force() -> None:
     study = modern_study(modern_blocks(trials=2, forces=("full", "partner_only", "none", "unrelated")))
     kinds = [one.kind for one in questions_of(study)]
     assert (kinds.count("forces"), kinds.count("configuration"), kinds.count("interaction")) == (6, 4, 3)

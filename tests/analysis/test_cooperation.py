@@ -14,14 +14,14 @@ START = 1.0
 
 
 def measured(hands: TwoHands, *, opposite: str = "net", amount: str = "net", **options: object) -> Delays:
-    """Delays by the exact velocities."""
+    """Delays from the exact velocities."""
     segments = board_segments(hands.omega, hands.theta, hands.rate)
     moved = contributions(segments, hands.left_z, hands.right_z, opposite=opposite, amount=amount)
     return delays(segments, moved, hands.left_vz, hands.right_vz, hands.rate, **options)
 
 
 def measured_after_filtering(hands: TwoHands, **options: object) -> Delays:
-    """Delays as of a recording."""
+    """Delays from filtered positions, as in the analysis of a recording."""
     found = motion(hands.rate, hands.left_z, hands.right_z, hands.theta, np.zeros_like(hands.theta))
     segments = board_segments(found.omega, found.theta, hands.rate)
     moved = contributions(segments, found.left_z, found.right_z)
@@ -35,7 +35,7 @@ def opposed(lag: float = 0.0, ratio: float = 1.0, duration: float = 0.4, rate: f
 
 
 def closed_form(lag: float, ratio: float, duration: float = 0.4) -> np.ndarray:
-    """Delay with one threshold for both, a portion of the smaller peak."""
+    """Delay with one threshold for both hands, a fraction of the smaller peak."""
     smaller = min(ratio, 1.0)
     return np.array(
         [
@@ -48,7 +48,7 @@ def closed_form(lag: float, ratio: float, duration: float = 0.4) -> np.ndarray:
 @pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize("lag", [0.0, 0.02, 0.04, 0.08])
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 0.5, 4.0])
-def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
+def test_delays_equal_the_closed_form(lag: float, ratio: float) -> None:
     found = measured(opposed(lag, ratio))
     np.testing.assert_allclose(found.signed, [closed_form(lag, ratio)], atol=5e-5)
     np.testing.assert_allclose(found.absolute, np.abs([closed_form(lag, ratio)]), atol=5e-5)
@@ -58,8 +58,8 @@ def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
 
 
 @pytest.mark.evidence("truth", delays)
-def test_one_threshold_makes_the_larger_movement_earlier() -> None:
-    """Without any lag: a bias that grows with the threshold, as known for movements of 0.5 s."""
+def test_common_threshold_makes_the_larger_movement_earlier() -> None:
+    """Even without a lag: the bias grows with the threshold, to the known values for movements of 0.5 s."""
     for ratio, expected in ((2.0, (14, 21, 28, 34)), (9.0, (30, 45, 58, 71))):
         np.testing.assert_allclose(-1e3 * closed_form(0.0, ratio, 0.5), expected, atol=1)
         np.testing.assert_allclose(
@@ -69,14 +69,14 @@ def test_one_threshold_makes_the_larger_movement_earlier() -> None:
 
 @pytest.mark.parametrize("lag", [0.0, 0.04, 0.08])
 @pytest.mark.parametrize("ratio", [1.0, 2.0])
-def test_filters_move_delays_little(lag: float, ratio: float) -> None:
+def test_filters_hardly_change_delays(lag: float, ratio: float) -> None:
     found = measured_after_filtering(opposed(lag, ratio))
     np.testing.assert_allclose(found.signed, [closed_form(lag, ratio)], atol=4e-3)
     if ratio == 1:
         np.testing.assert_allclose(found.signed, lag, atol=1e-4)
 
 
-def test_a_search_inside_is_cut_off_by_the_beginning_of_the_movement() -> None:
+def test_search_inside_is_cut_off_at_the_onset_of_the_board_movement() -> None:
     found = measured_after_filtering(opposed(0.04), search="inside")
     np.testing.assert_allclose(1e3 * found.signed, [[31, 40, 40, 40]], atol=2)
     np.testing.assert_array_equal(found.truncated, [[True, False, False, False]])
@@ -87,8 +87,8 @@ def test_a_search_inside_is_cut_off_by_the_beginning_of_the_movement() -> None:
     ("lag", "ratio", "expected"),
     [(0.04, 1.0, (31, 40, 40, 40)), (0.04, 2.0, (22, 23, 18, 13)), (0.08, 2.0, (50, 61, 58, 53))],
 )
-def test_two_movements_by_the_papers_rule_to_the_letter(lag: float, ratio: float, expected: tuple[int, ...]) -> None:
-    """10 mm in 0.4 s and the side that is later goes `ratio` times as far; the search ends where the board begins."""
+def test_delays_by_the_literal_rule_of_the_paper(lag: float, ratio: float, expected: tuple[int, ...]) -> None:
+    """10 mm in 0.4 s; the later side goes `ratio` times as far; the search stops at the onset of the board movement."""
     found = measured_after_filtering(opposed(lag, ratio), search="inside")
     np.testing.assert_allclose(1e3 * found.signed, [expected], atol=0.6)
     for search in ("back", "before_peak"):
@@ -105,15 +105,15 @@ TOGETHER = Contributions(np.array([-0.01]), np.array([0.01]), np.array([True]))
 
 
 def ramps(*, left_from: int, right_from: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rates of two hands that speed up to 0.1 m/s within 0.1 s."""
+    """Velocities of two hands that accelerate to 0.1 m/s within 0.1 s."""
     samples = np.arange(1500)
     return tuple(sign * np.clip(samples - at, 0, 100) / 1000 for sign, at in ((-1, left_from), (1, right_from)))
 
 
 @pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize(("back", "known"), [(0.3, True), (0.18, False), (0.19, True)])
-def test_how_far_back_is_searched(back: float, known: bool) -> None:
-    """The left hand has had 10 % of the peak 190 ms before the board moves, and the right one 10 ms after."""
+def test_onset_search_goes_back_by_the_configured_time(back: float, known: bool) -> None:
+    """The left hand reaches 10 % of its peak 190 ms before the board moves, the right hand 10 ms after."""
     left_vz, right_vz = ramps(left_from=800, right_from=1000)
     found = delays(one_segment(1000, 1400), TOGETHER, left_vz, right_vz, 1000.0, search_back=back)
     np.testing.assert_array_equal(found.truncated[0, 0], not known)
@@ -123,8 +123,8 @@ def test_how_far_back_is_searched(back: float, known: bool) -> None:
     assert inside.truncated.all()
 
 
-def test_a_crossing_is_between_two_samples() -> None:
-    """The left hand has its speed within one sample, before the board moves; the right one within it."""
+def test_crossing_within_one_sample_is_found_unless_a_sample_is_missing() -> None:
+    """Each hand reaches its speed in one sample: the left one before the board moves, the right one during it."""
     left_vz, right_vz = np.zeros(1500), np.zeros(1500)
     left_vz[900:], right_vz[1100:] = -0.1, 0.1
     found = delays(one_segment(1000, 1400), TOGETHER, left_vz, right_vz, 1000.0)
@@ -136,8 +136,8 @@ def test_a_crossing_is_between_two_samples() -> None:
     assert np.isnan(cut.signed).all()
 
 
-def test_a_record_that_begins_too_late_cuts_the_search() -> None:
-    """Its first sample is at half of the left hand's peak."""
+def test_record_that_begins_too_late_truncates_the_search() -> None:
+    """At the first sample the left hand already has half of its peak velocity."""
     left_vz, right_vz = (vz[850:] for vz in ramps(left_from=800, right_from=1000))
     found = delays(one_segment(150, 550), TOGETHER, left_vz, right_vz, 1000.0)
     assert found.truncated.all()
@@ -158,7 +158,7 @@ def test_a_record_that_begins_too_late_cuts_the_search() -> None:
         (0.001, 0.015, False),
     ],
 )
-def test_which_movements_are_cooperative(left: float, right: float, cooperative: bool) -> None:
+def test_cooperative_movements_are_opposite_and_of_similar_size(left: float, right: float, cooperative: bool) -> None:
     hands = two_hands([(START, 0.4, left)], [(START, 0.4, right)])
     segments = board_segments(hands.omega, hands.theta, hands.rate)
     for amount in ("net", "path"):
@@ -171,14 +171,14 @@ def test_which_movements_are_cooperative(left: float, right: float, cooperative:
 
 @pytest.mark.evidence("truth", contributions)
 @pytest.mark.parametrize("amount", ["net", "path"])
-def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
+def test_ratio_of_nine_is_still_cooperative(amount: str) -> None:
     left, right = np.array([0.0, -9, -18]), np.array([0.0, 1, 2])
     assert contributions(one_segment(0, 3), left, right, amount=amount).cooperative[0]
     assert not contributions(one_segment(0, 3), 1.01 * left, right, amount=amount).cooperative[0]
 
 
 @pytest.mark.evidence("truth", contributions)
-def test_there_and_back_counts_by_its_path_and_by_the_majority() -> None:
+def test_reversing_movement_is_cooperative_by_path_or_by_majority() -> None:
     """The left hand goes 10 mm up; the right one 10 mm down and 9 mm back, or 4 mm down and 6 mm back."""
     left = np.linspace(0, 0.010, 1001)
     nearly_back = np.concatenate([np.linspace(0, -0.010, 600, endpoint=False), np.linspace(-0.010, -0.001, 401)])
@@ -191,14 +191,14 @@ def test_there_and_back_counts_by_its_path_and_by_the_majority() -> None:
     assert (by_net.cooperative[0], by_most.cooperative[0]) == (False, True)
 
 
-def test_peaks_and_magnitudes() -> None:
+def test_peak_velocities_equal_the_minimum_jerk_closed_form() -> None:
     found = measured(opposed(0.0, 2.0))
     np.testing.assert_allclose(found.right_peak, 1.875 * 0.01 / 0.4, rtol=1e-6)
     np.testing.assert_allclose(found.left_peak, 2 * 1.875 * 0.01 / 0.4, rtol=1e-6)
     np.testing.assert_array_equal(measured(opposed(0.0, 2.0), velocity="magnitude").signed, found.signed)
 
 
-def test_a_twitch_the_other_way_counts_as_a_magnitude_only() -> None:
+def test_twitch_in_the_other_direction_counts_only_as_magnitude() -> None:
     left_vz, right_vz = ramps(left_from=1050, right_from=1050)
     right_vz[1010:1030] = -0.05
     segment = one_segment(1000, 1400)
@@ -211,7 +211,7 @@ def test_a_twitch_the_other_way_counts_as_a_magnitude_only() -> None:
 
 
 @pytest.mark.evidence("truth", delays)
-def test_the_last_rise_before_the_peak_is_not_that_of_a_twitch() -> None:
+def test_search_before_the_peak_ignores_an_earlier_twitch() -> None:
     """The left hand twitches 300 ms before both move together; each reaches 20 % of its peak of 0.1 m/s 20 ms later."""
     left_vz, right_vz = ramps(left_from=1350, right_from=1350)
     left_vz[1030:1060] = -0.05
@@ -230,13 +230,13 @@ def test_the_last_rise_before_the_peak_is_not_that_of_a_twitch() -> None:
     np.testing.assert_array_equal(late.truncated, [[True, False, False, False]])
 
 
-def test_a_portion_is_of_the_peak() -> None:
+def test_portions_outside_0_to_1_are_refused() -> None:
     for portion in (0.0, 1.01, np.nan):
         with pytest.raises(ValueError, match="at most 1"):
             delays(one_segment(1000, 1400), TOGETHER, *ramps(left_from=1000, right_from=1000), 1e3, portions=(portion,))
 
 
-def test_no_movements() -> None:
+def test_record_without_movements_has_no_delays() -> None:
     hands = two_hands([], [])
     found = measured(hands)
     assert (found.signed.shape, found.absolute.shape) == ((0, 4), (0, 4))
@@ -244,7 +244,7 @@ def test_no_movements() -> None:
 
 
 @pytest.mark.evidence("disturbance", delays, of="holes")
-def test_holes_are_not_known() -> None:
+def test_delay_of_a_movement_with_missing_samples_is_nan() -> None:
     hands = opposed(0.04)
     segments = board_segments(hands.omega, hands.theta, hands.rate)
     moved = contributions(segments, hands.left_z, hands.right_z)
@@ -258,7 +258,7 @@ lags, ratios, durations = st.floats(-0.1, 0.1), st.floats(0.2, 5), st.floats(0.3
 
 @pytest.mark.evidence("properties", delays, of="unit")
 @given(lags, ratios, durations)
-def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float, duration: float) -> None:
+def test_delay_at_own_peaks_equals_the_lag_for_any_amplitudes(lag: float, ratio: float, duration: float) -> None:
     found = measured(opposed(lag, ratio, duration), threshold="own_peak", portions=(0.2, 0.4))
     assume(len(found.signed) == 1 and np.isfinite(found.signed).all())
     np.testing.assert_allclose(found.signed, lag, atol=2e-4)
@@ -266,7 +266,7 @@ def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float
 
 @pytest.mark.evidence("properties", delays, of="mirror")
 @given(lags, ratios, st.sampled_from(["slower_side", "own_peak"]), st.sampled_from(["back", "inside"]))
-def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, threshold: str, search: str) -> None:
+def test_swapping_sides_reverses_the_sign_of_the_delay(lag: float, ratio: float, threshold: str, search: str) -> None:
     hands = opposed(lag, ratio)
     swapped = TwoHands(hands.rate, hands.times, hands.right_z, hands.left_z, hands.right_vz, hands.left_vz)
     options = {"threshold": threshold, "search": search}
@@ -275,7 +275,7 @@ def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, thresho
 
 @pytest.mark.evidence("properties", delays, contributions, of=("time", "constant"))
 @given(lags, ratios, st.integers(1, 500), st.floats(-0.05, 0.05))
-def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, height: float) -> None:
+def test_delays_are_invariant_to_shifts_of_time_and_height(lag: float, ratio: float, shift: int, height: float) -> None:
     hands = opposed(lag, ratio)
     later = TwoHands(
         hands.rate,
@@ -290,7 +290,7 @@ def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, he
 
 @pytest.mark.evidence("properties", delays, contributions, of="rate")
 @given(lags, ratios)
-def test_rate_hardly_matters(lag: float, ratio: float) -> None:
+def test_delays_hardly_depend_on_the_sampling_rate(lag: float, ratio: float) -> None:
     coarse, fine = (measured(opposed(lag, ratio, rate=rate)).signed for rate in (500.0, 2000.0))
     assume(coarse.shape == fine.shape)
     known = np.isfinite(coarse) & np.isfinite(fine)

@@ -16,7 +16,7 @@ def course_of(study: Study, quantity: str) -> Course:
 
 
 def straight(trial: pd.Series) -> Path:
-    """The ball goes to the target at 0.1 m/s times the trial's number; the hand there goes down, the other one up."""
+    """The ball moves to the target at 0.1 m/s times the trial's number; the near hand goes down, the far hand up."""
     time = 0.02 * np.arange(round(trial["duration"] / 0.02))
     down, up = -0.01 * trial["trial"] * time, 0.02 * trial["trial"] * time
     right = trial["target"] > 0
@@ -30,7 +30,7 @@ def straight(trial: pd.Series) -> Path:
 
 
 def study_of(*numbers: int, duration: float = 2.0) -> Study:
-    """Dyads with so many trials, the targets of which are at either side in turn."""
+    """Dyads with these numbers of trials, whose targets alternate between the sides."""
     blocks = [
         Block(
             f"D{k:02}",
@@ -44,7 +44,7 @@ def study_of(*numbers: int, duration: float = 2.0) -> Study:
     return with_paths(modern_study(blocks), straight)
 
 
-def test_a_dyads_path_is_the_mean_of_its_mirrored_trials_and_every_dyad_counts_the_same() -> None:
+def test_mean_path_averages_mirrored_trials_then_dyads() -> None:
     study = study_of(3, 1)
     ball, near, far = (course_of(study, name) for name in ("ball", "near", "far"))
     assert len(ball.time) == 100
@@ -56,13 +56,13 @@ def test_a_dyads_path_is_the_mean_of_its_mirrored_trials_and_every_dyad_counts_t
     assert ball.trials == 4
 
 
-def test_bands_are_quantiles_of_all_trials() -> None:
+def test_bands_are_quantiles_over_all_trials() -> None:
     ball = course_of(study_of(11), "ball")
     np.testing.assert_allclose(ball.low, 0.2 * ball.time, atol=1e-12)
     np.testing.assert_allclose(ball.high, 1.0 * ball.time, atol=1e-12)
 
 
-def test_paths_go_as_far_as_nine_of_ten_trials() -> None:
+def test_mean_path_ends_when_fewer_than_nine_of_ten_trials_remain() -> None:
     study = study_of(10)
     durations = np.linspace(1.0, 1.9, 10)
     study = with_paths(
@@ -73,13 +73,13 @@ def test_paths_go_as_far_as_nine_of_ten_trials() -> None:
     assert np.isfinite(ball.mean).all()
 
 
-def test_reported_places_are_those_of_the_path() -> None:
+def test_reported_positions_are_points_of_the_mean_path() -> None:
     rows = {(row.quantity, row.group): row for row in courses(study_of(1, 3)).results}
     row = rows["ball along the board", "dyadic, haptics on, 1.5 s"]
     assert row.value == pytest.approx(0.225)
     assert (row.n, row.of, row.unit) == (2, "dyad", "m")
 
 
-def test_without_paths_or_trials_there_is_no_course() -> None:
+def test_study_without_paths_or_trials_has_no_mean_path() -> None:
     assert courses(without_paths(study_of(2))).courses == ()
     assert courses(modern_study([Block("D01", "D01", "dyadic", "full", [])])).courses == ()
