@@ -29,7 +29,7 @@ def address() -> Iterator[str]:
 
 
 @on_cluster
-def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Path, ...]) -> None:
+def test_cluster_computes_the_same_tables(address: str, recordings: tuple[Path, ...]) -> None:
     there = gathered(recordings, Readings(), dask(address))
     here = gathered(recordings, Readings())
     assert there.peak > 1e7
@@ -37,12 +37,14 @@ def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Pa
 
 
 @on_cluster
-def test_virtual_studies_are_done_there(address: str) -> None:
+def test_virtual_studies_run_on_the_cluster(address: str) -> None:
     assert dict(run_all(hex, range(100), 1, address)) == {number: hex(number) for number in range(100)}
 
 
 @on_cluster
-def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
+def test_unreadable_recording_on_the_cluster_is_refused_or_left_out(
+    address: str, recordings: tuple[Path, ...], tmp_path: Path
+) -> None:
     data = recordings[0].read_bytes()
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
@@ -53,43 +55,43 @@ def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tup
 
 
 @on_cluster
-def test_workers_must_see_the_files(address: str, tmp_path: Path) -> None:
+def test_workers_that_do_not_see_the_files_are_refused(address: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"its worker tcp://127.*does not see .*there.mcap"):  # noqa: SIM117
         with dask(address)([tmp_path / "there.mcap"]):
-            pytest.fail("it is not there")
+            pytest.fail("a worker saw a file that does not exist")
 
 
 @on_cluster
-def test_workers_must_measure_alike(
+def test_workers_with_other_code_are_refused(
     address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workers, "fingerprint", lambda root: "other code")
     with pytest.raises(ConfigError, match=r"has netboard .* with other code .* than here"):  # noqa: SIM117
         with dask(address)(recordings):
-            pytest.fail("they measure otherwise")
+            pytest.fail("workers with other code were accepted")
 
 
 class Absent:
-    """What cannot be made again where it is sent."""
+    """An object that cannot be unpickled on the worker."""
 
     def __reduce__(self) -> Any:
         return import_module, ("a_module_that_is_nowhere",)
 
 
 @on_cluster
-def test_workers_must_have_netboard(
+def test_workers_without_netboard_are_refused(
     address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workers, "_account", Absent())
     with pytest.raises(ConfigError, match=r"has not this netboard .*a_module_that_is_nowhere"):  # noqa: SIM117
         with dask(address)(recordings):
-            pytest.fail("they have none")
+            pytest.fail("workers without netboard were accepted")
 
 
-def test_a_scheduler_without_workers_is_not_waited_for(recordings: tuple[Path, ...]) -> None:
+def test_scheduler_without_workers_is_reported_after_a_timeout(recordings: tuple[Path, ...]) -> None:
     with (
         distributed.LocalCluster(n_workers=0, dashboard_address=ANY_PORT, silence_logs=50) as cluster,
         pytest.raises(ConfigError, match=r"has had no workers for 0.5 s"),
         dask(cluster.scheduler_address, patience=0.5)(recordings),
     ):
-        pytest.fail("nobody is there")
+        pytest.fail("a scheduler without workers was accepted")

@@ -44,7 +44,7 @@ def result(found: Delay, quantity: str, group: str = "bimanual, haptics on") -> 
         ("movements", [0.1, 0.1, 0.1, 0.3, 0.4], "movement"),
     ],
 )
-def test_means_and_intervals_are_of_the_unit_that_is_set(intervals: str, units: list[float], of: str) -> None:
+def test_means_and_intervals_use_the_configured_unit(intervals: str, units: list[float], of: str) -> None:
     found = delay(made_study(BLOCKS, f'summaries.intervals="{intervals}"'))
     one = result(found, "delay at 20 %")
     assert (one.n, one.of) == (len(units), of)
@@ -52,7 +52,7 @@ def test_means_and_intervals_are_of_the_unit_that_is_set(intervals: str, units: 
     assert np.isfinite([one.low, one.high]).all()
 
 
-def test_dyads_perform_as_one() -> None:
+def test_dyad_counts_as_one_participant() -> None:
     study = made_study(
         [block("D01", "D01", moves(0.1)), block("D02", "D02", moves(0.3))], 'summaries.intervals="people"'
     )
@@ -60,7 +60,7 @@ def test_dyads_perform_as_one() -> None:
     assert (one.value, one.n, one.of) == (pytest.approx(0.2), 2, "dyad")
 
 
-def test_signs_are_kept_if_they_are_to_and_reported_anyway() -> None:
+def test_signed_delays_are_always_reported() -> None:
     absolute, signed = (delay(made_study(BLOCKS, f'summaries.delay="{kind}"')) for kind in ("absolute", "signed"))
     of_sign = ((-0.1 / 3 + 0.3) / 2 + 0.4) / 2
     assert result(absolute, "delay at 10 %").value == pytest.approx(0.3)
@@ -70,20 +70,20 @@ def test_signs_are_kept_if_they_are_to_and_reported_anyway() -> None:
     assert result(signed, "delay at 10 % of own peaks").value == pytest.approx(0.02)
 
 
-def test_the_deviation_is_that_of_a_performers_movements() -> None:
+def test_deviation_is_that_of_movements_within_a_performer() -> None:
     one = result(delay(made_study(BLOCKS)), "SD of the signed delay at 10 %")
     assert one.value == pytest.approx(np.std([0.1, -0.1, -0.1], ddof=1))
     assert one.n == 1
 
 
-def test_delays_that_grow_with_the_threshold_are_seen_to() -> None:
+def test_rise_of_delays_with_the_threshold_is_reported() -> None:
     found = delay(made_study([block("D01", "D01", moves(0.1, rise=0.01)), block("D02", "D02", moves(0.3, rise=0.03))]))
     assert result(found, RISE, "dyadic, haptics on").value == pytest.approx((0.03 + 0.09) / 2)
     overall = result(found, "delay, mean of 10 to 40 %", "dyadic, haptics on")
     assert overall.value == pytest.approx((0.115 + 0.345) / 2)
 
 
-def test_only_cooperative_movements_of_trials_that_count_have_one() -> None:
+def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
     movements = [*moves(0.1), *moves(9.0, cooperative=0), *moves(9.0, trial=2)]
     trials = [{"completion": 1.0}, {"outcome": "fell"}]
     found = delay(made_study([Block("D01", "D01", "dyadic", "full", trials, movements)]))
@@ -91,7 +91,7 @@ def test_only_cooperative_movements_of_trials_that_count_have_one() -> None:
     assert result(found, "delay at 10 %", "dyadic, haptics on").value == pytest.approx(0.1)
 
 
-def test_searches_that_were_cut_off_are_counted() -> None:
+def test_truncated_searches_are_counted() -> None:
     movements = [*moves(0.1, truncated_10=1), *moves(0.1), *moves(0.1), *moves(0.1)]
     found = delay(made_study([block("D01", "D01", movements)]))
     one = result(found, "share of searches cut off at 10 %", "dyadic, haptics on")
@@ -100,7 +100,7 @@ def test_searches_that_were_cut_off_are_counted() -> None:
 
 
 @pytest.mark.parametrize(("felt", "apart"), [(0.1, 4.0), (0.295, 0.0), (0.5, 4.0)])
-def test_thresholds_at_which_intervals_do_not_overlap_are_counted(felt: float, apart: float) -> None:
+def test_thresholds_with_non_overlapping_intervals_are_counted(felt: float, apart: float) -> None:
     blocks = [
         block(f"D{k:02}", f"D{k:02}", moves(value + 0.01 * k), force)
         for k in range(3)
@@ -113,19 +113,19 @@ def test_thresholds_at_which_intervals_do_not_overlap_are_counted(felt: float, a
     assert difference.value == pytest.approx(felt - 0.3)
 
 
-def test_a_condition_without_a_cooperative_movement_has_no_delay_but_a_reason() -> None:
+def test_condition_without_cooperative_movements_reports_why_it_has_no_delay() -> None:
     found = delay(made_study([block("D01", "D01", [])]))
     one = result(found, "delay at 10 %", "dyadic, haptics on")
     assert np.isnan(one.value)
     assert (one.n, one.note) == (0, "absolute; no dyad has it")
 
 
-def test_a_study_without_any_success_has_reasons_only() -> None:
+def test_study_without_successes_has_no_delays() -> None:
     found = delay(made_study([Block("D01", "D01", "dyadic", "full", [{"outcome": "fell"}])]))
     assert all(np.isnan(one.value) and one.n == 0 for one in found.results)
 
 
-def test_differences_are_of_dyads_whatever_the_intervals_are_of() -> None:
+def test_differences_are_within_dyads_for_every_unit_of_intervals() -> None:
     for unit in ("dyads", "people", "movements"):
         found = delay(made_study(random_blocks(), f'summaries.intervals="{unit}"'))
         one = result(found, "delay, mean of 10 to 40 %", "bimanual vs dyadic")

@@ -9,7 +9,7 @@ from netboard.analysis.topics.dyads import Comparison, dyads
 
 
 def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Block]:
-    """A dyad for each: both alone, and together."""
+    """A dyad for each triple of levels: participant A alone, B alone, and both together."""
     made = []
     for k, (first, second, both) in enumerate(levels, start=1):
         dyad = f"D{k:02}"
@@ -25,7 +25,7 @@ def of_time(study: Study, force: str = "full") -> Comparison:
     return only
 
 
-def test_points_lie_where_the_paper_says() -> None:
+def test_points_equal_the_definition_of_the_paper() -> None:
     found = of_time(made_study(blocks((4.0, 6.0, 3.0), (2.0, 2.0, 5.0))))
     points = [(one.participant, one.relative.against_partner, one.relative.of_dyad) for one in found.points]
     assert points == [("D01A", 1.0, -1.0), ("D01B", -1.0, -3.0), ("D02A", 0.0, 3.0), ("D02B", 0.0, 3.0)]
@@ -34,21 +34,21 @@ def test_points_lie_where_the_paper_says() -> None:
     assert (found.gain.value, found.gain.n, found.gain.unit) == (-0.5, 2, "dyad")
 
 
-def test_counts_come_with_what_so_many_dyads_can_show() -> None:
+def test_counts_are_reported_with_the_least_possible_p() -> None:
     study = made_study(blocks(*[(4.0, 6.0, 3.0)] * 4))
     (one,) = [r for r in dyads(study).results if r.quantity == "completion time: dyads better than the mean of the two"]
     assert (one.value, one.n, one.of) == (4.0, 4, "dyad")
     assert one.note == "sign test: p = 0.125; 4 dyads can give no p below 0.125"
 
 
-def test_forces_are_compared_with_the_same_force_alone() -> None:
-    """Without haptics the two are slower alone, so that the same time together is a gain."""
+def test_dyads_are_compared_with_individuals_under_the_same_force() -> None:
+    """Without haptics both are slower alone, so the same time together is a gain."""
     study = made_study(blocks((4.0, 4.0, 5.0)) + blocks((8.0, 8.0, 5.0), force="none"))
     assert of_time(study).gain.value == -1.0
     assert of_time(study, "none").gain.value == 3.0
 
 
-def test_a_force_that_nobody_felt_alone_has_no_number_but_a_reason() -> None:
+def test_force_without_individual_trials_reports_why_it_has_no_gain() -> None:
     study = made_study([*blocks((4.0, 4.0, 5.0)), Block("D01", "D01", "dyadic", "unrelated", times(1, 1))])
     found = of_time(study, "unrelated")
     assert (found.points, found.known) == ((), 0)
@@ -57,20 +57,20 @@ def test_a_force_that_nobody_felt_alone_has_no_number_but_a_reason() -> None:
     assert all("no dyad performed in both configurations with this force" in one.note for one in reported)
 
 
-def test_a_dyad_of_which_one_never_performed_alone_is_left_out() -> None:
+def test_dyad_lacking_individual_trials_of_a_partner_is_left_out() -> None:
     found = of_time(made_study([*blocks((4.0, 6.0, 3.0)), *blocks((1.0, 1.0, 1.0), (2.0, 2.0, 1.0))[4:]]))
     assert [one.dyad for one in found.points] == ["D01", "D01"]
 
 
-def test_robots_are_no_dyads() -> None:
+def test_trials_with_a_robot_partner_are_ignored() -> None:
     study = made_study([*blocks((4.0, 6.0, 3.0)), Block("D01", "D01", "dyadic", "full", times(99), right_by="robot")])
     assert len(dyads(study).comparisons) == 2
     assert of_time(study).gain.value == 2.0
 
 
 @pytest.mark.parametrize(("level", "gain"), [("mean", (40 / 61 + 0) - 1.0), ("median", -1.0), ("last", 40 / 60 - 1.0)])
-def test_the_level_is_mean_median_or_that_of_the_last_60(level: str, gain: float) -> None:
-    """Of 61 trials alone the last one takes 40 s and all others none."""
+def test_level_is_the_mean_the_median_or_the_last_60_trials(level: str, gain: float) -> None:
+    """Of 61 individual trials, the last takes 40 s and all others 0 s."""
     alone = times(*[0.0] * 60, 40.0)
     study = made_study(
         [

@@ -23,19 +23,19 @@ def turned(angle: float) -> np.ndarray:
 
 
 def cloud(count: int, seed: int = 1) -> np.ndarray:
-    """Normally distributed points, long along a direction 0.5 rad up."""
+    """Normally distributed points, elongated along an axis at 0.5 rad."""
     return CENTRE + (np.random.default_rng(seed).normal(size=(count, 2)) * SPREAD) @ turned(ROTATION)
 
 
 def well_shaped(points: np.ndarray) -> bool:
-    """Whether it is clear which component is the first, and how it points."""
+    """Whether the order and the signs of the components are unambiguous."""
     values, vectors = np.linalg.eigh(np.cov(points, rowvar=False))
     return bool(values[1] > 1e-6 and values[1] > 1.01 * values[0] and abs(vectors[0, 1]) > 1e-3)
 
 
 @pytest.mark.evidence("truth", ellipse)
-def test_normal_distribution() -> None:
-    """Of known standard deviations the quantiles are known, and with them every extent but that of the range."""
+def test_ellipse_of_normal_points_has_known_extents() -> None:
+    """Known standard deviations give known quantiles, and with them every extent except that of the range."""
     points = cloud(200_000)
     found = ellipse(points)
     np.testing.assert_allclose(found.centre, CENTRE, atol=1e-3)
@@ -49,7 +49,7 @@ def test_normal_distribution() -> None:
 @pytest.mark.slow
 @pytest.mark.evidence("independent", ellipse, by="scikit-learn")
 @given(clouds)
-def test_components_are_scikit_learns(points: np.ndarray) -> None:
+def test_components_equal_pca_of_scikit_learn(points: np.ndarray) -> None:
     assume(well_shaped(points))
     pca = PCA(2).fit(points)
     found = ellipse(points)
@@ -75,7 +75,7 @@ def test_components_are_the_eigenvectors_of_the_covariance(points: np.ndarray) -
 
 
 @given(clouds)
-def test_components_are_a_right_handed_turn(points: np.ndarray) -> None:
+def test_components_are_a_proper_rotation(points: np.ndarray) -> None:
     found = ellipse(points)
     np.testing.assert_allclose(found.components @ found.components.T, np.eye(2), atol=1e-9)
     assert np.linalg.det(found.components) == pytest.approx(1)
@@ -84,7 +84,7 @@ def test_components_are_a_right_handed_turn(points: np.ndarray) -> None:
 
 
 @pytest.mark.evidence("independent", ellipse, by="scikit-learn")
-def test_standardised() -> None:
+def test_standardised_ellipse_equals_that_of_scaled_points() -> None:
     points = cloud(300)
     scaled = StandardScaler().fit_transform(points) * np.sqrt(299 / 300)
     found, expected = ellipse(points, scaling="standardised"), ellipse(scaled)
@@ -100,7 +100,7 @@ def test_standardised() -> None:
 
 @pytest.mark.evidence("truth", ellipse)
 @pytest.mark.parametrize("scaling", ["si", "standardised"])
-def test_outline_holds_most_points(scaling: str) -> None:
+def test_outline_encloses_the_expected_share_of_points(scaling: str) -> None:
     points = cloud(20_000)
     found = ellipse(points, scaling=scaling)
     outline = found.outline(401)
@@ -115,7 +115,7 @@ def test_outline_holds_most_points(scaling: str) -> None:
 @pytest.mark.slow
 @pytest.mark.evidence("properties", ellipse, of=("unit", "constant"))
 @given(clouds, st.sampled_from(EXTENTS), arrays(np.float64, 2, elements=st.floats(-5, 5)), st.floats(0.1, 10))
-def test_place_and_size(points: np.ndarray, extent: str, place: np.ndarray, factor: float) -> None:
+def test_ellipse_scales_with_its_points(points: np.ndarray, extent: str, place: np.ndarray, factor: float) -> None:
     assume(well_shaped(points))
     found, moved = ellipse(points, extent=extent), ellipse(factor * points + place, extent=extent)
     np.testing.assert_allclose(moved.centre, factor * found.centre + place, atol=1e-9)
@@ -126,7 +126,7 @@ def test_place_and_size(points: np.ndarray, extent: str, place: np.ndarray, fact
 @pytest.mark.evidence("disturbance", ellipse, of="holes")
 @pytest.mark.evidence("properties", ellipse, of="order")
 @given(clouds, st.sampled_from(["middle_90", "twice_p90", "p10_to_p90", "nine_tenths"]), st.randoms())
-def test_order_and_missing_points_do_not_matter(points: np.ndarray, extent: str, chance: object) -> None:
+def test_ellipse_ignores_order_and_missing_points(points: np.ndarray, extent: str, chance: object) -> None:
     assume(well_shaped(points))
     order = list(range(len(points)))
     chance.shuffle(order)  # type: ignore[attr-defined]
@@ -136,20 +136,20 @@ def test_order_and_missing_points_do_not_matter(points: np.ndarray, extent: str,
     np.testing.assert_allclose([other.width, other.height], [found.width, found.height], atol=1e-6)
 
 
-def test_too_few_points() -> None:
+def test_ellipse_of_two_points_is_nan() -> None:
     found = ellipse(np.array([[0.0, 1], [1, 2], [np.nan, 3]]))
     assert found.count == 2
     assert np.isnan([found.width, found.height, found.area, found.rotation, *found.centre]).all()
 
 
 @pytest.mark.evidence("truth", groups_of)
-def test_groups() -> None:
+def test_trials_are_grouped_by_thirty() -> None:
     np.testing.assert_array_equal(groups_of(np.array([1, 30, 31, 60, 61, 180])), [0, 0, 1, 1, 2, 5])
 
 
 @pytest.mark.evidence("independent", convergence, by="scikit-learn")
-def test_convergence() -> None:
-    """Six groups of 30, each spread two thirds as far as the one before."""
+def test_variance_and_area_shrink_over_groups() -> None:
+    """Six groups of 30; each has two thirds of the spread of the one before."""
     sizes = (2 / 3) ** np.repeat(np.arange(6), 30)
     points = CENTRE + (cloud(180, seed=4) - CENTRE) * sizes[:, None]
     groups = groups_of(1 + np.arange(180))
@@ -166,7 +166,7 @@ def test_convergence() -> None:
 
 
 @pytest.mark.evidence("disturbance", convergence, of="holes")
-def test_a_group_with_too_few_trials_has_no_variance() -> None:
+def test_group_with_too_few_trials_has_no_variance() -> None:
     found = convergence(np.array([[0.0, 1], [1, 2], [np.nan, 3], [0, 0], [1, 0], [0, 1]]), np.array([0, 0, 0, 1, 1, 1]))
     assert np.isnan([*found.variance[0], found.generalised[0], found.areas[0]]).all()
     assert np.isfinite([*found.variance[1], found.generalised[1], found.areas[1]]).all()

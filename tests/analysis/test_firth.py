@@ -24,7 +24,7 @@ FULL = np.column_stack([SATURATED[:, :3], np.log(TABLE["trial"]), SATURATED[:, 3
         ("logistic_separated", "fell", SATURATED, "binomial"),
     ],
 )
-def test_estimates_are_those_of_brglm2(name: str, response: str, columns: np.ndarray, family: Family) -> None:
+def test_estimates_equal_those_of_brglm2(name: str, response: str, columns: np.ndarray, family: Family) -> None:
     found = firth_fit(TABLE[response], columns, family)
     reference = REFERENCE["firth"][name]
     assert found.converged
@@ -33,7 +33,7 @@ def test_estimates_are_those_of_brglm2(name: str, response: str, columns: np.nda
 
 
 @pytest.mark.evidence("truth", firth_fit)
-def test_of_two_groups_half_an_event_is_added_to_each_cell() -> None:
+def test_estimate_of_two_groups_adds_half_an_event_to_each_cell() -> None:
     failed = np.repeat([1.0, 0.0, 1.0, 0.0], [6, 14, 0, 20])
     columns = np.column_stack([np.ones(40), np.repeat([-0.5, 0.5], 20)])
     found = firth_fit(failed, columns, "binomial")
@@ -44,7 +44,7 @@ def test_of_two_groups_half_an_event_is_added_to_each_cell() -> None:
 
 
 @pytest.mark.evidence("truth", profile_interval)
-def test_ends_of_a_profile_are_where_the_likelihood_ratio_says() -> None:
+def test_profile_interval_ends_at_the_likelihood_ratio_limit() -> None:
     failed = np.repeat([1.0, 0.0, 1.0, 0.0], [6, 14, 0, 20])
     columns = np.column_stack([np.ones(40), np.repeat([-0.5, 0.5], 20)])
     best, row = firth_fit(failed, columns, "binomial"), np.array([0.0, 1.0])
@@ -60,7 +60,7 @@ def test_ends_of_a_profile_are_where_the_likelihood_ratio_says() -> None:
 
 
 @pytest.mark.evidence("independent", profile_interval, by="scipy")
-def test_a_profile_is_the_largest_of_a_direct_search() -> None:
+def test_constrained_fit_equals_direct_maximisation() -> None:
     from scipy.optimize import minimize
 
     row, value = np.array([0.0, 1.0, 0.0, 0.5]), -2.0
@@ -78,7 +78,7 @@ def test_a_profile_is_the_largest_of_a_direct_search() -> None:
 
 
 @pytest.mark.evidence("properties", firth_fit, profile_interval, of=("order", "mirror"))
-def test_conditions_change_places_and_trials_their_order() -> None:
+def test_fit_is_invariant_to_row_order_and_mirrored_conditions() -> None:
     by = np.random.default_rng(2).permutation(len(FULL))
     turned = FULL[by] * [1.0, -1.0, 1.0, 1.0, -1.0]
     one, other = firth_fit(TABLE["fell"], FULL, "binomial"), firth_fit(TABLE["fell"][by], turned, "binomial")
@@ -89,15 +89,15 @@ def test_conditions_change_places_and_trials_their_order() -> None:
     assert mirrored == pytest.approx((-high, -low), abs=1e-4)
 
 
-def test_without_any_event_or_with_events_only_there_is_an_estimate() -> None:
+def test_fit_converges_without_events_and_with_events_only() -> None:
     for response in (np.zeros(len(SATURATED)), np.ones(len(SATURATED))):
         found = firth_fit(response, SATURATED, "binomial")
         assert found.converged
         assert found.coefficients[1:] == pytest.approx(0.0, abs=1e-7)
 
 
-def test_a_profile_far_from_the_maximum_needs_no_inverse() -> None:
-    """Few trials, one event, and a slope whose profile hardly falls: held far out, the means are 0 or 1 throughout."""
+def test_profile_far_from_the_maximum_stays_finite() -> None:
+    """Few trials, one event, and a flat profile of the slope: far from the maximum all means are 0 or 1."""
     columns = np.column_stack([np.ones(8), [-1.5, 1.5] * 4, [-25.0, -25.0, 25.0, 25.0] * 2])
     response = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     far = firth_fit(response, columns, "binomial", (np.array([0.0, 0.0, 1.0]), 1e4))
@@ -109,8 +109,8 @@ def test_a_profile_far_from_the_maximum_needs_no_inverse() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("trials", [2, 4, 8])
-def test_a_profile_with_next_to_no_information_ends_and_raises_nothing(trials: int) -> None:
-    """Few trials, some of them failed in one condition alone, and a wide interval: the profile goes far out."""
+def test_profile_with_little_information_terminates(trials: int) -> None:
+    """Few trials, failures in one condition only, and a wide interval: the profile extends far out."""
     h, c, order = (index.ravel() for index in np.indices((2, 2, trials)))
     columns = np.column_stack([np.ones(4 * trials), h - 0.5, c - 0.5, (h - 0.5) * (c - 0.5), np.log(order + 1.0)])
     failed = ((h == 0) & (c == 0) & (order == 0)).astype(float)

@@ -17,7 +17,7 @@ from netboard.analysis.topics.groups import (
 )
 
 
-def test_conditions_stand_in_one_order_whatever_was_recorded_first() -> None:
+def test_conditions_have_a_fixed_order() -> None:
     study = made_study(
         [
             Block("D01", "D01", "dyadic", "unrelated", times(1)),
@@ -37,14 +37,14 @@ def test_conditions_stand_in_one_order_whatever_was_recorded_first() -> None:
     assert teams(study) == ("bimanual", "dyadic", "dyadic, robot partner")
 
 
-def test_a_dyad_is_one_value_however_many_trials_its_people_have() -> None:
+def test_dyad_value_is_the_unweighted_mean_of_its_performers() -> None:
     rows = pd.DataFrame(
         {"dyad": ["D01"] * 5 + ["D02"], "performer": ["A", "A", "A", "A", "B", "C"], "x": [1.0, 1, 1, 1, 5, 7]}
     )
     assert of_dyads(of_performers(rows, "x")).to_dict() == {"D01": 3.0, "D02": 7.0}
 
 
-def test_an_interval_is_of_as_many_as_there_are_dyads() -> None:
+def test_interval_counts_only_dyads_with_a_value() -> None:
     found = estimate(pd.Series([1.0, 3.0, np.nan]))
     assert (found.value, found.n, found.unit) == (2.0, 2, "dyad")
     assert found.high - found.value == pytest.approx(12.706, abs=1e-3)  # t of one degree of freedom; the SEM is 1
@@ -54,12 +54,12 @@ def test_an_interval_is_of_as_many_as_there_are_dyads() -> None:
     ("values", "interval", "note"),
     [([], "", "no dyad has it"), ([1.0], "", "no interval from one dyad"), ([1, 2], "95 % t", "")],
 )
-def test_a_result_says_what_it_has_no_interval_from(values: list[float], interval: str, note: str) -> None:
+def test_result_notes_why_it_has_no_interval(values: list[float], interval: str, note: str) -> None:
     found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float)), "s")
     assert (found.n, found.interval, found.note) == (len(values), interval, note)
 
 
-def test_differences_are_of_dyads_that_have_both() -> None:
+def test_differences_use_only_dyads_with_both_conditions() -> None:
     study = made_study(
         [Block("D01", "D01", "dyadic", force, times(1)) for force in ("none", "full")]
         + [Block("D01", "D01A", "bimanual", "none", times(1))]
@@ -80,8 +80,8 @@ FORCES_ALONE = [
 ]
 
 
-def test_differences_are_over_the_same_performers() -> None:
-    """A takes 3 s and B 9 s, whatever they feel; B of D01 lacks one condition."""
+def test_differences_use_the_same_performers_in_both_conditions() -> None:
+    """A takes 3 s and B 9 s in all conditions; B of D01 lacks one condition."""
     slow, quick = {("D01", "D01B"): 9.0, ("D02", "D02B"): 9.0}, {("D01", "D01A"): 3.0, ("D02", "D02A"): 3.0}
     felt = {key: value for key, value in slow.items() if key[0] == "D02"}
     values = {
@@ -106,12 +106,12 @@ FAILED = [
 
 
 @pytest.mark.parametrize(("time", "expected"), [("successful_attempt", [2.0, 3.0]), ("all_attempts", [12.0, 3.0])])
-def test_failed_attempts_cost_time_if_they_are_to(time: str, expected: list[float]) -> None:
+def test_failed_attempts_add_time_if_configured(time: str, expected: list[float]) -> None:
     study = made_study([Block("D01", "D01", "dyadic", "none", FAILED)], f'summaries.time="{time}"')
     assert counted(study)["completion"].tolist() == expected
 
 
-def test_failed_attempts_of_an_excluded_trial_count_nowhere() -> None:
+def test_failed_attempts_of_an_excluded_trial_are_ignored() -> None:
     study = made_study(
         [Block("D01", "D01", "dyadic", "none", FAILED)], 'summaries.time="all_attempts"', "exclusions.warm_up=1"
     )

@@ -15,8 +15,8 @@ from netboard.analysis.topics.influence import Influence, influences
 SAMPLES = 120
 
 
-def following(weight: float, seed: int = 1) -> Study:
-    """Dyads in which the right hand does what the left one did 40 ms earlier, and something of its own."""
+def study_with_a_leader(weight: float, seed: int = 1) -> Study:
+    """Dyads whose right hand repeats the left hand's movement 40 ms later, plus noise of its own."""
     chance = np.random.default_rng(seed)
 
     def draw(trial: pd.Series) -> Path:
@@ -31,7 +31,7 @@ def following(weight: float, seed: int = 1) -> Study:
     return with_paths(modern_study(blocks), draw)
 
 
-def each(study: Study, change: Callable[[pd.DataFrame], pd.DataFrame]) -> dict[str, pd.DataFrame]:
+def changed_paths(study: Study, change: Callable[[pd.DataFrame], pd.DataFrame]) -> dict[str, pd.DataFrame]:
     """Change the paths of every recording."""
     return {name: change(paths) for name, paths in study.paths.items()}
 
@@ -41,8 +41,8 @@ def influence_of(study: Study, direction: str) -> Influence:
     return only
 
 
-def test_who_is_followed_is_found_beyond_chance() -> None:
-    study = following(1.0)
+def test_influence_of_the_leader_exceeds_chance() -> None:
+    study = study_with_a_leader(1.0)
     to_right, to_left = influence_of(study, "left to right"), influence_of(study, "right to left")
     assert to_right.condition.name == "dyadic, full"
     assert to_right.dyads == ("D01", "D02", "D03", "D04")
@@ -56,16 +56,16 @@ def test_who_is_followed_is_found_beyond_chance() -> None:
 
 
 @pytest.mark.slow
-def test_without_influence_there_is_no_excess() -> None:
-    found = [influence_of(following(0.0, seed), "left to right").chance for seed in range(4)]
+def test_dyads_without_influence_show_no_excess() -> None:
+    found = [influence_of(study_with_a_leader(0.0, seed), "left to right").chance for seed in range(4)]
     excess = [one.excess for one in found if one is not None]
     assert len(excess) == 4
     assert max(map(abs, excess)) < 0.005
     assert np.mean([one.p for one in found if one is not None]) > 0.2
 
 
-def test_trials_that_are_turned_over_say_the_same() -> None:
-    study = following(0.7)
+def test_influence_is_invariant_to_mirrored_trials() -> None:
+    study = study_with_a_leader(0.7)
     left = study.trials["trial"] % 2 == 0
     trials = study.trials.assign(target=np.where(left, -1, 1))
     told = trials[["recording", "trial", "attempt", "target"]]
@@ -74,7 +74,7 @@ def test_trials_that_are_turned_over_say_the_same() -> None:
         signs = pd.merge(paths, told)["target"].to_numpy()
         return paths.assign(**{name: paths[name] * signs for name in ("left_vz", "right_vz", "p")})
 
-    turned = replace(study, trials=trials, paths=each(study, turn))
+    turned = replace(study, trials=trials, paths=changed_paths(study, turn))
     for one, other in zip(influences(study).influences, influences(turned).influences, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=1e-9)
         assert one.chance is not None
@@ -82,28 +82,30 @@ def test_trials_that_are_turned_over_say_the_same() -> None:
         np.testing.assert_allclose(one.chance.surrogates, other.chance.surrogates, rtol=1e-9)
 
 
-def test_exchanged_sides_exchange_the_directions() -> None:
-    study = following(0.7)
+def test_swapping_sides_swaps_the_directions() -> None:
+    study = study_with_a_leader(0.7)
     names = {"left_vz": "right_vz", "right_vz": "left_vz"}
-    exchanged = replace(study, paths=each(study, lambda paths: paths.rename(columns=names)))
+    exchanged = replace(study, paths=changed_paths(study, lambda paths: paths.rename(columns=names)))
     one, other = influence_of(study, "left to right"), influence_of(exchanged, "right to left")
     np.testing.assert_allclose(one.values, other.values)
 
 
-def test_what_comes_after_the_completion_and_gaps_are_left_out() -> None:
-    study = following(1.0)
+def test_samples_after_completion_and_trials_with_gaps_are_left_out() -> None:
+    study = study_with_a_leader(1.0)
     end = 0.02 * (SAMPLES - 1) - 0.3
-    late = each(study, lambda paths: paths.assign(right_vz=paths["right_vz"].where(paths["time"] <= end, 99.0)))
+    late = changed_paths(
+        study, lambda paths: paths.assign(right_vz=paths["right_vz"].where(paths["time"] <= end, 99.0))
+    )
     cut = replace(study, trials=study.trials.assign(completion=end), paths=late)
     assert influence_of(cut, "left to right").values == pytest.approx(np.full(4, np.log(2.0)), abs=0.12)
     gappy = replace(
-        study, paths=each(study, lambda paths: paths.assign(p=paths["p"].where(paths["trial"] != 3, np.nan)))
+        study, paths=changed_paths(study, lambda paths: paths.assign(p=paths["p"].where(paths["trial"] != 3, np.nan)))
     )
     assert influence_of(gappy, "left to right").of == 11
 
 
-def test_many_trials_are_a_seeded_choice(monkeypatch: pytest.MonkeyPatch) -> None:
-    study = following(1.0)
+def test_many_trials_are_subsampled_with_a_fixed_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = study_with_a_leader(1.0)
     monkeypatch.setattr(influence, "MOST", 5 * 4**2)
     monkeypatch.setattr(influence, "LEAST", 2)
     one, again = influence_of(study, "left to right"), influence_of(replace(study), "left to right")
@@ -114,16 +116,16 @@ def test_many_trials_are_a_seeded_choice(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.slow
-def test_one_dyad_has_influence_and_no_surrogates() -> None:
-    study = following(1.0)
+def test_single_dyad_has_influence_and_no_surrogates() -> None:
+    study = study_with_a_leader(1.0)
     own = study.trials["dyad"] == "D01"
     found = influences(replace(study, trials=study.trials[own]))
     assert [one.chance for one in found.influences] == [None, None]
     assert ["no surrogates" in row.note for row in found.results] == [True, True]
 
 
-def test_alone_with_a_robot_or_without_paths_there_is_nobody_to_answer() -> None:
-    study = following(1.0)
+def test_no_influence_without_two_people_or_without_paths() -> None:
+    study = study_with_a_leader(1.0)
     alone = study.blocks.assign(left_by="D01A", right_by="D01A")
     for blocks in (alone, study.blocks.assign(right_by="robot"), study.blocks.assign(left_by="still")):
         assert influences(replace(study, blocks=blocks)).influences == ()

@@ -26,7 +26,7 @@ def coupled(n: int, strength: float, seed: int, noise: float = 1.0) -> tuple[np.
 @pytest.mark.evidence("independent", granger, by="statsmodels")
 @pytest.mark.parametrize("order", [1, 2, 4])
 @pytest.mark.parametrize("seed", range(3))
-def test_granger_is_that_of_another_library(order: int, seed: int) -> None:
+def test_granger_equals_that_of_statsmodels(order: int, seed: int) -> None:
     x, y = coupled(300, 0.2, seed)
     y = np.convolve(y, [1.0, 0.6, 0.2])[:300]
     theirs = grangercausalitytests(pd.DataFrame({"y": y, "x": x})[["y", "x"]], maxlag=[order])[order][0]["ssr_ftest"]
@@ -39,7 +39,7 @@ def test_granger_is_that_of_another_library(order: int, seed: int) -> None:
 
 @pytest.mark.evidence("truth", transfer_entropy)
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0, 2.0])
-def test_transfer_entropy_in_closed_form(strength: float) -> None:
+def test_transfer_entropy_equals_the_gaussian_closed_form(strength: float) -> None:
     # Of normal variables: half the logarithm of the variances without and with the source, 1 + c^2 and 1.
     x, y = coupled(8000, strength, 7)
     truth = 0.5 * np.log(1.0 + strength**2)
@@ -49,7 +49,7 @@ def test_transfer_entropy_in_closed_form(strength: float) -> None:
 
 
 @pytest.mark.evidence("truth", transfer_entropy)
-def test_binned_transfer_entropy_of_symbols_in_closed_form() -> None:
+def test_binned_transfer_entropy_equals_the_closed_form_of_symbols() -> None:
     # A coin that is copied with probability 1 - e: ln 2 less the entropy of the error.
     rng = np.random.default_rng(3)
     x, wrong = rng.integers(0, 2, 20_000), rng.random(20_000) < 0.1
@@ -64,7 +64,7 @@ def test_binned_transfer_entropy_of_symbols_in_closed_form() -> None:
 
 
 @pytest.mark.evidence("truth", transfer_entropy)
-def test_a_square_is_not_seen_by_a_linear_model() -> None:
+def test_quadratic_influence_is_missed_by_the_linear_estimator_only() -> None:
     rng = np.random.default_rng(5)
     x = rng.normal(size=4000)
     y = 0.3 * rng.normal(size=4000)
@@ -75,7 +75,7 @@ def test_a_square_is_not_seen_by_a_linear_model() -> None:
 
 
 @pytest.mark.evidence("truth", granger)
-def test_the_delay_is_where_the_influence_is() -> None:
+def test_influence_is_largest_at_the_true_delay() -> None:
     rng = np.random.default_rng(9)
     x = rng.normal(size=6000)
     y = rng.normal(size=6000)
@@ -85,7 +85,7 @@ def test_the_delay_is_where_the_influence_is() -> None:
 
 
 @pytest.mark.evidence("truth", granger, transfer_entropy)
-def test_what_both_follow_is_no_influence_once_it_is_given() -> None:
+def test_conditioning_on_a_common_cause_removes_its_influence() -> None:
     rng = np.random.default_rng(1)
     ball = rng.normal(size=5000)
     x, y = rng.normal(size=5000), rng.normal(size=5000)
@@ -97,7 +97,7 @@ def test_what_both_follow_is_no_influence_once_it_is_given() -> None:
     assert abs(transfer_entropy([x], [y], past=two, given=[[ball]], estimator="nearest")) < 0.03
 
 
-def test_no_past_reaches_over_the_beginning_of_a_trial() -> None:
+def test_past_never_extends_before_the_start_of_a_trial() -> None:
     x, y = coupled(1000, 1.0, 2)
     cut = [slice(0, 300), slice(300, 310), slice(310, 1000)]
     found = granger([x[part] for part in cut], [y[part] for part in cut], past=ONE)
@@ -107,7 +107,7 @@ def test_no_past_reaches_over_the_beginning_of_a_trial() -> None:
     assert coarse.n == len(range(75, 1000, 20))
 
 
-def test_where_there_is_nothing_to_tell() -> None:
+def test_influence_is_nan_when_it_cannot_be_estimated() -> None:
     assert np.isnan(granger([[1.0, 2.0]], [[1.0, 2.0]]).strength)
     assert np.isnan(granger([], []).f)
     assert np.isnan(transfer_entropy([np.ones(3)], [np.ones(3)], estimator="nearest"))
@@ -115,7 +115,7 @@ def test_where_there_is_nothing_to_tell() -> None:
     assert np.isnan(granger([straight**2], [straight], past=Past(step=1, own=2, other=1, delay=1)).strength)
 
 
-def test_misuse_is_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="one length"):
         granger([np.ones(3)], [np.ones(4)])
     with pytest.raises(ValueError, match="numbers"):
@@ -131,7 +131,7 @@ def strength_of(sources: list[np.ndarray], targets: list[np.ndarray]) -> float:
 
 
 def dyads(count: int, strength: float, task: float, seed: int = 0) -> tuple[list, list]:
-    """Dyads of five trials; the size of what every source does, and every target one sample later, is `task`."""
+    """Dyads of five trials; `task` scales a drive shared by all sources and, one sample later, by all targets."""
     rng = np.random.default_rng(seed)
     shared = rng.normal(size=(5, 400))
     sources, targets = [], []
@@ -146,7 +146,7 @@ def dyads(count: int, strength: float, task: float, seed: int = 0) -> tuple[list
 
 @pytest.mark.evidence("truth", chance_level)
 @pytest.mark.parametrize(("count", "pairings", "exchanges"), [(2, 1, 1), (3, 2, 5), (4, 9, 23), (6, 265, 719)])
-def test_true_dyads_stand_out_of_all_exchanges(count: int, pairings: int, exchanges: int) -> None:
+def test_coupled_dyads_have_the_least_p_of_all_pairings(count: int, pairings: int, exchanges: int) -> None:
     found = chance_level(*dyads(count, 0.5, 0.0), strength_of, np.random.default_rng(1))
     assert len(found.surrogates) == pairings
     assert found.p == found.least_p == pytest.approx(1 / (exchanges + 1))
@@ -156,7 +156,7 @@ def test_true_dyads_stand_out_of_all_exchanges(count: int, pairings: int, exchan
 
 
 @pytest.mark.evidence("truth", chance_level)
-def test_what_the_task_does_is_the_level_of_chance() -> None:
+def test_common_task_drive_sets_the_chance_level() -> None:
     found = chance_level(*dyads(6, 0.0, 1.0), strength_of, np.random.default_rng(1))
     assert found.value > 0.1
     assert found.level == pytest.approx(found.value, abs=0.02)
@@ -166,7 +166,7 @@ def test_what_the_task_does_is_the_level_of_chance() -> None:
 
 @pytest.mark.slow
 @pytest.mark.evidence("disturbance", chance_level, of="noise")
-def test_chance_finds_an_effect_by_chance() -> None:
+def test_p_of_uncoupled_dyads_is_not_too_small() -> None:
     p = [chance_level(*dyads(4, 0.0, 0.5, seed), strength_of, np.random.default_rng(seed)).p for seed in range(100)]
     assert np.mean(np.array(p) <= 0.1) <= 0.2
     assert 0.4 < np.mean(p) < 0.7
@@ -175,8 +175,8 @@ def test_chance_finds_an_effect_by_chance() -> None:
 @pytest.mark.slow
 @pytest.mark.evidence("truth", chance_level)
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
-def test_of_dyads_without_influence_p_is_as_small_as_it_says(count: int) -> None:
-    """With surrogates alone, p of 4 dyads would be its least value 1.6 times as often as it says, of 5 dyads 3.3."""
+def test_p_of_uncoupled_dyads_has_the_nominal_error_rate(count: int) -> None:
+    """With surrogates only, the least p would occur 1.6 times too often with 4 dyads and 3.3 times with 5."""
     rng = np.random.default_rng(count)
 
     def strength(source: list, target: list) -> float:
@@ -191,7 +191,7 @@ def test_of_dyads_without_influence_p_is_as_small_as_it_says(count: int) -> None
         assert np.mean(np.array(found) <= p + 1e-12) <= p + 3 * np.sqrt(p * (1 - p) / len(found))
 
 
-def test_many_dyads_are_sampled_with_a_seed() -> None:
+def test_pairings_of_many_dyads_are_sampled_with_a_seed() -> None:
     sources, targets = dyads(10, 0.3, 0.0)
     first, again, other = (
         chance_level(sources, targets, strength_of, np.random.default_rng(seed), most=20) for seed in (1, 1, 2)
@@ -205,7 +205,7 @@ def test_many_dyads_are_sampled_with_a_seed() -> None:
 @pytest.mark.evidence("properties", transfer_entropy, of=("unit", "constant", "mirror"))
 @given(st.floats(0.1, 100.0), st.floats(-5.0, 5.0), st.integers(0, 50))
 @settings(max_examples=20, deadline=None)
-def test_influence_knows_no_unit_and_no_sign(scale: float, offset: float, seed: int) -> None:
+def test_transfer_entropy_is_invariant_to_unit_offset_and_sign(scale: float, offset: float, seed: int) -> None:
     x, y = coupled(400, 0.7, seed)
     for estimator in ("gaussian", "binned", "nearest"):
         measure = partial(transfer_entropy, past=ONE, estimator=estimator)

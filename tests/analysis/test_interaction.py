@@ -30,7 +30,7 @@ FORCES = arrays(float, 20, elements=st.floats(-4.0, 4.0).map(lambda force: round
 
 @pytest.mark.evidence("truth", supports)
 @pytest.mark.parametrize("p", [-0.15, 0.0, 0.31])
-def test_supports_are_what_the_scene_at_rest_needs(p: float) -> None:
+def test_supports_keep_the_scene_in_static_equilibrium(p: float) -> None:
     # Without the spring to the origin, and with the styluses where the board is then level.
     physics = replace(Physics(), k_s=0.0)
     scene = pack_scene(physics)[0]
@@ -41,7 +41,7 @@ def test_supports_are_what_the_scene_at_rest_needs(p: float) -> None:
 
 
 @pytest.mark.evidence("truth", interaction)
-def test_two_who_pull_against_each_other() -> None:
+def test_opposing_forces_are_split_into_external_and_interaction_force() -> None:
     left, right = np.array([2.0, -2.0, 1.0, 0.0]), np.array([0.5, 0.5, 1.0, 1.0])
     heave = interaction(left, right, axis="heave")
     assert heave.net.tolist() == [2.5, -1.5, 2.0, 1.0]
@@ -58,7 +58,9 @@ def test_two_who_pull_against_each_other() -> None:
 
 @pytest.mark.evidence("properties", interaction, of=("mirror", "unit", "balance"))
 @given(FORCES, FORCES, st.sampled_from(["tilt", "heave"]), st.sampled_from(["opposing", "half_difference"]))
-def test_nothing_is_lost_and_sides_are_alike(left: np.ndarray, right: np.ndarray, axis: str, rule: str) -> None:
+def test_decomposition_is_balanced_and_mirror_symmetric(
+    left: np.ndarray, right: np.ndarray, axis: str, rule: str
+) -> None:
     found = interaction(left, right, axis=axis, rule=rule)
     sign = -1.0 if axis == "tilt" else 1.0
     assert found.left_external + found.between == pytest.approx(sign * left)
@@ -73,7 +75,7 @@ def test_nothing_is_lost_and_sides_are_alike(left: np.ndarray, right: np.ndarray
 
 @pytest.mark.evidence("independent", interaction, by="scipy")
 @given(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
-def test_opposing_forces_are_the_least_that_make_externals_agree(a: float, b: float) -> None:
+def test_interaction_force_is_the_least_that_makes_external_forces_agree(a: float, b: float) -> None:
     found = interaction([a], [b], axis="heave")
     # The least effort of both externals with the same sum, reached from the measured forces with the least between.
     least = minimize_scalar(lambda x: abs(a - x) + abs(b + x), bounds=(-8.0, 8.0), method="bounded")
@@ -82,7 +84,7 @@ def test_opposing_forces_are_the_least_that_make_externals_agree(a: float, b: fl
 
 
 @pytest.mark.evidence("truth", work, effort)
-def test_work_of_sines_in_closed_form() -> None:
+def test_work_and_effort_of_sine_waves_equal_the_closed_form() -> None:
     t = np.arange(0.0, 2.0 + 1e-9, 1.0 / RATE)
     in_phase = work(3.0 * np.sin(2 * np.pi * t), 0.1 * np.sin(2 * np.pi * t), RATE)
     assert in_phase.net == pytest.approx(3.0 * 0.1 * 2.0 / 2.0, rel=1e-9)
@@ -99,7 +101,7 @@ def test_work_of_sines_in_closed_form() -> None:
 
 
 @pytest.mark.evidence("truth", exchanged)
-def test_what_passes_from_one_to_the_other() -> None:
+def test_exchanged_work_equals_hand_computed_values() -> None:
     left, right = np.array([2.0, 2.0, 2.0, 2.0]), np.array([-0.5, -0.5, -0.5, -0.5])
     assert exchanged(left, right, 1.0) == (1.5, 0.0)
     assert exchanged(right, left, 1.0) == (0.0, 1.5)
@@ -107,7 +109,7 @@ def test_what_passes_from_one_to_the_other() -> None:
 
 
 @pytest.mark.evidence("truth", force_share)
-def test_shares() -> None:
+def test_force_share_equals_hand_computed_values() -> None:
     assert force_share([1.0, -1.0], [3.0, 3.0]) == 0.75
     assert force_share([1.0, -1.0], [3.0, 3.0], kind="squared") == 0.9
     assert np.isnan(force_share([0.0], [0.0]))
@@ -117,7 +119,7 @@ def test_shares() -> None:
 
 @pytest.mark.evidence("properties", force_share, of=("mirror", "unit", "balance"))
 @given(FORCES, FORCES)
-def test_a_share_and_that_of_the_other_make_one(left: np.ndarray, right: np.ndarray) -> None:
+def test_force_shares_of_both_sides_add_up_to_one(left: np.ndarray, right: np.ndarray) -> None:
     share = force_share(left, right)
     if np.isfinite(share):
         assert 0.0 <= share <= 1.0
@@ -127,7 +129,7 @@ def test_a_share_and_that_of_the_other_make_one(left: np.ndarray, right: np.ndar
 
 @pytest.mark.evidence("truth", work, point_velocities)
 @pytest.mark.slow
-def test_work_is_that_of_the_simulated_scene() -> None:
+def test_work_equals_the_energy_balance_of_the_simulated_scene() -> None:
     physics = Physics()
     t = np.arange(0.0, 2.0, 1e-3)
     z = np.stack([0.01 * np.sin(5 * t) + 0.004 * np.sin(2 * t), -0.008 * np.sin(5 * t + 0.3)], axis=1)

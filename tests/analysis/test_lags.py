@@ -27,12 +27,12 @@ def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
 @pytest.mark.evidence("truth", peak_delay)
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 9.0])
 @pytest.mark.parametrize("lag", [0.0, 0.04, 0.08, -0.0613])
-def test_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
+def test_peak_delay_equals_the_lag_for_any_amplitudes(lag: float, ratio: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01 * ratio), -minimum_jerk(0.3, 0.4, 0.01)
     assert peak_delay(left, right, RATE) == pytest.approx(lag, abs=1e-6)
 
 
-def test_a_peak_at_an_end_is_none() -> None:
+def test_peak_at_an_end_of_the_record_gives_no_delay() -> None:
     assert np.isnan(peak_delay([], [], RATE))
     assert np.isnan(peak_delay(np.linspace(0, 1, 50), minimum_jerk(0.01, 0.03, 0.01)[:50], RATE))
 
@@ -40,7 +40,7 @@ def test_a_peak_at_an_end_is_none() -> None:
 @pytest.mark.evidence("truth", lag_of)
 @pytest.mark.parametrize("overlap", ["pearson", "full"])
 @pytest.mark.parametrize("delay", [0.0, 0.037, -0.0904, 0.1207])
-def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -> None:
+def test_correlation_finds_delays_between_samples(delay: float, overlap: str) -> None:
     found = lag_of(swept(delay), -3.0 * swept(0.0), RATE, overlap=overlap)
     assert found.delay == pytest.approx(delay, abs=5e-5 if overlap == "pearson" else 2e-3)
     assert found.n == 6000
@@ -49,7 +49,7 @@ def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -
 
 
 @pytest.mark.evidence("independent", lag_of, by="scipy")
-def test_coefficients_are_those_of_another_library() -> None:
+def test_coefficients_equal_pearsonr_of_scipy() -> None:
     rng = np.random.default_rng(1)
     left, right = rng.normal(size=200), rng.normal(size=200)
     left[3:] += 2.0 * right[:-3]
@@ -59,7 +59,7 @@ def test_coefficients_are_those_of_another_library() -> None:
     assert found.coefficient >= pearsonr(left[3:], right[:-3]).statistic
 
 
-def test_a_best_delay_at_the_end_of_the_search_is_none() -> None:
+def test_lag_at_the_end_of_the_search_range_is_nan() -> None:
     found = lag_of(swept(0.2), swept(0.0), RATE, longest=0.1, relation="alike")
     assert np.isnan(found.delay)
     still = lag_of(np.ones(1000), swept(0.0)[:1000], RATE)
@@ -67,7 +67,7 @@ def test_a_best_delay_at_the_end_of_the_search_is_none() -> None:
 
 
 @pytest.mark.evidence("truth", windowed_lags)
-def test_a_lead_that_changes_hands_is_followed() -> None:
+def test_windowed_lags_follow_a_change_of_leader() -> None:
     left = np.concatenate([swept(0.05, 3.0), swept(-0.08, 3.0, seed=4)])
     right = -np.concatenate([swept(0.0, 3.0), swept(0.0, 3.0, seed=4)])
     centres, lags = windowed_lags(left, right, RATE, window=1.5, step=0.5)
@@ -78,7 +78,7 @@ def test_a_lead_that_changes_hands_is_followed() -> None:
 
 @pytest.mark.evidence("disturbance", leadership, of="holes")
 @pytest.mark.evidence("truth", leadership)
-def test_leadership_counts() -> None:
+def test_leadership_counts_who_moves_first() -> None:
     found = leadership([0.05, -0.02, 0.03, 0.001, np.nan], tolerance=0.005)
     assert (found.left_first, found.right_first, found.together, found.n) == (1, 2, 1, 4)
     assert found.index == pytest.approx(1 / 3)
@@ -87,7 +87,7 @@ def test_leadership_counts() -> None:
     assert leadership([0.1, 0.2], unit="trial").unit == "trial"
 
 
-def test_misuse_is_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="one length"):
         lag_of(np.ones(3), np.ones(4), RATE)
     with pytest.raises(ValueError, match="samples"):
@@ -102,7 +102,7 @@ def test_misuse_is_refused() -> None:
     st.floats(0.2, 0.6),
     st.floats(0.0, 0.1),
 )
-def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, duration: float, later: float) -> None:
+def test_delays_are_invariant_to_scale_and_shift(lag: float, ratio: float, duration: float, later: float) -> None:
     left = minimum_jerk(0.3 + lag + later, duration, 0.01 * ratio)
     right = -minimum_jerk(0.3 + later, duration, 0.01)
     delay = peak_delay(left, right, RATE)
@@ -117,7 +117,7 @@ def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, durati
 
 @pytest.mark.evidence("properties", lag_of, peak_delay, of="rate")
 @given(st.sampled_from([250.0, 500.0, 2000.0]), st.floats(-0.1, 0.1))
-def test_delays_hardly_know_the_rate(rate: float, lag: float) -> None:
+def test_delays_hardly_depend_on_the_sampling_rate(rate: float, lag: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01, rate), -minimum_jerk(0.3, 0.4, 0.02, rate)
     assert peak_delay(left, right, rate) == pytest.approx(lag, abs=3e-4)
     assert lag_of(left, right, rate).delay == pytest.approx(lag, abs=3e-4)

@@ -26,5 +26,5 @@ def measured_with(threads: int) -> str:
 
 
 @pytest.mark.slow
-def test_one_thread_or_four() -> None:
+def test_measures_are_bit_identical_with_one_thread_and_four() -> None:
     assert measured_with(1) == measured_with(4)

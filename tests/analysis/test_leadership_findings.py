@@ -18,7 +18,7 @@ def moves(*delays: float) -> list[dict[str, float]]:
     return [{"delay_20": 2.0 * delay, "own_delay_20": delay} for delay in delays]
 
 
-def test_signed_delays_and_the_index_of_a_dyad() -> None:
+def test_signed_delays_and_leadership_index_equal_hand_computed_values() -> None:
     trials = [{"lag": 0.1, "completion": 3.0}, {"lag": np.nan, "completion": 3.0}]
     block = Block("D01", "D01", "dyadic", "full", trials, moves(0.1, 0.3, 0.2, -0.2))
     found = leaders(made_study([block]))
@@ -29,7 +29,7 @@ def test_signed_delays_and_the_index_of_a_dyad() -> None:
     assert lead_of(found, "signed lag", "dyadic, full").rows == 1
 
 
-def test_an_index_of_two_hands_is_the_mean_of_both_participants() -> None:
+def test_bimanual_index_is_the_mean_of_both_participants() -> None:
     study = made_study(
         [
             Block("D01", "D01A", "bimanual", "none", times(3.0), moves(0.1, 0.1, 0.1)),
@@ -39,7 +39,7 @@ def test_an_index_of_two_hands_is_the_mean_of_both_participants() -> None:
     assert lead_of(leaders(study), "leadership index", "bimanual, none").values == pytest.approx([0.0])
 
 
-def test_mirrored_studies_have_the_other_sign() -> None:
+def test_mirrored_study_has_the_opposite_sign() -> None:
     blocks = modern_blocks(seed=4)
     signs = ("delay_10", "delay_20", "delay_30", "delay_40")
     mirrored = [
@@ -64,12 +64,12 @@ def test_mirrored_studies_have_the_other_sign() -> None:
         np.testing.assert_allclose((one.mean.low, one.mean.high), (-other.mean.high, -other.mean.low))
 
 
-def test_without_a_leader_intervals_cover_zero() -> None:
+def test_intervals_cover_zero_without_a_leader() -> None:
     found = leaders(modern_study(modern_blocks(seed=6, dyads=8)))
     assert np.mean([one.mean.low <= 0.0 <= one.mean.high for one in found.leads]) >= 0.85
 
 
-def test_results_say_where_partners_have_changed_seats() -> None:
+def test_results_note_where_partners_changed_seats() -> None:
     blocks = [
         Block("D01", "D01A", "dyadic", "full", times(3.0), moves(0.1), "D01B"),
         Block("D01", "D01B", "dyadic", "full", times(3.0), moves(0.1), "D01A"),

@@ -22,7 +22,7 @@ def result(found: Learning, quantity: str, group: str) -> Result:
     return only
 
 
-def test_first_and_last_trials_are_means_and_deviations_of_single_trials() -> None:
+def test_first_and_last_trials_report_mean_and_sd_over_trials() -> None:
     found = learning(made_study(BLOCKS, ENDS))
     first = [9, 7, 5, 5, 6, 6, 3, 3]
     one = result(found, "completion time", "bimanual, first 2")
@@ -31,18 +31,18 @@ def test_first_and_last_trials_are_means_and_deviations_of_single_trials() -> No
     assert result(found, "completion time", "bimanual, last 2").value == np.mean([3, 1, 2, 2, 4, 4, 1, 1])
 
 
-def test_the_change_is_that_of_dyads() -> None:
+def test_change_is_averaged_over_dyads() -> None:
     """D01A goes from 6.5 to 2 s, D01B from 6 to 4: D01 by -3.25 s; D02 by -2 s."""
     change = result(learning(made_study(BLOCKS, ENDS)), "change of completion time", "bimanual, last 2 vs first 2")
     assert (change.value, change.n, change.of) == (-2.625, 2, "dyad")
 
 
-def test_velocity_peaks_go_the_same_way() -> None:
+def test_velocity_peaks_are_summarised_like_times() -> None:
     one = result(learning(made_study(BLOCKS, ENDS)), "number of velocity peaks", "bimanual, last 2")
     assert (one.value, one.unit) == (np.mean([3, 1, 2, 2, 4, 4, 1, 1]), "1")
 
 
-def test_a_deviation_may_be_that_of_people() -> None:
+def test_deviation_over_participants_can_be_configured() -> None:
     one = result(
         learning(made_study(BLOCKS, ENDS, 'summaries.spread="people"')), "completion time", "bimanual, first 2"
     )
@@ -51,8 +51,8 @@ def test_a_deviation_may_be_that_of_people() -> None:
     assert one.high - one.value == pytest.approx(np.std(people, ddof=1))
 
 
-def test_trials_may_be_numbered_over_both_haptic_conditions() -> None:
-    """Then only D01A's first condition is in the first two trials, and only the second in the last two."""
+def test_numbering_across_haptic_conditions_can_be_configured() -> None:
+    """With it, D01A's first two trials are of the first condition only, and the last two of the second only."""
     found = learning(made_study(BLOCKS, ENDS, 'summaries.numbering="configuration"'))
     assert result(found, "completion time", "bimanual, first 2").value == np.mean([9, 7, 6, 6, 3, 3])
     assert result(found, "completion time", "bimanual, last 2").value == np.mean([2, 2, 4, 4, 1, 1])
@@ -62,26 +62,26 @@ def test_trials_may_be_numbered_over_both_haptic_conditions() -> None:
 
 
 @pytest.mark.parametrize(("ends", "first"), [(1, [9, 5, 6, 3]), (2, [9, 7, 5, 5, 6, 6, 3, 3])])
-def test_ends_are_as_long_as_is_set(ends: int, first: list[float]) -> None:
+def test_first_and_last_windows_have_the_configured_length(ends: int, first: list[float]) -> None:
     found = learning(made_study(BLOCKS, f"summaries.ends={ends}"))
     assert result(found, "completion time", f"bimanual, first {ends}").value == np.mean(first)
 
 
-def test_who_has_too_few_trials_for_both_ends_is_left_out_and_named() -> None:
+def test_participants_with_too_few_trials_are_left_out_and_counted() -> None:
     found = learning(made_study([*BLOCKS, Block("D02", "D02B", "bimanual", "full", times(100, 100, 100))], ENDS))
     one = result(found, "completion time", "bimanual, first 2")
     assert (one.value, one.n) == (5.5, 8)
     assert one.note == "1 of 5 have fewer than 4 trials and are left out"
 
 
-def test_with_too_few_trials_of_everybody_there_is_no_number_but_a_reason() -> None:
+def test_too_few_trials_of_all_participants_report_a_reason() -> None:
     one = result(learning(made_study(BLOCKS, "summaries.ends=30")), "completion time", "bimanual, first 30")
     assert np.isnan(one.value)
     assert (one.n, one.note) == (0, "4 of 4 have fewer than 60 trials and are left out")
 
 
-def test_the_last_trials_are_everybodys_own_last_ones() -> None:
-    """One with five trials has its last two in them, though others have only four."""
+def test_last_trials_are_each_participants_own_last_ones() -> None:
+    """D01A has five trials and counts with its own last two; D01B has only four."""
     blocks = [
         Block("D01", "D01A", "bimanual", "full", times(9, 9, 9, 1, 1)),
         Block("D01", "D01B", "bimanual", "full", times(8, 8, 2, 2)),
@@ -90,13 +90,13 @@ def test_the_last_trials_are_everybodys_own_last_ones() -> None:
     assert result(found, "completion time", "bimanual, last 2").value == 1.5
 
 
-def test_a_curve_is_the_mean_of_all_trials_with_the_same_number() -> None:
+def test_learning_curve_is_the_mean_at_each_trial_number() -> None:
     (one,) = learning(made_study(BLOCKS, ENDS)).teams
     assert one.courses[0].curve.mean.tolist() == [5.75, 5.25, 2.5, 2.0]
     assert (one.dyads, one.performers, one.series, one.trials) == (2, 3, 4, 16)
 
 
-def test_groups_of_trials_are_means_of_dyads() -> None:
+def test_groups_of_trials_are_averaged_over_dyads() -> None:
     (one,) = learning(made_study(BLOCKS, "summaries.ends=1", "summaries.group=3")).teams
     stages = one.courses[0].stages
     assert stages.first.tolist() == [1, 4]
@@ -106,7 +106,7 @@ def test_groups_of_trials_are_means_of_dyads() -> None:
     assert [mean.n for mean in stages.means] == [2, 2]
 
 
-def test_the_time_that_is_set_is_used() -> None:
+def test_configured_kind_of_time_is_used() -> None:
     trials = [{"trial": 1, "outcome": "fell", "duration": 10.0}, {"trial": 1, "attempt": 2, "completion": 2.0}]
     blocks = [Block("D01", "D01", "dyadic", "none", [*trials, {"trial": 2, "completion": 4.0}])]
     values = [
@@ -120,13 +120,13 @@ def test_the_time_that_is_set_is_used() -> None:
     assert values == [2.0, 12.0]
 
 
-def test_the_classes_stack_up_to_the_completion_time() -> None:
+def test_class_durations_add_up_to_the_completion_time() -> None:
     for one in learning(made_study(random_blocks())).teams:
         assert one.seconds.shape == (9, len(CLASSES))
         np.testing.assert_allclose(one.seconds.sum(axis=1), one.courses[0].curve.mean)
 
 
-def test_a_robot_partner_makes_another_team() -> None:
+def test_robot_partner_is_a_separate_team() -> None:
     blocks = [
         Block("D01", "D01", "dyadic", "full", times(1)),
         Block("D01", "D01", "dyadic", "full", times(9), right_by="robot"),
@@ -138,6 +138,6 @@ def test_a_robot_partner_makes_another_team() -> None:
     ]
 
 
-def test_a_study_without_a_success_has_nothing_to_report() -> None:
+def test_study_without_successes_has_no_results() -> None:
     found = learning(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
     assert (found.teams, found.results) == ((), ())

@@ -33,7 +33,7 @@ def column(folder: Path, name: str, *words: str) -> NDArray[np.float64]:
     return np.concatenate([one.trials[name] for one in tables(folder, *words)])
 
 
-def test_every_declared_column_is_there_with_its_type(folder: Path) -> None:
+def test_tables_have_all_declared_columns_with_their_types(folder: Path) -> None:
     kinds = {"integer": "i", "number": "f", "string": "O"}
     for one in tables(folder):
         for name, fields in FIELDS.items():
@@ -44,7 +44,7 @@ def test_every_declared_column_is_there_with_its_type(folder: Path) -> None:
             assert all(field.unit or field.kind == "string" for field in fields)
 
 
-def test_completion_times_are_the_servers_less_the_tick_in_which_the_ball_came_in(folder: Path) -> None:
+def test_completion_times_are_the_servers_less_one_tick(folder: Path) -> None:
     for path, one in zip(sorted(folder.glob("*.mcap")), tables(folder), strict=True):
         with Recording(path) as recording:
             attempts = recording.attempts()
@@ -53,13 +53,13 @@ def test_completion_times_are_the_servers_less_the_tick_in_which_the_ball_came_i
         np.testing.assert_allclose(one.trials["release"], [a.tick / RATE for a in attempts])
 
 
-def test_classes_fill_the_time_to_the_completion(folder: Path) -> None:
+def test_class_durations_add_up_to_the_completion_time(folder: Path) -> None:
     whole = sum(column(folder, name) for name in ("cooperative", "competitive", "single", "still"))
     done = np.isfinite(column(folder, "completion"))
     np.testing.assert_allclose(np.asarray(whole)[done], column(folder, "completion")[done], atol=1e-9)
 
 
-def test_peaks_are_those_of_the_speed_that_scipy_filters(folder: Path) -> None:
+def test_peaks_equal_those_of_speed_filtered_by_scipy(folder: Path) -> None:
     from scipy.signal import butter, sosfiltfilt
 
     path = sorted(folder.glob("*.mcap"))[0]
@@ -91,25 +91,25 @@ def test_peaks_are_those_of_the_speed_that_scipy_filters(folder: Path) -> None:
         ("strategy.braking=rotation", "braking_onset", -1),
     ],
 )
-def test_a_reading_moves_what_it_is_about_and_where_to(folder: Path, word: str, name: str, direction: int) -> None:
+def test_settings_shift_their_measure_as_expected(folder: Path, word: str, name: str, direction: int) -> None:
     change = np.nanmean(column(folder, name, word)) - np.nanmean(column(folder, name))
     assert change * direction > 0
 
 
-def test_a_ball_that_must_be_wholly_inside_is_so_later_or_never(folder: Path) -> None:
+def test_whole_ball_completion_is_later_or_missing(folder: Path) -> None:
     centre, whole = column(folder, "completion"), column(folder, "completion", "completion.inside=whole_ball")
     assert ((whole > centre) | np.isnan(whole)).all()
 
 
 @pytest.mark.parametrize("word", ["filters.unit=trial", "segments.ends=trial", "filters.velocity=device"])
-def test_other_ways_to_cut_and_filter_give_nearly_the_same(folder: Path, word: str) -> None:
+def test_alternative_filter_units_give_similar_shares(folder: Path, word: str) -> None:
     np.testing.assert_array_equal(column(folder, "completion", word), column(folder, "completion"))
     for name in ("cooperative", "still"):
         np.testing.assert_allclose(column(folder, name, word).mean(), column(folder, name).mean(), atol=0.25)
 
 
 @pytest.mark.parametrize("whole", [False, True])
-def test_a_success_without_a_hold_to_be_found_has_no_measure_up_to_its_completion(folder: Path, whole: bool) -> None:
+def test_success_without_a_detectable_hold_has_no_measures_up_to_completion(folder: Path, whole: bool) -> None:
     words = ["completion.inside=whole_ball"]
     if whole:
         words += ["movements.window=whole", "peaks.window=whole"]
@@ -124,7 +124,7 @@ def test_a_success_without_a_hold_to_be_found_has_no_measure_up_to_its_completio
         np.testing.assert_array_equal(column(folder, name, *words), column(folder, name))
 
 
-def test_movements_lie_in_their_trials_and_paths_begin_at_the_release(folder: Path) -> None:
+def test_movements_lie_within_trials_and_paths_start_at_release(folder: Path) -> None:
     for one in tables(folder):
         duration = {
             place: value
@@ -138,7 +138,7 @@ def test_movements_lie_in_their_trials_and_paths_begin_at_the_release(folder: Pa
         np.testing.assert_allclose(np.abs(one.paths["p"][starts]), 0.15, atol=0.002)
 
 
-def test_a_passive_partner_is_there_with_forces_between_two_people_only(folder: Path) -> None:
+def test_passive_partner_is_computed_only_for_dyads_with_haptics(folder: Path) -> None:
     for one in tables(folder):
         felt = one.blocks["haptics"][0] and one.blocks["configuration"][0] == "dyadic"
         assert np.isfinite(one.trials["passive_150"]).all() == bool(felt)
@@ -149,7 +149,7 @@ def test_a_passive_partner_is_there_with_forces_between_two_people_only(folder: 
             assert (one.trials["passive_50"] >= one.trials["passive_300"]).all()
 
 
-def test_a_hole_is_no_movement(tmp_path: Path) -> None:
+def test_missing_samples_count_as_unknown_movement(tmp_path: Path) -> None:
     rows = two_trials()
     holed = np.delete(rows, slice(6500, 6800))
     whole, less = (measure(runs_of([recorded(tmp_path, part)])[0], Readings()) for part in (rows, holed))

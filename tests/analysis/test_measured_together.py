@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def nobody(recordings: Sequence[Path]) -> Iterator[Executor]:
+def no_workers(recordings: Sequence[Path]) -> Iterator[Executor]:
     """Fail if workers are requested."""
     pytest.fail(f"{recordings} were to be measured anew")
     yield
@@ -34,7 +34,7 @@ def alone(recordings: tuple[Path, ...]) -> Study:
     return studied(gathered(recordings, Readings()))
 
 
-def test_order_and_number_of_processes_change_nothing(recordings: tuple[Path, ...], alone: Study) -> None:
+def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: Study) -> None:
     told: list[tuple[str, int, int]] = []
     found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: told.append(words))
     assert [source.run.path for source in found.sources] == list(recordings)
@@ -46,25 +46,23 @@ def test_order_and_number_of_processes_change_nothing(recordings: tuple[Path, ..
     assert_same(studied(found), alone)
 
 
-def test_what_was_kept_is_what_was_measured(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
+def test_cached_tables_equal_measured_tables(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     some = gathered(recordings[:2], Readings(), HERE, cache)
     assert [source.kept for source in some.sources] == [False, False]
     mixed = gathered(recordings, Readings(), HERE, cache)
     assert [source.kept for source in mixed.sources] == [True, True, False, False]
     assert_same(studied(mixed), alone)
-    kept = gathered(recordings, Readings(), nobody, cache)
+    kept = gathered(recordings, Readings(), no_workers, cache)
     assert kept.peak == 0.0
     assert_same(studied(kept), alone)
 
 
-def test_what_is_made_of_the_trials_measures_nothing_anew(
-    recordings: tuple[Path, ...], alone: Study, tmp_path: Path
-) -> None:
+def test_changed_exclusions_reuse_cached_measures(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     gathered(recordings, Readings(), HERE, cache)
     stricter = parse("[exclusions]\nwarm_up = 1")
-    study = studied(gathered(recordings, stricter, nobody, cache), stricter)
+    study = studied(gathered(recordings, stricter, no_workers, cache), stricter)
     assert len(study.counted) == len(alone.counted) - len(recordings)
     coarser = parse("[filters]\nfast = 10.0")
     found = gathered(recordings[:1], coarser, HERE, cache)
@@ -73,7 +71,7 @@ def test_what_is_made_of_the_trials_measures_nothing_anew(
     assert not np.array_equal(studied(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
 
 
-def test_a_changed_byte_measures_anew(recordings: tuple[Path, ...], tmp_path: Path) -> None:
+def test_changed_byte_invalidates_the_cache(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     copy = tmp_path / recordings[0].name
     shutil.copy(recordings[0], copy)
     cache = Cache(tmp_path / "cache")
@@ -82,17 +80,17 @@ def test_a_changed_byte_measures_anew(recordings: tuple[Path, ...], tmp_path: Pa
     data[len(data) // 2] ^= 1
     copy.write_bytes(data)
     with pytest.raises(pytest.fail.Exception, match="measured anew"):
-        gathered([copy], Readings(), nobody, cache)
+        gathered([copy], Readings(), no_workers, cache)
 
 
 def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
-    """A sound recording; one with a damaged chunk, one that is cut, one without a tick, and one of another kind."""
+    """A sound recording, and four others: with damaged chunks, truncated, not MCAP, and without ticks."""
     sound, damaged, cut = (folder / f"{name}.mcap" for name in ("sound", "damaged", "cut"))
     shutil.copy(recordings[0], sound)
     data = recordings[1].read_bytes()
     cut.write_bytes(data[:-1000])
     hurt = bytearray(data)
-    for place in range(100_000, 300_000, 20_000):  # one of them may be in what nobody reads: an index of a chunk
+    for place in range(100_000, 300_000, 20_000):  # one of them may fall into a chunk index, which is never read
         hurt[place : place + 64] = bytes(64)
     damaged.write_bytes(hurt)
     (folder / "text.mcap").write_text("no recording")
@@ -100,7 +98,7 @@ def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
     return [sound, damaged, cut, folder / "text.mcap", empty]
 
 
-def test_what_cannot_be_measured_stops_it_or_is_left_out(recordings: tuple[Path, ...], tmp_path: Path) -> None:
+def test_unreadable_recordings_are_refused_or_left_out(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     paths = unreadable(tmp_path, recordings)
     for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "has no ticks"), strict=True):
         with pytest.raises(RecordingError, match=rf"{path.name}: .*{why}") as caught:
@@ -115,7 +113,7 @@ def test_what_cannot_be_measured_stops_it_or_is_left_out(recordings: tuple[Path,
         gathered(paths[1:], Readings(), skip=True)
 
 
-def test_a_file_that_changes_meanwhile_is_no_result(
+def test_file_that_changes_during_measuring_is_refused(
     recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(running, "_digests", lambda paths: dict.fromkeys(paths, "0" * 64))
@@ -124,30 +122,30 @@ def test_a_file_that_changes_meanwhile_is_no_result(
 
 
 def die() -> None:
-    """End a process as a lack of memory does."""
+    """End a process as the out-of-memory killer does."""
     import os
 
     os._exit(9)
 
 
-def test_a_process_that_dies_is_said_in_one_line(recordings: tuple[Path, ...]) -> None:
+def test_worker_process_that_dies_is_reported_in_one_line(recordings: tuple[Path, ...]) -> None:
     with pytest.raises(NetboardError, match=r"a process that measures has ended.*--workers 2"):  # noqa: SIM117
         with processes(2)(recordings) as executor:
             executor.submit(die).result()
 
 
-def test_errors_come_back_from_other_processes() -> None:
+def test_recording_errors_survive_pickling() -> None:
     error = pickle.loads(pickle.dumps(RecordingError("S01.mcap: is damaged")))
     assert isinstance(error, RecordingError)
     assert str(error) == "S01.mcap: is damaged"
     assert cores() >= 1
 
 
-def test_no_scheduler_is_said_in_one_line(recordings: tuple[Path, ...]) -> None:
+def test_unreachable_scheduler_is_reported_in_one_line(recordings: tuple[Path, ...]) -> None:
     pytest.importorskip("distributed")
     with pytest.raises(ConfigError, match=r"--dask tcp://127.0.0.1:9: no scheduler answers there within 0.2 s"):  # noqa: SIM117
         with dask("tcp://127.0.0.1:9", patience=0.2)(recordings):
-            pytest.fail("nobody is there")
+            pytest.fail("an unreachable scheduler was accepted")
     with pytest.raises(ConfigError, match=r"--dask nonsense://x: no scheduler"):  # noqa: SIM117
         with dask("nonsense://x", patience=0.2)(recordings):
-            pytest.fail("nobody is there")
+            pytest.fail("an unreachable scheduler was accepted")

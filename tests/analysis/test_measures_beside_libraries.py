@@ -52,21 +52,21 @@ HANDS = two_hands([(0.5, 0.4, 0.01), (1.2, 0.3, -0.012)], [(0.55, 0.4, -0.01), (
 
 @pytest.mark.evidence("independent", runs, by="scipy")
 @given(arrays(bool, st.integers(1, 60)))
-def test_runs_are_the_objects_of_an_image(mask: np.ndarray) -> None:
+def test_runs_equal_labelled_objects_of_scipy(mask: np.ndarray) -> None:
     found = [(part[0].start, part[0].stop) for part in ndimage.find_objects(ndimage.label(mask)[0])]
     assert [tuple(run) for run in runs(mask)] == found
 
 
 @pytest.mark.evidence("independent", derivative, by="scipy")
 @given(samples)
-def test_a_derivative_is_that_of_parabolas_through_three_samples(x: np.ndarray) -> None:
+def test_derivative_equals_a_three_point_savitzky_golay_filter(x: np.ndarray) -> None:
     expected = signal.savgol_filter(x, 3, 2, deriv=1, delta=1 / RATE, mode="interp")
     np.testing.assert_allclose(derivative(x, RATE), expected, atol=1e-9 * RATE)
 
 
 @pytest.mark.evidence("independent", by_number, by="pandas")
 @given(st.lists(st.integers(0, 60), min_size=1, max_size=30, unique=True).map(sorted), st.integers(0, 10**9))
-def test_samples_by_number_are_a_new_index(numbers: list[int], start: int) -> None:
+def test_by_number_equals_pandas_reindex(numbers: list[int], start: int) -> None:
     values = np.sqrt(np.arange(len(numbers)))
     whole = pd.Series(values, index=numbers).reindex(range(numbers[0], numbers[-1] + 1))
     np.testing.assert_array_equal(by_number(np.array(numbers) + start, values), whole)
@@ -74,7 +74,7 @@ def test_samples_by_number_are_a_new_index(numbers: list[int], start: int) -> No
 
 @pytest.mark.evidence("independent", bridge, by="pandas")
 @given(samples, st.data())
-def test_a_bridge_is_an_interpolation(x: np.ndarray, data: st.DataObject) -> None:
+def test_bridge_equals_pandas_interpolation(x: np.ndarray, data: st.DataObject) -> None:
     x[data.draw(st.lists(st.integers(0, x.size - 1)))] = np.nan
     expected = pd.Series(x).interpolate(limit_area="inside")
     np.testing.assert_allclose(bridge(x, RATE, longest=1.0), expected, atol=1e-12)
@@ -82,7 +82,7 @@ def test_a_bridge_is_an_interpolation(x: np.ndarray, data: st.DataObject) -> Non
 
 @pytest.mark.evidence("independent", resample, by="scipy")
 @pytest.mark.parametrize("new_rate", [250.0, 800.0, 1500.0])
-def test_another_rate_is_that_of_fouriers_series(new_rate: float) -> None:
+def test_resample_equals_fourier_resampling(new_rate: float) -> None:
     times = np.arange(4000) / RATE
     wave = np.sin(2 * np.pi * times) + 0.3 * np.cos(2 * np.pi * 7 * times)
     expected = signal.resample(wave, round(4 * new_rate))
@@ -92,7 +92,7 @@ def test_another_rate_is_that_of_fouriers_series(new_rate: float) -> None:
 
 @pytest.mark.evidence("independent", evenly, by="scipy")
 @given(arrays(np.float64, st.integers(2, 40), elements=st.floats(0.001, 0.05)))
-def test_even_samples_are_a_spline_of_the_first_order(steps: np.ndarray) -> None:
+def test_evenly_equals_a_first_order_spline(steps: np.ndarray) -> None:
     times = np.cumsum(steps)
     values = np.sin(9 * times)
     found = evenly(times, values, 200.0)
@@ -104,7 +104,7 @@ def test_even_samples_are_a_spline_of_the_first_order(steps: np.ndarray) -> None
 
 
 @pytest.mark.evidence("independent", motion, ball_speed, by="scipy")
-def test_a_filtered_recording_is_that_of_the_textbooks_filter() -> None:
+def test_motion_equals_filtfilt_of_the_recording() -> None:
     p, _ = rolled(HANDS.theta, RATE, -0.15)
     fast, slow = signal.butter(5, 20, fs=RATE), signal.butter(5, 5, fs=RATE)
 
@@ -126,7 +126,7 @@ def test_a_filtered_recording_is_that_of_the_textbooks_filter() -> None:
 
 @pytest.mark.evidence("independent", find_completion, by="pandas")
 @given(places, st.integers(1, 12))
-def test_a_hold_is_a_window_that_is_all_inside(p: np.ndarray, hold: int) -> None:
+def test_completion_equals_a_rolling_window_inside_the_target(p: np.ndarray, hold: int) -> None:
     inside = pd.Series((np.abs(p - 0.15) <= 0.0351).astype(float))
     whole = np.flatnonzero(inside.rolling(hold + 1).min() == 1)
     found = find_completion(p, 10.0, 0.15, half_width=0.0351, hold=hold / 10)
@@ -135,7 +135,7 @@ def test_a_hold_is_a_window_that_is_all_inside(p: np.ndarray, hold: int) -> None
 
 @pytest.mark.evidence("independent", time_in_target, overshoots, by="scipy")
 @given(places)
-def test_stays_are_the_objects_of_an_image(p: np.ndarray) -> None:
+def test_time_in_target_equals_labelled_objects_of_scipy(p: np.ndarray) -> None:
     label, visits = ndimage.label(np.abs(p - 0.15) <= 0.0351)
     stays = np.bincount(label, minlength=1)[1:]
     found = time_in_target(p, 10.0, centre=0.15, half_width=0.0351)
@@ -151,7 +151,7 @@ def test_stays_are_the_objects_of_an_image(p: np.ndarray) -> None:
 
 @pytest.mark.evidence("independent", shares, mean_shares, by="pandas")
 @given(arrays(np.float64, st.tuples(st.integers(1, 30), st.just(4)), elements=st.integers(0, 9)), st.data())
-def test_mean_shares_are_those_of_grouped_rows(seconds: np.ndarray, data: st.DataObject) -> None:
+def test_mean_shares_equal_pandas_groups(seconds: np.ndarray, data: st.DataObject) -> None:
     people = np.array(data.draw(st.lists(st.integers(0, 3), min_size=len(seconds), max_size=len(seconds))))
     frame = pd.DataFrame(seconds)
     each = frame.div(frame.sum(axis=1), axis=0)
@@ -169,7 +169,7 @@ trials = st.lists(
 
 @pytest.mark.evidence("independent", running_number, summarise, learning_curve, level, by="pandas")
 @given(trials)
-def test_performance_is_that_of_grouped_rows(rows: list[tuple[int, bool, float]]) -> None:
+def test_performance_equals_pandas_groups(rows: list[tuple[int, bool, float]]) -> None:
     frame = pd.DataFrame(rows, columns=["person", "haptics", "time"])
     person, haptics, times = (frame[name].to_numpy() for name in frame)
     order = running_number(person, haptics)
@@ -187,7 +187,7 @@ def test_performance_is_that_of_grouped_rows(rows: list[tuple[int, bool, float]]
 
 @pytest.mark.evidence("independent", first_and_last, trial_times, by="pandas")
 @given(arrays(np.float64, st.integers(12, 40), elements=st.floats(0.5, 30) | st.just(np.nan)))
-def test_ends_and_attempts_are_those_of_grouped_rows(times: np.ndarray) -> None:
+def test_first_and_last_trials_equal_pandas_groups(times: np.ndarray) -> None:
     frame = pd.DataFrame({"trial": np.arange(times.size) // 3, "time": times})
     found = first_and_last(times, 1 + np.arange(times.size), count=6)
     ends = (frame["time"].head(6), frame["time"].tail(6))
@@ -203,7 +203,7 @@ def test_ends_and_attempts_are_those_of_grouped_rows(times: np.ndarray) -> None:
 
 @pytest.mark.evidence("independent", lag_of, by="statsmodels")
 @given(arrays(np.float64, 60, elements=st.floats(-1, 1, width=16)), st.integers(0, 9))
-def test_a_correlation_over_the_whole_record_is_that_of_econometrics(x: np.ndarray, late: int) -> None:
+def test_cross_correlation_equals_ccf_of_statsmodels(x: np.ndarray, late: int) -> None:
     left, right = np.pad(x, (late, 5)) + np.hypot(0.1, np.arange(65 + late)), np.pad(x, (0, 5 + late))
     if np.ptp(right) == 0:
         return
@@ -214,7 +214,7 @@ def test_a_correlation_over_the_whole_record_is_that_of_econometrics(x: np.ndarr
 
 
 @pytest.mark.evidence("independent", windowed_lags, by="scipy")
-def test_windows_have_pearsons_coefficients() -> None:
+def test_windowed_lags_have_pearson_coefficients() -> None:
     source = np.random.default_rng(8)
     left, right = source.normal(size=(2, 5000))
     centres, lags = windowed_lags(left, right, RATE, window=0.8, step=0.3, longest=0.1)
@@ -226,7 +226,7 @@ def test_windows_have_pearsons_coefficients() -> None:
 
 @pytest.mark.evidence("independent", peak_delay, by="scipy")
 @given(st.floats(0.05, 0.15), st.floats(0.25, 0.6), st.floats(0.25, 0.6))
-def test_peaks_are_those_of_a_spline(start: float, of_left: float, of_right: float) -> None:
+def test_peak_delay_equals_that_of_a_cubic_spline(start: float, of_left: float, of_right: float) -> None:
     times = np.arange(800) / RATE
     left, right = minimum_jerk_rate(times, start, of_left, 0.02), -minimum_jerk_rate(times, 0.1, of_right, 0.01)
 
@@ -240,14 +240,14 @@ def test_peaks_are_those_of_a_spline(start: float, of_left: float, of_right: flo
 
 @pytest.mark.evidence("independent", supports, by="numpy")
 @pytest.mark.parametrize("p", [-0.3, -0.15, 0.0, 0.22])
-def test_supports_solve_the_balance_of_forces_and_moments(p: float) -> None:
+def test_supports_solve_the_force_and_moment_balance(p: float) -> None:
     weight, ball, arm = (0.01 + 0.05) * 9.81, 0.05 * 9.81, 0.25
     both = np.linalg.solve([[1.0, 1.0], [-arm, arm]], [weight, ball * p])
     assert np.ravel(supports([p], board_mass=0.01, ball_mass=0.05, arm=arm)) == pytest.approx(both)
 
 
 @pytest.mark.evidence("independent", point_velocities, by="scipy")
-def test_points_move_as_their_heights_change() -> None:
+def test_point_velocities_are_derivatives_of_point_heights() -> None:
     t = np.arange(2000) / RATE
     z, theta = 0.01 * np.sin(3 * t), 0.3 * np.sin(2 * t + 1)
     found = point_velocities(0.03 * np.cos(3 * t), theta, 0.6 * np.cos(2 * t + 1), arm=0.25)
@@ -258,7 +258,7 @@ def test_points_move_as_their_heights_change() -> None:
 
 @pytest.mark.evidence("independent", work, exchanged, effort, by="scikit-learn")
 @given(forces, forces)
-def test_integrals_are_areas_under_curves(a: np.ndarray, b: np.ndarray) -> None:
+def test_work_and_effort_equal_areas_under_curves(a: np.ndarray, b: np.ndarray) -> None:
     t = np.arange(a.size) / RATE
     power = a * b
     found = work(a, b, RATE)
@@ -273,7 +273,7 @@ def test_integrals_are_areas_under_curves(a: np.ndarray, b: np.ndarray) -> None:
 
 @pytest.mark.evidence("independent", force_share, by="numpy")
 @given(forces, forces)
-def test_shares_of_force_are_those_of_norms(left: np.ndarray, right: np.ndarray) -> None:
+def test_force_share_equals_a_ratio_of_norms(left: np.ndarray, right: np.ndarray) -> None:
     if left.any() or right.any():
         for kind, order in (("absolute", 1), ("squared", 2)):
             a, b = (np.linalg.norm(side, order) ** order for side in (left, right))
@@ -285,7 +285,7 @@ def test_shares_of_force_are_those_of_norms(left: np.ndarray, right: np.ndarray)
 
 @pytest.mark.evidence("independent", transfer_entropy, by="scikit-learn")
 @pytest.mark.parametrize("seed", range(3))
-def test_binned_transfer_entropy_is_a_difference_of_informations(seed: int) -> None:
+def test_binned_transfer_entropy_is_a_difference_of_mutual_information(seed: int) -> None:
     source = np.random.default_rng(seed)
     x, y = source.normal(size=(2, 301))
     y[1:] += 0.7 * x[:-1]
@@ -298,7 +298,7 @@ def test_binned_transfer_entropy_is_a_difference_of_informations(seed: int) -> N
 @pytest.mark.slow
 @pytest.mark.evidence("independent", driven, by="scipy")
 @given(arrays(np.float64, st.integers(2, 80), elements=st.floats(-2, 2, width=16)), st.floats(20, 400))
-def test_a_driven_hand_is_a_simulated_system(force: np.ndarray, stiffness: float) -> None:
+def test_driven_hand_equals_lsim(force: np.ndarray, stiffness: float) -> None:
     hand = PassiveHand(0.5, 8.0, stiffness)
     times = np.arange(force.size) / RATE
     system = ([1.0], [hand.mass, hand.damping, hand.stiffness])
@@ -306,7 +306,7 @@ def test_a_driven_hand_is_a_simulated_system(force: np.ndarray, stiffness: float
     np.testing.assert_allclose(driven(force, RATE, hand), expected, atol=1e-12)
 
 
-def test_a_driven_hand_is_integrated() -> None:
+def test_driven_hand_equals_solve_ivp() -> None:
     hand, times = PassiveHand(), np.arange(1000) / RATE
     force = 0.3 * np.sin(5 * times) * times
 
@@ -323,7 +323,7 @@ def test_a_driven_hand_is_integrated() -> None:
 
 @pytest.mark.evidence("independent", permutation_test, by="scipy")
 @given(st.integers(2, 9).flatmap(lambda n: st.lists(st.booleans(), min_size=n, max_size=n)))
-def test_of_ranks_changes_of_sign_are_wilcoxons_test(signs: list[bool]) -> None:
+def test_permutation_test_of_ranks_equals_wilcoxon(signs: list[bool]) -> None:
     ranks = [float(rank if positive else -rank) for rank, positive in enumerate(signs, start=1)]
     for alternative in ("two-sided", "greater", "less"):
         expected = stats.wilcoxon(ranks, alternative=alternative, method="exact").pvalue
@@ -332,7 +332,7 @@ def test_of_ranks_changes_of_sign_are_wilcoxons_test(signs: list[bool]) -> None:
 
 @pytest.mark.evidence("independent", permutation_test_between, by="scipy")
 @given(st.permutations(range(9)), st.integers(2, 7))
-def test_of_ranks_divisions_are_mann_and_whitneys_test(ranks: list[int], size: int) -> None:
+def test_permutation_test_between_ranks_equals_mann_whitney(ranks: list[int], size: int) -> None:
     x, y = (np.array(part, float) for part in (ranks[:size], ranks[size:]))
     for alternative in ("two-sided", "greater", "less"):
         expected = stats.mannwhitneyu(x, y, alternative=alternative, method="exact").pvalue
@@ -342,14 +342,14 @@ def test_of_ranks_divisions_are_mann_and_whitneys_test(ranks: list[int], size: i
 @pytest.mark.evidence("truth", permutation_test_between)
 @pytest.mark.parametrize("size", [2, 3, 4])
 @pytest.mark.parametrize("alternative", ["two-sided", "greater"])
-def test_the_most_extreme_division_has_the_least_p(size: int, alternative: Literal["two-sided", "greater"]) -> None:
+def test_most_extreme_division_has_the_least_p(size: int, alternative: Literal["two-sided", "greater"]) -> None:
     found = permutation_test_between(10.0 + np.arange(size), [1, 2, 3], alternative=alternative)
     assert found.p == pytest.approx(found.least_p)
 
 
 @pytest.mark.slow
 @pytest.mark.evidence("independent", bootstrap, by="pandas")
-def test_a_bootstrap_is_that_of_drawn_frames() -> None:
+def test_bootstrap_equals_resampling_in_pandas() -> None:
     frame = pd.DataFrame({"above": [1.0, 2.0, 1.5, 0.3, 2.2, 0.9], "below": [2.0, 3.0, 4.0, 1.0, 2.5, 2.1]})
     source = np.random.RandomState(3)
     draws = [frame.sample(frac=1, replace=True, random_state=source).sum() for _ in range(3000)]
@@ -361,13 +361,13 @@ def test_a_bootstrap_is_that_of_drawn_frames() -> None:
 
 @pytest.mark.evidence("independent", ratio_of_sums, by="numpy")
 @given(*[arrays(np.float64, 12, elements=st.floats(0.1, 9))] * 2)
-def test_a_ratio_of_sums_is_a_weighted_mean(above: np.ndarray, below: np.ndarray) -> None:
+def test_ratio_of_sums_equals_a_weighted_mean(above: np.ndarray, below: np.ndarray) -> None:
     assert ratio_of_sums(above, below) == pytest.approx(np.average(above / below, weights=below))
 
 
 @pytest.mark.slow
 @pytest.mark.evidence("independent", hedges_factor, by="scipy")
 @given(st.integers(2, 300))
-def test_the_factor_is_the_mean_of_one_over_chi(free: int) -> None:
+def test_hedges_factor_equals_its_chi_expectation(free: int) -> None:
     # The mean of one over a standard deviation of normal values, and with it the bias, is that of chi.
     assert hedges_factor(free) * np.sqrt(free) * stats.chi.expect(lambda c: 1 / c, args=(free,)) == pytest.approx(1.0)

@@ -1,6 +1,6 @@
-"""What noise and holes do to the measures: noise moves them as theory says, or little; a hole never makes a number.
+"""Effects of noise and missing samples: noise changes a measure as theory predicts, or little; holes add no values.
 
-The rule for holes is one: a value that is measured with a hole is that of the whole record, or it is not a number.
+There is one rule for holes: a value measured with missing samples equals that of the whole record, or is NaN.
 """
 
 from collections.abc import Callable
@@ -63,24 +63,24 @@ speeds = arrays(np.float64, 30, elements=st.floats(-1, 1, width=16))
 holes = st.lists(st.integers(0, 29), min_size=1, max_size=5)
 
 
-def punched(x: np.ndarray, missing: list[int]) -> np.ndarray:
+def with_holes(x: np.ndarray, missing: list[int]) -> np.ndarray:
     holed = x.copy()
     holed[missing] = np.nan
     return holed
 
 
-def known_or_nothing(measure: Callable[..., object], missing: list[int], *signals: np.ndarray) -> None:
-    """Whichever signal has a hole, what is a number is that of the whole record."""
+def assert_equal_or_nan(measure: Callable[..., object], missing: list[int], *signals: np.ndarray) -> None:
+    """Check that, with a hole in any one signal, each finite result equals that of the whole record."""
     whole = np.ravel(np.array(measure(*signals), float))
     for k in range(len(signals)):
-        holed = [punched(x, missing) if k == one else x for one, x in enumerate(signals)]
+        holed = [with_holes(x, missing) if k == one else x for one, x in enumerate(signals)]
         found = np.ravel(np.array(measure(*holed), float))
         number = ~np.isnan(found)
         np.testing.assert_allclose(found[number], whole[number], rtol=1e-9, atol=1e-12)
 
 
 def disturbed(seed: int, deviation: float = 5e-5) -> Motion:
-    """The movements, filtered, with 50 um of noise on each stylus: that of a device's position sensor."""
+    """The filtered movements with 50 um of noise on each stylus, as of a device's position sensor."""
     noise = np.random.default_rng(seed).normal(0, deviation, (3, HANDS.times.size))
     left, right = HANDS.left_z + noise[0], HANDS.right_z + noise[1]
     return motion(RATE, left, right, (right - left) / (2 * ARM), BALL + noise[2])
@@ -97,7 +97,7 @@ def turns(of: Motion) -> Segments:
 
 
 @pytest.mark.evidence("disturbance", LowPass, derivative, of="noise")
-def test_white_noise_is_left_as_its_spectrum_says() -> None:
+def test_filtered_white_noise_has_the_predicted_deviation() -> None:
     noise = np.random.default_rng(1).normal(size=200_000)
     frequency = np.linspace(0, RATE / 2, 50_001)
     gain = 1 / (1 + (np.tan(np.pi * np.minimum(frequency, 499.9) / RATE) / np.tan(np.pi * 20 / RATE)) ** 10)
@@ -110,7 +110,7 @@ def test_white_noise_is_left_as_its_spectrum_says() -> None:
 
 @pytest.mark.evidence("disturbance", board_segments, contributions, delays, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_of_a_sensor_moves_movements_by_milliseconds(seed: int) -> None:
+def test_sensor_noise_shifts_movements_by_milliseconds(seed: int) -> None:
     noisy = disturbed(seed)
     clean, found = turns(CLEAN), turns(noisy)
     assert len(found) == len(clean) == 5
@@ -126,7 +126,7 @@ def test_noise_of_a_sensor_moves_movements_by_milliseconds(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", classify, movement_times, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_of_a_sensor_moves_shares_by_two_hundredths(seed: int) -> None:
+def test_sensor_noise_changes_shares_by_at_most_0_02(seed: int) -> None:
     noisy = disturbed(seed)
     found, clean = (movement_times(classify(one.left_vz, one.right_vz), RATE).shares for one in (noisy, CLEAN))
     np.testing.assert_allclose(found, clean, atol=0.02)
@@ -137,7 +137,7 @@ def test_noise_of_a_sensor_moves_shares_by_two_hundredths(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", velocity_peaks, ball_speed, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_makes_no_peaks_that_stand_out(seed: int) -> None:
+def test_noise_adds_no_prominent_peaks(seed: int) -> None:
     noisy = disturbed(seed)
     away_from_ends = slice(200, -200)
     np.testing.assert_allclose(noisy.speed[away_from_ends], CLEAN.speed[away_from_ends], atol=2e-3)
@@ -148,7 +148,7 @@ def test_noise_makes_no_peaks_that_stand_out(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", first_braking, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_moves_the_first_braking_by_millimetres(seed: int) -> None:
+def test_noise_shifts_the_first_braking_by_millimetres(seed: int) -> None:
     trial = Trial(0, BALL.size, -0.15)
     found, clean = (
         astuple(first_braking(turns(one), one.theta, one.p, one.vp, RATE, trial)) for one in (disturbed(seed), CLEAN)
@@ -159,7 +159,7 @@ def test_noise_moves_the_first_braking_by_millimetres(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", lag_of, peak_delay, windowed_lags, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_moves_a_correlation_less_than_a_peak(seed: int) -> None:
+def test_noise_shifts_the_correlation_lag_less_than_the_peak_delay(seed: int) -> None:
     noisy = disturbed(seed)
     assert lag_of(noisy.left_vz, noisy.right_vz, RATE).delay == pytest.approx(0.04, abs=0.0005)
     _, lags = windowed_lags(noisy.left_vz[300:3000], noisy.right_vz[300:3000], RATE)
@@ -172,7 +172,7 @@ def test_noise_moves_a_correlation_less_than_a_peak(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_roughens_the_jerk_and_not_the_spectrum(seed: int) -> None:
+def test_noise_changes_jerk_measures_and_not_spectral_arc_length(seed: int) -> None:
     speed = minimum_jerk_rate(np.arange(800) / RATE, 0.0, 0.8, 0.1)
     noisy = speed + np.random.default_rng(seed).normal(0, 0.001, speed.size)
     assert spectral_arc_length(noisy, RATE) == pytest.approx(spectral_arc_length(speed, RATE), abs=0.03)
@@ -184,7 +184,7 @@ def test_noise_roughens_the_jerk_and_not_the_spectrum(seed: int) -> None:
 
 @pytest.mark.evidence("disturbance", find_completion, time_in_target, fall_time, overshoots, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_of_the_ball_moves_times_by_what_it_takes_to_cross_it(seed: int) -> None:
+def test_noise_of_the_ball_shifts_times_by_milliseconds(seed: int) -> None:
     times = np.arange(4000) / RATE
     noise = np.random.default_rng(seed).normal(0, 1e-4, times.size)
     p = minimum_jerk(times, 0.2, 1.2, 0.30) - 0.15
@@ -200,14 +200,14 @@ def test_noise_of_the_ball_moves_times_by_what_it_takes_to_cross_it(seed: int) -
 
 @pytest.mark.evidence("disturbance", reaction, of="noise")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_moves_a_reaction_by_milliseconds(seed: int) -> None:
+def test_noise_shifts_reaction_times_by_milliseconds(seed: int) -> None:
     velocity = minimum_jerk_rate(np.arange(2000) / RATE, 0.3, 0.4, 0.02)
     noisy = velocity + np.random.default_rng(seed).normal(0, 5e-4, velocity.size)
     assert reaction(noisy, RATE).time == pytest.approx(reaction(velocity, RATE).time, abs=0.01)
 
 
 @pytest.mark.evidence("disturbance", work, effort, of="noise")
-def test_noise_does_no_work_and_takes_effort() -> None:
+def test_noise_adds_effort_and_no_work() -> None:
     times = np.arange(20_000) / RATE
     force, velocity = np.sin(times), 0.1 * np.sin(times + 1)
     noise = np.random.default_rng(2).normal(0, 0.2, (2, times.size))
@@ -218,7 +218,7 @@ def test_noise_does_no_work_and_takes_effort() -> None:
 
 
 @pytest.mark.evidence("disturbance", granger, transfer_entropy, of="noise")
-def test_noise_has_the_influence_that_chance_gives_it() -> None:
+def test_independent_noise_has_the_influence_expected_by_chance() -> None:
     past = Past(step=1, own=2, other=2, delay=1)
     pairs = [np.random.default_rng(seed).normal(size=(2, 200)) for seed in range(200)]
     p = np.array([granger([x], [y], past=past).p for x, y in pairs])
@@ -231,10 +231,10 @@ def test_noise_has_the_influence_that_chance_gives_it() -> None:
 
 @pytest.mark.evidence("disturbance", placements, of=("noise", "holes"))
 @given(st.integers(0, 99), st.lists(st.integers(0, 398), max_size=5))
-def test_noise_and_holes_put_no_ball_elsewhere(seed: int, missing: list[int]) -> None:
+def test_noise_and_holes_add_no_placements(seed: int, missing: list[int]) -> None:
     p = np.repeat([-0.15, 0.3], 200) + np.random.default_rng(seed).normal(0, 1e-4, 400)
     assert placements(p, RATE).tolist() == [200]
-    holed = placements(punched(p, missing), RATE)
+    holed = placements(with_holes(p, missing), RATE)
     # Across a hole nothing is filtered anyway.
     assert holed.tolist() == ([] if {199, 200} & set(missing) else [200])
 
@@ -245,11 +245,11 @@ def test_noise_and_holes_put_no_ball_elsewhere(seed: int, missing: list[int]) ->
 @pytest.mark.slow
 @pytest.mark.evidence("disturbance", motion, ball_speed, of="holes")
 @given(st.lists(st.integers(1, 3000), min_size=1, max_size=4))
-def test_holes_of_a_recording_stay_where_they_are(missing: list[int]) -> None:
+def test_holes_in_a_recording_stay_local(missing: list[int]) -> None:
     def filtered(ball: np.ndarray, left: np.ndarray, *, unfilled: bool = True) -> Motion:
         return motion(RATE, left if unfilled else bridge(left, RATE), HANDS.right_z, HANDS.theta, ball)
 
-    found = filtered(punched(BALL, missing), punched(HANDS.left_z, missing))
+    found = filtered(with_holes(BALL, missing), with_holes(HANDS.left_z, missing))
     for name in ("left_z", "p", "vp", "speed"):
         values = getattr(found, name)
         assert np.isnan(values[missing]).all(), name
@@ -257,46 +257,46 @@ def test_holes_of_a_recording_stay_where_they_are(missing: list[int]) -> None:
         far = np.min(np.abs(np.arange(values.size)[:, None] - missing), axis=1) > 500
         np.testing.assert_allclose(values[far], whole[far], atol=2e-3, err_msg=name)
     np.testing.assert_array_equal(found.right_vz, filtered(BALL, HANDS.left_z).right_vz)
-    filled = filtered(BALL, punched(HANDS.left_z, missing), unfilled=False)
+    filled = filtered(BALL, with_holes(HANDS.left_z, missing), unfilled=False)
     np.testing.assert_allclose(filled.left_vz, CLEAN.left_vz, atol=1e-3)
 
 
 @pytest.mark.evidence("disturbance", find_completion, time_in_target, overshoots, fall_time, of="holes")
 @given(balls, holes)
-def test_what_a_hole_of_the_ball_could_change_is_not_known(p: np.ndarray, missing: list[int]) -> None:
+def test_task_measures_that_a_hole_could_change_are_nan(p: np.ndarray, missing: list[int]) -> None:
     def completed(ball: np.ndarray) -> list[float]:
         found = find_completion(ball, 10.0, 0.15, half_width=0.0351, hold=0.3)
         return [found.time, found.entries, np.nan if found.sample is None else found.sample]
 
-    known_or_nothing(completed, missing, p)
-    known_or_nothing(lambda ball: astuple(time_in_target(ball, 10.0, centre=0.15)), missing, p)
-    known_or_nothing(lambda ball: astuple(overshoots(ball, 10.0, centre=0.15)), missing, p)
-    known_or_nothing(lambda ball: fall_time(ball, 10.0), missing, p)
+    assert_equal_or_nan(completed, missing, p)
+    assert_equal_or_nan(lambda ball: astuple(time_in_target(ball, 10.0, centre=0.15)), missing, p)
+    assert_equal_or_nan(lambda ball: astuple(overshoots(ball, 10.0, centre=0.15)), missing, p)
+    assert_equal_or_nan(lambda ball: fall_time(ball, 10.0), missing, p)
 
 
-def test_holes_that_change_nothing_change_nothing() -> None:
-    """Not all is lost with a sample: one after the answer, or before it far from the target, is of no account."""
+def test_holes_that_cannot_matter_change_no_measure() -> None:
+    """A sample lost after the result, or before it and far from the target, does not matter."""
     p = np.repeat([-0.15, 0.15], [50, 50])
     whole = find_completion(p, 10.0, 0.15, hold=1.0)
     assert (whole.sample, whole.entries) == (50, 1)
-    assert find_completion(punched(p, [80]), 10.0, 0.15, hold=1.0) == whole
-    before = find_completion(punched(p, [20]), 10.0, 0.15, hold=1.0)
+    assert find_completion(with_holes(p, [80]), 10.0, 0.15, hold=1.0) == whole
+    before = find_completion(with_holes(p, [20]), 10.0, 0.15, hold=1.0)
     assert (before.sample, before.time) == (50, 5.0)
     assert np.isnan(before.entries)
     for unclear in ([49], [55]):
-        hidden = find_completion(punched(p, unclear), 10.0, 0.15, hold=1.0)
+        hidden = find_completion(with_holes(p, unclear), 10.0, 0.15, hold=1.0)
         assert hidden.sample is None
         assert np.isnan(hidden.time)
     off = np.repeat([0.0, 0.4], [50, 50])
-    assert fall_time(punched(off, [70]), 10.0) == 5.0
-    assert np.isnan(fall_time(punched(off, [10]), 10.0))
+    assert fall_time(with_holes(off, [70]), 10.0) == 5.0
+    assert np.isnan(fall_time(with_holes(off, [10]), 10.0))
 
 
 @pytest.mark.evidence("disturbance", reaction, of="holes")
 @given(st.integers(0, 400), st.integers(1, 40), st.sampled_from(["sustained", "before_peak"]))
-def test_a_reaction_that_may_have_been_in_a_hole_is_not_known(at: int, length: int, onset: str) -> None:
+def test_reaction_that_a_hole_may_hide_is_nan(at: int, length: int, onset: str) -> None:
     velocity = minimum_jerk_rate(np.arange(500) / RATE, 0.2, 0.25, 0.02)
-    holed = punched(velocity, list(range(at, min(at + length, 500))))
+    holed = with_holes(velocity, list(range(at, min(at + length, 500))))
     found, whole = (reaction(one, RATE, onset=onset).time for one in (holed, velocity))
     assert np.isnan(found) or found == whole
     assert np.isnan(found) == (at < (1000 * whole + 30 if onset == "sustained" else 458)) or at > 440
@@ -304,16 +304,16 @@ def test_a_reaction_that_may_have_been_in_a_hole_is_not_known(at: int, length: i
 
 @pytest.mark.evidence("disturbance", velocity_peaks, of="holes")
 @given(speeds, holes)
-def test_a_hole_may_hide_a_peak(speed: np.ndarray, missing: list[int]) -> None:
-    known_or_nothing(lambda one: velocity_peaks(one).count, missing, speed)
-    found = velocity_peaks(punched(speed, missing))
+def test_peak_count_with_a_hole_is_nan(speed: np.ndarray, missing: list[int]) -> None:
+    assert_equal_or_nan(lambda one: velocity_peaks(one).count, missing, speed)
+    found = velocity_peaks(with_holes(speed, missing))
     assert np.isnan(found.count)
     assert set(found.samples) <= set(velocity_peaks(speed).samples)
 
 
 @pytest.mark.evidence("disturbance", first_braking, of="holes")
 @given(st.integers(0, 3400), st.integers(1, 200), st.sampled_from(["tilt", "rotation"]))
-def test_a_movement_that_a_hole_hides_is_not_passed_over(at: int, length: int, braking: str) -> None:
+def test_first_braking_does_not_skip_a_movement_hidden_by_a_hole(at: int, length: int, braking: str) -> None:
     missing = slice(at, at + length)
     trial = Trial(100, HANDS.times.size, -0.15)
 
@@ -335,7 +335,7 @@ def test_a_movement_that_a_hole_hides_is_not_passed_over(at: int, length: int, b
 
 @pytest.mark.evidence("disturbance", contributions, delays, of="holes")
 @given(st.integers(0, 3400), st.integers(1, 60), st.sampled_from(["net", "path"]), st.sampled_from(["net", "majority"]))
-def test_a_movement_with_a_hole_is_whole_or_no_cooperation(at: int, length: int, amount: str, opposite: str) -> None:
+def test_hole_never_makes_a_movement_cooperative(at: int, length: int, amount: str, opposite: str) -> None:
     clean = turns(CLEAN)
     left_z, left_vz = HANDS.left_z.copy(), HANDS.left_vz.copy()
     left_z[at : at + length] = left_vz[at : at + length] = np.nan
@@ -357,21 +357,21 @@ def test_a_movement_with_a_hole_is_whole_or_no_cooperation(at: int, length: int,
 
 @pytest.mark.evidence("disturbance", lag_of, windowed_lags, peak_delay, of="holes")
 @given(speeds, speeds, holes)
-def test_sides_with_a_hole_have_no_delay(left: np.ndarray, right: np.ndarray, missing: list[int]) -> None:
+def test_signals_with_a_hole_have_no_delay(left: np.ndarray, right: np.ndarray, missing: list[int]) -> None:
     for measure in (
         lambda a, b: astuple(lag_of(a, b, 30.0, longest=0.3))[:3],
         lambda a, b: [lag.delay for lag in windowed_lags(a, b, 30.0, window=0.5, step=0.2, longest=0.2)[1]],
         lambda a, b: peak_delay(a, b, 30.0),
     ):
-        known_or_nothing(measure, missing, left, right)
-    assert np.isnan(lag_of(punched(left, missing), right, 30.0, longest=0.3).coefficient)
-    assert np.isnan(peak_delay(punched(left, missing), right, 30.0))
+        assert_equal_or_nan(measure, missing, left, right)
+    assert np.isnan(lag_of(with_holes(left, missing), right, 30.0, longest=0.3).coefficient)
+    assert np.isnan(peak_delay(with_holes(left, missing), right, 30.0))
 
 
 @pytest.mark.evidence("disturbance", interaction, supports, point_velocities, of="holes")
 @pytest.mark.evidence("disturbance", work, exchanged, effort, force_share, of="holes")
 @given(speeds, speeds, holes, st.sampled_from(["opposing", "half_difference"]))
-def test_forces_with_a_hole(a: np.ndarray, b: np.ndarray, missing: list[int], rule: str) -> None:
+def test_hole_in_a_force_makes_its_measures_nan(a: np.ndarray, b: np.ndarray, missing: list[int], rule: str) -> None:
     for measure in (
         lambda x, y: np.stack(astuple(interaction(x, y, rule=rule))),
         lambda x, y: np.stack(supports(x, board_mass=0.01, ball_mass=0.05, arm=ARM)),
@@ -381,22 +381,22 @@ def test_forces_with_a_hole(a: np.ndarray, b: np.ndarray, missing: list[int], ru
         lambda x, y: [effort(x, RATE, kind=kind) for kind in ("squared", "absolute", "rms")],
         force_share,
     ):
-        known_or_nothing(measure, missing, a, b)
-    holed = punched(a, missing)
+        assert_equal_or_nan(measure, missing, a, b)
+    holed = with_holes(a, missing)
     assert np.isnan(np.stack(astuple(interaction(holed, b, rule=rule)))[:, missing]).all()
     assert np.isnan([*astuple(work(holed, b, RATE)), *exchanged(holed, b, RATE), force_share(holed, b)]).all()
 
 
 @pytest.mark.evidence("disturbance", granger, transfer_entropy, of="holes")
 @given(st.integers(0, 20), st.lists(st.integers(0, 119), min_size=1, max_size=6))
-def test_a_past_with_a_hole_is_left_out(seed: int, missing: list[int]) -> None:
+def test_samples_whose_past_has_a_hole_are_left_out(seed: int, missing: list[int]) -> None:
     past = Past(step=1, own=2, other=1, delay=1)
     x, y = np.random.default_rng(seed).normal(size=(2, 120))
     y[1:] += x[:-1]
-    found = granger([punched(x, missing)], [y], past=past)
+    found = granger([with_holes(x, missing)], [y], past=past)
     assert found.n == 118 - len({k + 1 for k in missing if 1 <= k < 119})
     # Trials that are cut where the hole is have the same rows, less those whose past is cut.
-    once = punched(y, [60])
+    once = with_holes(y, [60])
     cut = granger([x[:60], x[61:]], [y[:60], y[61:]], past=past)
     assert granger([x], [once], past=past).strength == pytest.approx(cut.strength)
     for estimator in ("gaussian", "binned", "nearest"):
@@ -404,7 +404,7 @@ def test_a_past_with_a_hole_is_left_out(seed: int, missing: list[int]) -> None:
 
 
 @pytest.mark.evidence("disturbance", chance_level, of="holes")
-def test_a_pairing_without_a_value_is_no_proof() -> None:
+def test_chance_level_with_a_missing_value_is_nan() -> None:
     x = np.random.default_rng(1).normal(size=(3, 1, 20))
 
     def product(a: list[np.ndarray], b: list[np.ndarray]) -> float:
@@ -419,19 +419,19 @@ def test_a_pairing_without_a_value_is_no_proof() -> None:
 
 @pytest.mark.evidence("disturbance", driven, passive_partner, linear_partner, of="holes")
 @given(speeds, holes)
-def test_a_hand_after_a_hole_is_anywhere(force: np.ndarray, missing: list[int]) -> None:
+def test_passive_hand_is_nan_after_a_hole(force: np.ndarray, missing: list[int]) -> None:
     respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
     for measure in (
         lambda x: driven(x, RATE, PassiveHand()),
         lambda x: passive_partner(x, 0 * x, RATE, PassiveHand(), GAINS),
         lambda x: respond(x, 0 * x, "left"),
     ):
-        known_or_nothing(measure, missing, force)
-        assert np.isnan(measure(punched(force, missing))[min(missing) :]).all()
+        assert_equal_or_nan(measure, missing, force)
+        assert np.isnan(measure(with_holes(force, missing))[min(missing) :]).all()
 
 
 @pytest.mark.evidence("disturbance", passive_partner, driven, of="noise")
-def test_a_passive_hand_smooths_noise() -> None:
+def test_passive_hand_smooths_noise_as_predicted() -> None:
     noise = np.random.default_rng(3).normal(size=50_000)
     # The deviation of m z'' + b z' + k z = white force of density S is sqrt(S / (2 b k)), S = 1 / rate.
     expected = np.sqrt(1 / RATE / (2 * 8.0 * 150.0))
@@ -441,7 +441,7 @@ def test_a_passive_hand_smooths_noise() -> None:
 
 
 @pytest.mark.evidence("disturbance", passive_control, of="holes")
-def test_a_trial_with_a_hole_leaves_its_dyad_without_an_effect() -> None:
+def test_trial_with_a_hole_makes_the_effect_of_its_dyad_nan() -> None:
     times = np.arange(300) / RATE
 
     def trial(far: float) -> Heights:
@@ -453,7 +453,7 @@ def test_a_trial_with_a_hole_leaves_its_dyad_without_an_effect() -> None:
 
     respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
     on, off = [[trial(0.02)], [trial(0.03)]], [[trial(0.01)], [trial(0.01)]]
-    on[1] = [on[1][0]._replace(left=punched(on[1][0].left, [150]))]
+    on[1] = [on[1][0]._replace(left=with_holes(on[1][0].left, [150]))]
     found = passive_control(on, off, respond, product)
     np.testing.assert_array_equal(np.isnan([found.effect, found.passive]), [[False, True]] * 2)
     assert np.isnan(found.share)
@@ -461,21 +461,21 @@ def test_a_trial_with_a_hole_leaves_its_dyad_without_an_effect() -> None:
 
 @pytest.mark.evidence("disturbance", evenly, of=("noise", "holes"))
 @given(st.integers(0, 99), st.integers(1, 198))
-def test_jitter_of_times_and_a_hole_among_uneven_samples(seed: int, missing: int) -> None:
+def test_evenly_tolerates_timing_jitter_and_keeps_a_hole(seed: int, missing: int) -> None:
     times = np.arange(200) / 100.0 + np.random.default_rng(seed).uniform(0, 0.004, 200)
     found = evenly(times, np.sin(3 * times), 500.0)
     np.testing.assert_allclose(found, np.sin(3 * (times[0] + np.arange(found.size) / 500.0)), atol=2.5e-4)
-    holed = evenly(times, punched(np.sin(3 * times), [missing]), 500.0)
+    holed = evenly(times, with_holes(np.sin(3 * times), [missing]), 500.0)
     near = np.abs(times[0] + np.arange(found.size) / 500.0 - times[missing]) < 0.005
     assert np.isnan(holed[near]).all()
     np.testing.assert_array_equal(holed[~np.isnan(holed)], found[~np.isnan(holed)])
     assert np.isnan(holed).sum() <= 15
     with pytest.raises(ValueError, match="rising"):
-        evenly(punched(times, [missing]), times, 500.0)
+        evenly(with_holes(times, [missing]), times, 500.0)
 
 
 @pytest.mark.evidence("disturbance", mean_shares, first_and_last, relative_performance, of="holes")
-def test_trials_without_a_value_are_left_out() -> None:
+def test_trials_with_missing_values_are_left_out() -> None:
     seconds = np.array([[1.0, 0, 0, 1], [3.0, 1, 0, 0], [np.nan, 1, 1, 1]])
     np.testing.assert_allclose(mean_shares(seconds), mean_shares(seconds[:2]))
     times = np.arange(1.0, 13.0)
@@ -490,7 +490,7 @@ def test_trials_without_a_value_are_left_out() -> None:
 @pytest.mark.evidence("disturbance", bootstrap, ratio_of_sums, of="holes")
 @pytest.mark.evidence("disturbance", permutation_test, permutation_test_between, hedges_g, of="holes")
 @given(arrays(np.float64, st.integers(2, 6), elements=st.integers(-9, 9)))
-def test_units_without_a_value_are_left_out_or_leave_nothing(x: np.ndarray) -> None:
+def test_units_with_missing_values_are_left_out_or_give_nan(x: np.ndarray) -> None:
     holed = np.concatenate([[np.nan], x, [np.nan]])
     assert permutation_test(holed) == permutation_test(x)
     assert permutation_test_between(holed, x + 1) == permutation_test_between(x, x + 1)

@@ -1,4 +1,4 @@
-"""Levels of dyads by hand: the mean of performers' means, whatever the numbers of trials."""
+"""Levels of dyads, computed by hand: each is the mean of its performers' means, for any numbers of trials."""
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,7 @@ def level_of(found: Overview, measure: str, condition: str) -> Levels:
     return only
 
 
-def test_a_dyads_level_is_the_mean_of_its_performers_however_many_trials_they_have() -> None:
+def test_dyad_level_is_the_unweighted_mean_of_its_performers() -> None:
     study = made_study(
         [
             Block("D01", "D01A", "bimanual", "none", [{"completion": 2.0, "peaks": 1}] * 5),
@@ -29,7 +29,7 @@ def test_a_dyads_level_is_the_mean_of_its_performers_however_many_trials_they_ha
     assert level_of(found, "velocity peaks", "bimanual, none").rows == 6
 
 
-def test_the_mean_over_dyads_has_the_t_interval_and_times_go_through_the_logarithm() -> None:
+def test_mean_over_dyads_has_a_t_interval_on_the_log_scale_for_times() -> None:
     study = made_study([Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(2.0**k)) for k in (1, 2, 3)])
     one = level_of(overview(study), "completion time", "dyadic, none")
     half = 4.302652729911275 / np.sqrt(3.0) * np.log(2.0)
@@ -38,7 +38,7 @@ def test_the_mean_over_dyads_has_the_t_interval_and_times_go_through_the_logarit
     assert (one.mean.n, one.mean.unit) == (3, "dyad")
 
 
-def test_falls_are_those_of_attempts_that_are_not_excluded() -> None:
+def test_falls_of_excluded_attempts_do_not_count() -> None:
     attempts = [
         *times(3.0, 3.0),
         {"outcome": "fell", "flags": ""},
@@ -51,7 +51,7 @@ def test_falls_are_those_of_attempts_that_are_not_excluded() -> None:
 
 
 @pytest.mark.parametrize(("reading", "share"), [("trials", 0.5), ("time", 0.18)])
-def test_shares_weigh_trials_or_seconds_as_is_read(reading: str, share: float) -> None:
+def test_shares_are_weighted_by_trials_or_time_as_configured(reading: str, share: float) -> None:
     nothing = {"competitive": 0.0, "still": 0.0}
     trials = [
         {"cooperative": 0.9, "single": 0.1, **nothing},
@@ -63,7 +63,7 @@ def test_shares_weigh_trials_or_seconds_as_is_read(reading: str, share: float) -
     assert level_of(found, "single share", "dyadic, full").values == pytest.approx([1.0 - share])
 
 
-def test_a_reaction_is_that_of_the_first_hand_and_none_if_a_hand_has_guessed() -> None:
+def test_reaction_time_is_of_the_first_hand_unless_a_hand_anticipated() -> None:
     trials = [
         {"left_reaction": 0.4, "right_reaction": 0.3},
         {"left_reaction": np.nan, "right_reaction": 0.5, "left_anticipated": 0},
@@ -74,14 +74,14 @@ def test_a_reaction_is_that_of_the_first_hand_and_none_if_a_hand_has_guessed() -
     assert level_of(overview(study), "reaction time", "dyadic, full").values == pytest.approx([0.4])
 
 
-def test_the_largest_overshoot_is_measured_and_not_compared() -> None:
+def test_largest_overshoot_is_measured_and_not_compared() -> None:
     study = made_study([Block("D01", "D01", "dyadic", "full", [{"overshoot": 0.01}, {"overshoot": 0.03}])])
     one = level_of(overview(study), "largest overshoot", "dyadic, full")
     assert one.values == pytest.approx([0.02])
     assert (one.measure.unit, one.measure.compared) == ("m", False)
 
 
-def test_delays_are_those_of_cooperative_movements_of_trials_that_count() -> None:
+def test_delays_use_only_cooperative_movements_of_counted_trials() -> None:
     moves = [
         {"delay_20": -0.1},
         {"delay_20": 0.3},
@@ -93,14 +93,14 @@ def test_delays_are_those_of_cooperative_movements_of_trials_that_count() -> Non
     assert level_of(overview(study), "|delay at 20 %|", "dyadic, full").values == pytest.approx([0.2])
 
 
-def test_every_measure_has_a_level_in_every_condition_of_a_whole_study() -> None:
+def test_every_measure_has_a_level_in_every_condition() -> None:
     found = overview(modern_study(modern_blocks()))
     assert len(found.levels) == 4 * len(MEASURES)
     assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.levels)
 
 
 @pytest.mark.slow
-def test_new_names_of_dyads_change_no_result() -> None:
+def test_levels_do_not_depend_on_the_names_of_dyads() -> None:
     names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
     blocks = modern_blocks()
     renamed = [
@@ -121,7 +121,7 @@ def test_new_names_of_dyads_change_no_result() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["trial", "movement", "attempt"])
-def test_a_study_without_attempts_has_no_levels(of: str) -> None:
+def test_study_without_attempts_has_no_levels(of: str) -> None:
     study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])
     assert overview(study).levels == ()
     assert len(rows_of(study, of)) == 0  # type: ignore[arg-type]

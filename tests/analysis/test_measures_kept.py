@@ -1,4 +1,4 @@
-"""The cache is keyed by bytes, settings and code: what changes one of them is measured again, and nothing else."""
+"""The cache of measures: its key covers the recording's bytes, the settings and the code, and nothing else."""
 
 import os
 import time
@@ -24,8 +24,8 @@ TEXTS = ("", "S01", "S01", "D-07 ü")
 NUMBERS = np.array([0.0, -0.0, np.inf, np.frombuffer(b"\x01\x00\x00\x00\x00\x00\xf8\x7f")[0]])
 
 
-def made(size: int = 4) -> Measured:
-    """Tables of values that are hard to keep."""
+def awkward_tables(size: int = 4) -> Measured:
+    """Tables of values that are hard to store exactly."""
     values = {
         "integer": np.array([0, -1, 2**62, 5]),
         "number": NUMBERS,
@@ -39,7 +39,7 @@ def made(size: int = 4) -> Measured:
     )
 
 
-def same(one: Measured, other: Measured) -> bool:
+def identical(one: Measured, other: Measured) -> bool:
     pairs = [
         (getattr(one, table.name)[name], getattr(other, table.name)[name])
         for table in fields(Measured)
@@ -51,30 +51,30 @@ def same(one: Measured, other: Measured) -> bool:
     )
 
 
-def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
+def test_cached_tables_are_restored_to_the_bit(tmp_path: Path) -> None:
     cache = Cache(tmp_path / "new" / "folder")
     assert cache.get("key") is None
-    cache.put("key", made())
+    cache.put("key", awkward_tables())
     found = cache.get("key")
     assert found is not None
-    assert same(found, made())
+    assert identical(found, awkward_tables())
     assert [path.name for path in (tmp_path / "new" / "folder").iterdir()] == [f"key{ENDING}"]
 
 
-def test_an_empty_table_comes_back(tmp_path: Path) -> None:
+def test_empty_tables_are_restored(tmp_path: Path) -> None:
     empty = Measured(
         **{name: {field.name: np.empty(0, DTYPES[field.kind]) for field in columns} for name, columns in FIELDS.items()}
     )
     Cache(tmp_path).put("key", empty)
     found = Cache(tmp_path).get("key")
     assert found is not None
-    assert same(found, empty)
+    assert identical(found, empty)
 
 
 @pytest.mark.parametrize("at", [0, 40, -1])
-def test_a_damaged_entry_is_not_used(tmp_path: Path, at: int) -> None:
+def test_damaged_cache_entry_is_ignored(tmp_path: Path, at: int) -> None:
     cache = Cache(tmp_path)
-    cache.put("key", made())
+    cache.put("key", awkward_tables())
     path = tmp_path / f"key{ENDING}"
     data = bytearray(path.read_bytes())
     data[at] ^= 1
@@ -84,14 +84,14 @@ def test_a_damaged_entry_is_not_used(tmp_path: Path, at: int) -> None:
     assert cache.get("key") is None
     path.write_bytes(b"")
     assert cache.get("key") is None
-    cache.put("key", made())
+    cache.put("key", awkward_tables())
     assert cache.get("key") is not None
 
 
-def test_what_was_not_used_for_longest_goes(tmp_path: Path) -> None:
+def test_cache_evicts_least_recently_used_entries(tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     for number in range(4):
-        cache.put(f"key{number}", made(400))
+        cache.put(f"key{number}", awkward_tables(400))
         os.utime(tmp_path / f"key{number}{ENDING}", ns=(number, number))
     size = (tmp_path / f"key0{ENDING}").stat().st_size
     assert cache.get("key0") is not None
@@ -101,46 +101,46 @@ def test_what_was_not_used_for_longest_goes(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_what_is_in_use_stays_whatever_its_size(tmp_path: Path) -> None:
+def test_entries_in_use_are_kept_beyond_the_size_limit(tmp_path: Path) -> None:
     before, now = Cache(tmp_path, limit=1), Cache(tmp_path, limit=1)
     for key in ("old", "found"):
-        before.put(key, made())
-    now.put("made", made())
+        before.put(key, awkward_tables())
+    now.put("made", awkward_tables())
     assert now.get("found") is not None
     now.trim()
     assert sorted(path.stem for path in tmp_path.iterdir()) == ["found", "made"]
 
 
-def test_what_a_killed_process_has_left_goes_after_a_day(tmp_path: Path) -> None:
+def test_abandoned_partial_files_are_removed_after_a_day(tmp_path: Path) -> None:
     now = time.time()
     for name, age in (("left.part", ABANDONED + 60.0), ("written.part", ABANDONED - 3600.0), ("new.part", 0.0)):
         (tmp_path / name).write_bytes(b"half")
         os.utime(tmp_path / name, (now - age, now - age))
     cache = Cache(tmp_path)
-    cache.put("key", made())
+    cache.put("key", awkward_tables())
     cache.trim()
     assert {path.name for path in tmp_path.iterdir()} == {"written.part", "new.part", f"key{ENDING}"}
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+def test_cache_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match=r"file/cache: results cannot be kept there: .*; --no-cache keeps none"):
         Cache(tmp_path / "file" / "cache")
 
 
-def test_the_users_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_default_cache_folder_follows_xdg_cache_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert default_folder() == tmp_path / "netboard" / "measures"
     monkeypatch.delenv("XDG_CACHE_HOME")
     assert default_folder() == Path.home() / ".cache" / "netboard" / "measures"
 
 
-def test_summaries_and_exclusions_measure_nothing_anew() -> None:
+def test_cache_key_ignores_summaries_and_exclusions() -> None:
     other = replace(Readings(), summaries=Summaries(level="median"), exclusions=Exclusions(warm_up=5))
     assert key_of("S01", SHA, other) == key_of("S01", SHA, Readings())
 
 
-def test_bytes_name_readings_and_code_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cache_key_depends_on_bytes_name_settings_and_code(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = {
         key_of("S01", SHA, Readings()),
         key_of("S02", SHA, Readings()),
@@ -151,7 +151,7 @@ def test_bytes_name_readings_and_code_do(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(keys | {key_of("S01", SHA, Readings())}) == 5
 
 
-def test_the_code_that_measures_is_all_that_it_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_fingerprint_covers_all_imported_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = fingerprint.sources()
     for name in (
         *("analysis.extraction.recordings", "analysis.extraction.attempts", "analysis.measures.lags"),
