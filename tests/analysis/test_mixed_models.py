@@ -28,7 +28,7 @@ NAMES = ("dyads", "performers", "haptics", "dyadic", "order")
 
 @dataclass(frozen=True)
 class Truth:
-    """Coefficients in the order of COLUMNS, and deviations."""
+    """True coefficients in the order of COLUMNS, and standard deviations of the random effects."""
 
     effects: tuple[float, ...] = (1.5, -0.1, 0.2, -0.15, -0.1)
     dyad: float = 0.2
@@ -39,7 +39,7 @@ class Truth:
 
 
 def plan(dyads: int, trials: int) -> Labels:
-    """Two people and their dyad, each with and without forces."""
+    """Two participants alone and as a dyad, each with haptics off and on."""
     rows = [
         (f"D{dyad:02}", performer, haptics, performer == "both", trial)
         for dyad in range(dyads)
@@ -61,7 +61,7 @@ def people(labels: Labels) -> NDArray[np.int64]:
 
 
 def explained(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
-    """What trials have in common: effects, dyads and performers."""
+    """The linear predictor of each trial: fixed effects, and random effects of dyads and performers."""
     source = np.random.default_rng(seed)
     h = labels["haptics"] - 0.5
     dyad, person = np.unique(labels["dyads"], return_inverse=True)[1], people(labels)
@@ -85,7 +85,7 @@ def failures_of(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
 
 
 def numbers(model: Model) -> NDArray[np.float64]:
-    """Everything estimated about the effects."""
+    """All estimates of the effects: value, interval, ratio and p."""
     found = [(e.estimate.value, e.estimate.low, e.estimate.high, e.ratio.value, e.p) for e in model.effects]
     return np.array(found)
 
@@ -122,7 +122,7 @@ def one_condition(dyads: int, performers: int, trials: int) -> Labels:
 
 
 @pytest.mark.evidence("truth", log_time_model)
-def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
+def test_estimates_for_balanced_dyads_equal_anova() -> None:
     labels = one_condition(6, 1, 8)
     source = np.random.default_rng(3)
     log = 1.0 + np.repeat(source.normal(0, 0.5, 6), 8) + source.normal(0, 0.3, 48)
@@ -141,7 +141,7 @@ def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
 
 
 @pytest.mark.slow
-def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
+def test_estimates_for_performers_nested_in_dyads_equal_anova() -> None:
     labels = one_condition(7, 3, 5)
     source = np.random.default_rng(4)
     log = source.normal(0, 0.6, (7, 1, 1)) + source.normal(0, 0.4, (7, 3, 1)) + source.normal(0, 0.3, (7, 3, 5))
@@ -155,7 +155,7 @@ def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_v
 
 
 @pytest.mark.evidence("independent", log_time_model, by="scipy")
-def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
+def test_haptics_effect_in_a_balanced_design_equals_the_paired_t_test() -> None:
     labels = kept(plan(5, 12), plan(5, 12)["dyadic"])
     times = times_of(labels, Truth(dyad_slope=0.3), 1)
     cells = np.log(times).reshape(5, 2, 12).mean(axis=2)
@@ -171,7 +171,7 @@ def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
 
 
 @pytest.mark.evidence("independent", log_time_model, by="statsmodels")
-def test_a_formula_says_the_same() -> None:
+def test_mixed_model_equals_mixedlm_formula_of_statsmodels() -> None:
     labels = plan(10, 10)
     truth = Truth(dyad=0.5, performer=0.4, dyad_slope=0.4)
     times = times_of(labels, truth, 2)
@@ -191,7 +191,7 @@ def test_a_formula_says_the_same() -> None:
 
 
 def restricted(log: NDArray[np.float64], labels: Labels, parts: dict[str, float]) -> tuple[float, NDArray[np.float64]]:
-    """The restricted log-likelihood and the covariance of effects, with matrices of all trials written out."""
+    """The restricted log-likelihood and the covariance of the effects, from explicit matrices over all trials."""
     h, x = labels["haptics"] - 0.5, columns(labels)
     dyad = np.unique(labels["dyads"], return_inverse=True)[1]
     indicators = {"dyad": np.eye(dyad.max() + 1)[dyad], "performer": np.eye(people(labels).max() + 1)[people(labels)]}
@@ -206,7 +206,7 @@ def restricted(log: NDArray[np.float64], labels: Labels, parts: dict[str, float]
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_restricted_likelihood_is_largest_at_the_estimates(seed: int) -> None:
+def test_estimates_maximise_the_restricted_likelihood(seed: int) -> None:
     labels = plan(4, 6)
     log = np.log(times_of(labels, Truth(dyad_slope=0.05 * seed, performer_slope=0.05), seed))
     found = log_time_model(np.exp(log), **given(labels))
@@ -223,7 +223,7 @@ def test_the_restricted_likelihood_is_largest_at_the_estimates(seed: int) -> Non
 
 
 @pytest.mark.slow
-def test_what_was_put_in_comes_out() -> None:
+def test_log_time_model_recovers_true_parameters() -> None:
     labels, truth = plan(30, 10), Truth()
     found = log_time_model(times_of(labels, truth, 7), **given(labels))
     assert found.converged
@@ -238,7 +238,7 @@ def test_what_was_put_in_comes_out() -> None:
 
 
 @pytest.mark.slow
-def test_z_intervals_of_four_dyads_are_too_short() -> None:
+def test_z_intervals_of_four_dyads_are_too_narrow() -> None:
     labels, truth = kept(plan(4, 4), plan(4, 4)["dyadic"]), Truth(dyad_slope=0.5)
     hits = {"t": 0, "z": 0}
     for seed in range(120):
@@ -253,7 +253,7 @@ def test_z_intervals_of_four_dyads_are_too_short() -> None:
 
 
 @pytest.mark.slow
-def test_slopes_make_an_effect_less_sure() -> None:
+def test_random_slopes_increase_the_standard_error() -> None:
     labels = plan(6, 20)
     times = times_of(labels, Truth(dyad_slope=0.3, performer_slope=0.3), 3)
     without, dyad, performer = (log_time_model(times, **given(labels), slopes=s) for s in ("none", "dyad", "performer"))
@@ -266,7 +266,7 @@ def test_slopes_make_an_effect_less_sure() -> None:
 
 
 def mancl_derouen(labels: Labels, values: NDArray[np.float64], model: Model, power: float, alpha: float = 0.0) -> Any:
-    """The covariance of Mancl and DeRouen, written out; `power` is 1 of counts and 2 of shares."""
+    """The Mancl-DeRouen covariance from explicit matrices; `power` is 1 for counts and 2 for shares."""
     x = columns(labels)
     coefficients = np.array([model.effect(name).estimate.value for name in COLUMNS])
     linear = x @ coefficients
@@ -289,7 +289,7 @@ def mancl_derouen(labels: Labels, values: NDArray[np.float64], model: Model, pow
 
 
 @pytest.mark.evidence("truth", count_model)
-def test_errors_of_counts_are_mancl_and_derouens() -> None:
+def test_standard_errors_of_counts_equal_mancl_derouen() -> None:
     labels = plan(5, 8)
     counts = counts_of(labels, Truth(), 1)
     found = count_model(counts, **given(labels))
@@ -299,7 +299,7 @@ def test_errors_of_counts_are_mancl_and_derouens() -> None:
 
 
 @pytest.mark.evidence("truth", share_model)
-def test_errors_of_shares_are_mancl_and_derouens() -> None:
+def test_standard_errors_of_shares_equal_mancl_derouen() -> None:
     labels = plan(5, 12)
     failed = failures_of(labels, Truth(), 1)
     found = share_model(failed, **given(labels))
@@ -308,7 +308,7 @@ def test_errors_of_shares_are_mancl_and_derouens() -> None:
 
 
 @pytest.mark.evidence("independent", count_model, by="statsmodels")
-def test_dyads_of_one_trial_are_a_generalised_linear_model() -> None:
+def test_dyads_of_one_trial_give_a_generalised_linear_model() -> None:
     labels = plan(8, 3)
     labels["dyads"] = labels["performers"] = np.arange(len(labels["order"]))
     counts, failed = counts_of(labels, Truth(), 2), failures_of(labels, Truth(), 2)
@@ -321,7 +321,7 @@ def test_dyads_of_one_trial_are_a_generalised_linear_model() -> None:
         assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(other.params, rel=1e-5)
 
 
-def test_means_of_conditions_are_those_observed() -> None:
+def test_modelled_means_of_conditions_equal_the_observed_means() -> None:
     labels = plan(4, 9)
     labels["order"] = np.ones_like(labels["order"])
     counts = counts_of(labels, Truth(), 3)
@@ -340,7 +340,7 @@ def test_means_of_conditions_are_those_observed() -> None:
     assert found.effect("haptics, dyadic").ratio.value == pytest.approx(dyadic, rel=1e-6)
 
 
-def test_over_dispersion_is_measured_and_used() -> None:
+def test_over_dispersion_is_estimated_and_used() -> None:
     labels = plan(12, 20)
     calm = Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0)
     mean = np.exp(explained(labels, calm, 1))
@@ -377,7 +377,7 @@ def test_effects_of_many_dyads_are_recovered(model: Any, sample: Any) -> None:
 
 
 @pytest.mark.evidence("properties", log_time_model, of="unit")
-def test_another_unit_of_time_shifts_the_intercept_only() -> None:
+def test_changing_the_unit_of_time_shifts_only_the_intercept() -> None:
     labels = plan(4, 8)
     times = times_of(labels, Truth(), 5)
     seconds, milliseconds = log_time_model(times, **given(labels)), log_time_model(1000.0 * times, **given(labels))
@@ -391,7 +391,7 @@ def test_another_unit_of_time_shifts_the_intercept_only() -> None:
 @pytest.mark.evidence("properties", log_time_model, count_model, share_model, of="order")
 @pytest.mark.slow
 @every_model
-def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample: Any) -> None:
+def test_models_do_not_depend_on_names_or_row_order(model: Any, sample: Any) -> None:
     labels = plan(5, 10)
     values = sample(labels, Truth(), 6)
     by = np.random.default_rng(1).permutation(len(values))
@@ -405,7 +405,7 @@ def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample:
 
 
 @every_model
-def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
+def test_performers_are_nested_within_dyads(model: Any, sample: Any) -> None:
     labels = plan(4, 8)
     values = sample(labels, Truth(), 7)
     alone = model(values, **given(labels | {"performers": people(labels)}))
@@ -415,7 +415,7 @@ def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
 
 @pytest.mark.evidence("properties", log_time_model, count_model, share_model, of="mirror")
 @every_model
-def test_conditions_change_places(model: Any, sample: Any) -> None:
+def test_swapping_conditions_reverses_the_sign_of_effects(model: Any, sample: Any) -> None:
     labels = plan(4, 10)
     values = sample(labels, Truth(), 8)
     one, other = model(values, **given(labels)), model(values, **given(labels | {"haptics": ~labels["haptics"]}))
@@ -426,7 +426,7 @@ def test_conditions_change_places(model: Any, sample: Any) -> None:
 
 
 @every_model
-def test_t_and_z_differ_in_their_quantile_only(model: Any, sample: Any) -> None:
+def test_t_and_z_intervals_differ_only_in_their_quantile(model: Any, sample: Any) -> None:
     labels = plan(4, 10)
     values = sample(labels, Truth(), 9)
     t, z = (model(values, **given(labels), interval=interval, level=0.9).effect("haptics") for interval in ("t", "z"))
@@ -453,7 +453,7 @@ def test_missing_values_are_left_out_and_counted(model: Any, sample: Any) -> Non
 
 
 @every_model
-def test_one_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> None:
+def test_single_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> None:
     labels = plan(1, 20)
     values = sample(labels, Truth(), 11)
     found = model(values, **given(labels))
@@ -467,7 +467,7 @@ def test_one_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> Non
 
 
 @every_model
-def test_a_missing_configuration_is_said(model: Any, sample: Any) -> None:
+def test_missing_configuration_is_noted(model: Any, sample: Any) -> None:
     labels = kept(plan(4, 12), ~plan(4, 12)["dyadic"])
     found = model(sample(labels, Truth(), 12), **given(labels))
     assert found.fitted
@@ -479,7 +479,7 @@ def test_a_missing_configuration_is_said(model: Any, sample: Any) -> None:
 
 
 @every_model
-def test_without_one_cell_there_is_no_interaction(model: Any, sample: Any) -> None:
+def test_empty_cell_gives_no_interaction(model: Any, sample: Any) -> None:
     full = plan(4, 12)
     labels = kept(full, ~(full["dyadic"] & full["haptics"]))
     found = model(sample(labels, Truth(), 13), **given(labels))
@@ -489,7 +489,7 @@ def test_without_one_cell_there_is_no_interaction(model: Any, sample: Any) -> No
 
 
 @every_model
-def test_no_trials_are_no_model(model: Any, sample: Any) -> None:
+def test_too_few_trials_are_not_fitted(model: Any, sample: Any) -> None:
     for labels in (kept(plan(2, 2), slice(0, 0)), kept(plan(2, 2), slice(0, 1))):
         found = model(sample(labels, Truth(), 14), **given(labels))
         assert not found.fitted
@@ -498,7 +498,7 @@ def test_no_trials_are_no_model(model: Any, sample: Any) -> None:
         assert any("too few" in note for note in found.notes)
 
 
-def test_times_without_chance_are_no_model() -> None:
+def test_times_without_residual_variance_are_not_fitted() -> None:
     labels = plan(3, 4)
     for times in (np.full(len(labels["order"]), 2.5), np.exp(columns(labels) @ Truth().effects)):
         found = log_time_model(times, **given(labels))
@@ -510,7 +510,7 @@ def test_times_without_chance_are_no_model() -> None:
     ("model", "value", "what"),
     [(share_model, 0.0, "none failed"), (share_model, 1.0, "all failed"), (count_model, 0.0, "nothing was counted")],
 )
-def test_a_condition_without_failures_has_firths_estimate(model: Any, value: float, what: str) -> None:
+def test_condition_without_variation_uses_firth_estimates(model: Any, value: float, what: str) -> None:
     labels = plan(4, 20)
     values = failures_of(labels, Truth(), 15)
     empty = labels["dyadic"] & labels["haptics"]
@@ -532,7 +532,7 @@ def test_a_condition_without_failures_has_firths_estimate(model: Any, value: flo
 
 
 @pytest.mark.parametrize("model", [share_model, count_model])
-def test_where_nothing_failed_anywhere_there_is_nothing_to_compare(model: Any) -> None:
+def test_outcomes_without_any_event_are_not_fitted(model: Any) -> None:
     labels = plan(4, 20)
     found = model(np.zeros(len(labels["order"])), **given(labels))
     assert not found.fitted
@@ -541,7 +541,7 @@ def test_where_nothing_failed_anywhere_there_is_nothing_to_compare(model: Any) -
 
 
 @pytest.mark.slow
-def test_p_and_interval_of_firths_likelihood_agree_and_dyads_that_differ_widen_it() -> None:
+def test_firth_p_agrees_with_its_interval_and_dispersion_widens_it() -> None:
     labels = plan(6, 20)
     values = failures_of(labels, Truth(), 15)
     values[labels["dyadic"] & labels["haptics"]] = 0.0
@@ -558,7 +558,7 @@ def test_p_and_interval_of_firths_likelihood_agree_and_dyads_that_differ_widen_i
 
 
 @pytest.mark.slow
-def test_a_level_without_failures_is_seen_behind_other_factors() -> None:
+def test_level_without_failures_is_detected_among_other_factors() -> None:
     labels = plan(6, 12)
     arguments = with_masses(labels)["categorical"]
     values = failures_of(labels, Truth(), 15)
@@ -569,7 +569,7 @@ def test_a_level_without_failures_is_seen_behind_other_factors() -> None:
     assert np.isfinite(found.effect("haptics, heavy").estimate.low)
 
 
-def test_single_trials_do_not_tell_performers_from_chance() -> None:
+def test_single_trials_give_no_random_effect_of_performers() -> None:
     labels = kept(plan(8, 2), plan(8, 2)["order"] == 1)
     labels = kept(labels, labels["haptics"])
     found = log_time_model(times_of(labels, Truth(), 16), **given(labels))
@@ -577,7 +577,7 @@ def test_single_trials_do_not_tell_performers_from_chance() -> None:
     assert sum("no source of chance of its own" in note for note in found.notes) == 1
 
 
-def test_warnings_are_notes() -> None:
+def test_warnings_are_reported_as_notes() -> None:
     labels = plan(1, 8)
     found = share_model((labels["order"] <= 3).astype(float), **given(labels))
     assert any(note.startswith("statsmodels: Perfect separation") for note in found.notes)
@@ -585,7 +585,7 @@ def test_warnings_are_notes() -> None:
 
 
 @pytest.mark.slow
-def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
+def test_zero_variances_of_random_effects_are_fitted_and_noted() -> None:
     truths = [
         Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0),
         Truth(performer=0.0, dyad_slope=0.0, performer_slope=0.0),
@@ -605,14 +605,14 @@ def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
     assert without > 36
 
 
-def test_times_of_a_performer_that_never_vary_are_no_model() -> None:
+def test_times_constant_within_performers_are_not_fitted() -> None:
     labels = plan(4, 6)
     found = log_time_model(np.exp(explained(labels, Truth(), 3)), **given(labels))
     assert not found.fitted
     assert "not fitted: the times do not vary beyond effects, dyads and performers" in found.notes
 
 
-def test_dyads_show_no_error_of_an_effect_that_one_of_them_tells() -> None:
+def test_effect_seen_in_a_single_dyad_has_no_interval() -> None:
     full = plan(3, 8)
     labels = kept(full, (full["dyads"] == "D00") | ~full["dyadic"])
     found = count_model(counts_of(labels, Truth(), 18), **given(labels))
@@ -626,7 +626,7 @@ def test_dyads_show_no_error_of_an_effect_that_one_of_them_tells() -> None:
 
 
 @every_model
-def test_wrong_input_is_named(model: Any, sample: Any) -> None:
+def test_invalid_input_is_named(model: Any, sample: Any) -> None:
     labels = plan(2, 3)
     values = sample(labels, Truth(), 19)
     with pytest.raises(ValueError, match="haptics: one for each of"):
@@ -641,7 +641,7 @@ def test_wrong_input_is_named(model: Any, sample: Any) -> None:
 
 @pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
 @pytest.mark.parametrize("count", [2.5, 2.0**53 + 2.0, 1e200, 1e300])
-def test_what_is_no_count_is_named(family: Any, count: float) -> None:
+def test_values_that_are_no_counts_are_named(family: Any, count: float) -> None:
     labels = plan(2, 3)
     counts = counts_of(labels, Truth(), 19)
     counts[3] = count
@@ -657,7 +657,7 @@ def test_the_largest_counts_are_modelled(family: Any) -> None:
     assert all(cell.mean == MOST for cell in found.cells)
 
 
-def test_effects_have_the_inference_of_small_samples_beside_the_careful_one() -> None:
+def test_effects_include_satterthwaite_and_kenward_roger_inference() -> None:
     labels = plan(4, 10)
     found = log_time_model(times_of(labels, Truth(), 9), **given(labels))
     effect = found.effect("configuration")
@@ -677,7 +677,7 @@ def test_effects_have_the_inference_of_small_samples_beside_the_careful_one() ->
     assert counted.others == ()
 
 
-def test_a_variance_of_zero_is_known_to_satterthwaite_and_says_so() -> None:
+def test_satterthwaite_note_warns_of_zero_variances() -> None:
     labels = plan(4, 6)
     truth = Truth(dyad_slope=0.0, performer_slope=0.0)
     singular = [log_time_model(times_of(labels, truth, seed), **given(labels)) for seed in range(12)]
@@ -696,7 +696,7 @@ def test_a_variance_of_zero_is_known_to_satterthwaite_and_says_so() -> None:
 
 
 def with_masses(labels: Labels) -> dict[str, Any]:
-    """A study of haptics x configuration x mass, the mass by turns."""
+    """Models of haptics x configuration x mass, whose mass rotates over trials: numeric and categorical."""
     grams = np.array([100.0, 200.0, 400.0])[labels["order"] % 3]
     named = np.array(["light", "middle", "heavy"])[labels["order"] % 3]
     arguments = given(labels)
@@ -710,7 +710,7 @@ def with_masses(labels: Labels) -> dict[str, Any]:
 
 
 @every_model
-def test_every_factor_of_a_study_is_a_term(model: Any, sample: Any) -> None:
+def test_every_factor_of_a_study_is_a_model_term(model: Any, sample: Any) -> None:
     labels = plan(6, 12)
     arguments = with_masses(labels)["categorical"]
     found = model(sample(labels, Truth(), 30), **arguments)
@@ -726,7 +726,7 @@ def test_every_factor_of_a_study_is_a_term(model: Any, sample: Any) -> None:
     assert len(found.cells) == 12
 
 
-def test_effects_of_a_numeric_and_of_a_categorical_factor_are_recovered() -> None:
+def test_numeric_and_categorical_factor_effects_are_recovered() -> None:
     labels = plan(8, 12)
     every = with_masses(labels)
     grams = every["numeric"]["factors"][2].values
@@ -742,7 +742,7 @@ def test_effects_of_a_numeric_and_of_a_categorical_factor_are_recovered() -> Non
 
 
 @every_model
-def test_the_order_of_levels_and_the_reference_change_signs_only(model: Any, sample: Any) -> None:
+def test_changing_the_reference_level_changes_only_signs(model: Any, sample: Any) -> None:
     labels = plan(6, 12)
     arguments = with_masses(labels)["categorical"]
     haptics, configuration, mass = arguments["factors"]
@@ -758,7 +758,7 @@ def test_the_order_of_levels_and_the_reference_change_signs_only(model: Any, sam
 
 
 @every_model
-def test_a_factor_between_dyads_takes_a_degree_of_freedom(model: Any, sample: Any) -> None:
+def test_factor_between_dyads_costs_a_degree_of_freedom(model: Any, sample: Any) -> None:
     labels = plan(6, 12)
     group = Factor("group", np.where(np.unique(labels["dyads"], return_inverse=True)[1] % 2, "trained", "novice"))
     arguments = given(labels)
@@ -770,7 +770,7 @@ def test_a_factor_between_dyads_takes_a_degree_of_freedom(model: Any, sample: An
     assert [effect.name for effect in alone.effects] == ["intercept", "group", "log trial"]
 
 
-def test_a_level_that_is_not_declared_and_two_factors_of_one_name_are_named() -> None:
+def test_undeclared_levels_and_duplicate_factors_are_named() -> None:
     labels = plan(2, 3)
     arguments, times = given(labels), times_of(labels, Truth(), 34)
     haptics = arguments["factors"][0]
@@ -787,7 +787,7 @@ def test_a_level_that_is_not_declared_and_two_factors_of_one_name_are_named() ->
 # --- residuals ---------------------------------------------------------------------------------------------------
 
 
-def test_normal_residuals_lie_on_a_line() -> None:
+def test_normal_residuals_follow_a_straight_q_q_line() -> None:
     labels = plan(4, 40)
     found = log_time_model(times_of(labels, Truth(), 20), **given(labels)).diagnostics
     assert found is not None
@@ -800,7 +800,7 @@ def test_normal_residuals_lie_on_a_line() -> None:
 
 
 @pytest.mark.slow
-def test_diagnostics_find_what_is_wrong() -> None:
+def test_diagnostics_detect_autocorrelation_skew_and_unequal_spread() -> None:
     labels = plan(4, 40)
     common = explained(labels, Truth(effects=(1.5, -0.1, 1.2, 0.0, -0.1)), 21)
     source = np.random.default_rng(21)
@@ -820,7 +820,7 @@ def test_diagnostics_find_what_is_wrong() -> None:
 
 
 @pytest.mark.slow
-def test_statistics_need_no_statsmodels() -> None:
+def test_statistics_import_without_statsmodels_and_pandas() -> None:
     program = (
         "import sys; sys.modules['statsmodels'] = sys.modules['pandas'] = None\n"
         "from netboard.analysis.statistics import contrasts, effects, estimates, factors"

@@ -24,18 +24,18 @@ def _columns(study: Study) -> tuple[Any, ...]:
     )
 
 
-def slower(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
-    """Forces make two people 1.5 times as fast; dyads differ."""
+def change_times(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Haptics make dyadic trials 1.5 times as fast; dyads differ in speed."""
     row["completion"] *= (1.0 / 1.5 if (configuration, force) == ("dyadic", "full") else 1.0) * 1.3 ** (dyad % 3)
 
 
 @pytest.fixture(scope="module")
 def found() -> Fits:
-    return fits(modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower)))
+    return fits(modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=change_times)))
 
 
-def test_terms_are_those_of_the_models(found: Fits) -> None:
-    study = modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower))
+def test_reported_terms_equal_those_of_the_models(found: Fits) -> None:
+    study = modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=change_times))
     model = log_time_model(*_columns(study))
     table = table_of(found.results).set_index(["quantity", "group"])
     for name in ("haptics", "configuration", "haptics x configuration", "haptics, bimanual", "haptics, dyadic"):
@@ -53,7 +53,7 @@ def test_terms_are_those_of_the_models(found: Fits) -> None:
     assert practice["low"] <= 0.0 <= practice["high"]
 
 
-def test_sources_of_chance_and_checks_are_reported(found: Fits) -> None:
+def test_random_effects_and_assumptions_are_reported(found: Fits) -> None:
     table = table_of(found.results)
     assert (table["n"] > 0).all()
     deviations = table[table["quantity"] == "completion time: SD on the log scale"].set_index("group")
@@ -62,7 +62,7 @@ def test_sources_of_chance_and_checks_are_reported(found: Fits) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_where_nobody_differs_the_model_is_the_same_and_says_so(seed: int) -> None:
+def test_zero_variances_keep_the_model_and_are_noted(seed: int) -> None:
     found = fits(modern_study(modern_blocks(seed, dyads=4, trials=12)))
     model = found.fits[0].model
     assert model.fitted
@@ -76,13 +76,13 @@ def test_where_nobody_differs_the_model_is_the_same_and_says_so(seed: int) -> No
     assert notes.str.startswith(f"linear mixed model, REML: {model.equation}; ").all()
 
 
-def test_a_trial_that_took_no_time_is_left_out() -> None:
+def test_trial_with_zero_duration_is_left_out() -> None:
     blocks = modern_blocks(seed=5, dyads=3)
     first = replace(blocks[0], trials=[{**blocks[0].trials[0], "completion": 0.0}, *blocks[0].trials[1:]])
     assert fits(modern_study([first, *blocks[1:]])).fits[0].model.left_out == 1
 
 
-def test_falls_without_any_are_not_fitted_and_say_so(found: Fits) -> None:
+def test_study_without_falls_reports_that_they_are_not_fitted(found: Fits) -> None:
     table = table_of(found.results)
     falls = table[table["quantity"].str.startswith("falls per attempt: ratio of odds")]
     assert len(falls)
@@ -90,7 +90,7 @@ def test_falls_without_any_are_not_fitted_and_say_so(found: Fits) -> None:
     assert falls["note"].str.contains("not fitted").all()
 
 
-def test_falls_in_all_conditions_but_one_have_a_finite_ratio_of_odds() -> None:
+def test_falls_absent_from_one_condition_have_a_finite_odds_ratio() -> None:
     fell = {"outcome": "fell"}
     blocks = modern_blocks(dyads=6, trials=8)
     some = [
@@ -110,7 +110,7 @@ def test_falls_in_all_conditions_but_one_have_a_finite_ratio_of_odds() -> None:
     assert "none failed in one condition (haptics on, configuration dyadic)" in row["note"]
 
 
-def test_an_attempt_has_the_number_of_the_trial_that_it_was_at() -> None:
+def test_attempt_has_the_number_of_its_trial() -> None:
     fell = {"outcome": "fell"}
     blocks = modern_blocks(dyads=6, trials=8)
     some = [
@@ -123,7 +123,7 @@ def test_an_attempt_has_the_number_of_the_trial_that_it_was_at() -> None:
     assert model.effect("haptics").ratio.value == pytest.approx(1.0)
 
 
-def test_robots_are_left_out_and_several_forces_are_told_apart() -> None:
+def test_robots_are_left_out_and_each_force_is_a_level() -> None:
     blocks = modern_blocks(dyads=3, trials=4, forces=("full", "partner_only", "none"))
     robot = Block("D01", "D01", "dyadic", "full", times(3.0, 3.0), right_by="robot")
     found = fits(modern_study([*blocks, robot]))
@@ -134,7 +134,7 @@ def test_robots_are_left_out_and_several_forces_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize("force", ["full", "none"])
-def test_one_condition_of_one_dyad_has_a_model_that_says_what_it_lacks(force: str) -> None:
+def test_single_condition_of_one_dyad_reports_what_is_missing(force: str) -> None:
     found = fits(made_study([Block("D01", "D01", "dyadic", force, times(3.0, 4.0, 5.0))]))
     table = table_of(found.results)
     assert np.isnan(table.loc[table["group"] == "haptics", "value"]).all()

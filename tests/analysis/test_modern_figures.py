@@ -33,7 +33,7 @@ UNIT = re.compile(r"\[[^\]]+\]")
 
 
 def any_path(trial: pd.Series) -> Path:
-    """Any path, which is the same each time."""
+    """Return a random path that is reproducible."""
     chance = np.random.default_rng([int(trial["order"]), len(trial["performer"])])
     names = ("left_z", "right_z", "left_vz", "right_vz", "theta", "p", "speed")
     count = round(trial["duration"] / 0.02)
@@ -59,7 +59,7 @@ def unusual() -> Study:
 
 @pytest.fixture(scope="module")
 def drawn(study: Study) -> dict[str, Picture]:
-    """All pictures by their names."""
+    """All figures by name."""
     return {picture.name: picture for picture in (draw(study) for draw in MODERN)}
 
 
@@ -69,7 +69,7 @@ def figure_of(picture: Picture) -> Figure:
 
 
 def points(axes: Axes, label: str) -> np.ndarray:
-    """Points of the only line of a name, shape (n, 2)."""
+    """Points of the only line with this label, shape (n, 2)."""
     (only,) = [line for line in axes.lines if line.get_label() == f"_{label}"]
     return np.column_stack(only.get_data())
 
@@ -81,7 +81,7 @@ def panel(picture: Picture, title: str) -> Axes:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_every_axis_with_numbers_has_a_unit(name: str, drawn: dict[str, Picture]) -> None:
+def test_every_numeric_axis_has_a_unit(name: str, drawn: dict[str, Picture]) -> None:
     figure = figure_of(drawn[name])
     labels = [axis.get_label_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
     numbers = [label for label in labels if label not in ("", "dyad")]
@@ -90,16 +90,16 @@ def test_every_axis_with_numbers_has_a_unit(name: str, drawn: dict[str, Picture]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_captions_say_how_many_dyads(name: str, drawn: dict[str, Picture]) -> None:
+def test_captions_state_the_number_of_dyads(name: str, drawn: dict[str, Picture]) -> None:
     assert re.search(r"n = 4|of 4 dyads", drawn[name].caption)
 
 
-def test_names_are_those_of_the_modules(drawn: dict[str, Picture]) -> None:
+def test_figures_are_named_after_their_modules(drawn: dict[str, Picture]) -> None:
     assert list(drawn) == NAMES
 
 
 @pytest.mark.parametrize("draw", [influence.picture, passive.picture])
-def test_the_same_study_gives_the_same_file(
+def test_figures_are_reproducible_to_the_byte(
     draw: Callable[[Study], Picture], drawn: dict[str, Picture], study: Study
 ) -> None:
     again = draw(study)
@@ -117,7 +117,9 @@ def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: St
 @pytest.mark.parametrize("draw", MODERN)
 @pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
 @pytest.mark.daily(9)
-def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials: list[dict[str, float]]) -> None:
+def test_figure_that_cannot_be_drawn_states_the_reason(
+    draw: Callable[[Study], Picture], trials: list[dict[str, float]]
+) -> None:
     picture = draw(made_study([Block("D01", "D01", "dyadic", "full", trials)]))
     assert picture.caption
     if picture.figure is not None:
@@ -127,9 +129,7 @@ def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials:
 @pytest.mark.slow
 @pytest.mark.parametrize("find", FOUND)
 @pytest.mark.daily(1)
-def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_missing(
-    find: Callable[[Study], object], unusual: Study
-) -> None:
+def test_results_of_unusual_studies_have_units_and_notes(find: Callable[[Study], object], unusual: Study) -> None:
     table = table_of(find(unusual).results)  # type: ignore[attr-defined]
     assert len(table)
     assert not table.duplicated(["topic", "quantity", "group"]).any()
@@ -138,7 +138,7 @@ def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_m
     assert (table.loc[table["value"].isna() | (table["n"] == 0), "note"] != "").all()
 
 
-def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
+def test_measures_figure_shows_the_levels(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["measures"]
     for one in overview(study).levels:
         axes, unit = panel(picture, one.measure.name), read_in(one.measure.unit, one.measure.name)
@@ -151,7 +151,7 @@ def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
 
 
 @pytest.mark.slow
-def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, Picture]) -> None:
+def test_contrasts_figure_shows_effect_sizes_and_p(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["contrasts"]
     assert "assumes that differences are symmetric" in picture.caption
     axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
@@ -170,7 +170,7 @@ def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, 
     assert "smallest possible p is 0.125" in picture.caption
 
 
-def test_differences_are_those_of_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
+def test_differences_figure_shows_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["differences"]
     for one in comparisons(study).comparisons:
         axes = panel(picture, one.measure.name)
@@ -182,7 +182,7 @@ def test_differences_are_those_of_the_dyads(study: Study, drawn: dict[str, Pictu
         assert points(axes, one.question.name)[:, 1] == pytest.approx([unit.scale * one.difference.value])
 
 
-def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
+def test_models_figure_shows_ratios_and_residuals(study: Study, drawn: dict[str, Picture]) -> None:
     picture, found = drawn["models"], fits(study)
     terms = panel(picture, "factors")
     shown = [fit for fit in found.fits if fit.model.fitted]
@@ -198,14 +198,14 @@ def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_models_of_one_condition_have_no_ratio_to_draw() -> None:
+def test_models_of_one_condition_are_not_drawn() -> None:
     dyadic = [block for block in modern_blocks(dyads=2, trials=4, forces=("full",)) if block.configuration == "dyadic"]
     picture = models.picture(modern_study(dyadic))
     assert picture.figure is None
     assert picture.caption.startswith("No model has conditions to tell apart. Completion time: haptics: left out")
 
 
-def test_leads_are_signed_and_zero_is_in_the_middle(study: Study, drawn: dict[str, Picture]) -> None:
+def test_leadership_figure_is_signed_and_centred_on_zero(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["leadership"]
     for lead in leaders(study).leads:
         axes, scale = panel(picture, f"  {lead.measure.name}"), 1000.0 if lead.measure.unit == "s" else 1.0
@@ -214,7 +214,7 @@ def test_leads_are_signed_and_zero_is_in_the_middle(study: Study, drawn: dict[st
         assert low == -high
 
 
-def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture]) -> None:
+def test_influence_figure_shows_dyads_and_surrogates(study: Study, drawn: dict[str, Picture]) -> None:
     axes = figure_of(drawn["influence"]).axes[0]
     lines = {line.get_label(): line.get_ydata() for line in axes.lines}
     for place, one in enumerate(influences(study).influences):
@@ -225,7 +225,7 @@ def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture
         np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)
 
 
-def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[str, Picture]) -> None:
+def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["passive"]
     axes = figure_of(picture).axes[0]
     found = controls(study).controls
@@ -238,7 +238,7 @@ def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[st
     assert ("95 % bootstrap intervals" in picture.caption) == bool(told)
 
 
-def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
+def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["paths"]
     for one in courses(study).courses:
         means = [
@@ -258,7 +258,7 @@ def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> N
         assert heights.max() == pytest.approx(scale * one.high.max())
 
 
-def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Study, drawn: dict[str, Picture]) -> None:
+def test_quality_figure_shows_every_block_and_dyad(study: Study, drawn: dict[str, Picture]) -> None:
     blocks = find_quality(study).blocks
     picture = drawn["quality"]
     fell, excluded = (
@@ -273,8 +273,8 @@ def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Stu
 
 
 @pytest.mark.slow
-def test_two_dyads_have_no_size_of_an_effect() -> None:
-    """It was drawn at exactly 0, with an interval from 0 to 0."""
+def test_contrasts_of_two_dyads_are_not_drawn() -> None:
+    """A regression: the effect size was drawn at exactly 0, with an interval from 0 to 0."""
     picture = contrasts.picture(modern_study(modern_blocks(dyads=2, trials=3)))
     assert picture.figure is None
     assert "three dyads" in picture.caption

@@ -15,8 +15,8 @@ velocities = arrays(np.float64, 40, elements=st.floats(-0.02, 0.02))
 MIRROR = {Movement.LEFT_ONLY: Movement.RIGHT_ONLY, Movement.RIGHT_ONLY: Movement.LEFT_ONLY}
 
 
-def by_the_words(left: float, right: float) -> Movement:
-    """The paper's list, as it is printed."""
+def class_by_definition(left: float, right: float) -> Movement:
+    """Classify a pair of velocities by the definitions printed in the paper."""
     moves = [abs(left) >= 0.003, abs(right) >= 0.003]
     if all(moves):
         return Movement.COOPERATIVE if (left > 0) != (right > 0) else Movement.COMPETITIVE
@@ -26,20 +26,20 @@ def by_the_words(left: float, right: float) -> Movement:
 
 
 @pytest.mark.evidence("truth", classify)
-def test_all_cases() -> None:
+def test_classes_follow_the_definition_in_all_cases() -> None:
     some = [-0.05, -0.003, -0.0029, 0.0, 0.0029, 0.003, 0.05]
     left, right = np.array(list(product(some, some))).T
-    assert list(classify(left, right)) == [by_the_words(*pair) for pair in zip(left, right, strict=True)]
+    assert list(classify(left, right)) == [class_by_definition(*pair) for pair in zip(left, right, strict=True)]
 
 
-def test_at_the_limit() -> None:
+def test_velocity_at_the_threshold_counts_as_configured() -> None:
     limit, none = np.array([0.003, -0.003]), np.zeros(2)
     assert list(classify(limit, none)) == [Movement.LEFT_ONLY] * 2
     assert list(classify(limit, none, at_limit="still")) == [Movement.STILL] * 2
 
 
 @pytest.mark.evidence("disturbance", classify, movement_times, of="holes")
-def test_what_is_missing_is_unknown() -> None:
+def test_missing_velocities_are_classified_as_unknown() -> None:
     classes = classify(np.array([np.nan, 0.01, np.nan]), np.array([0.01, np.nan, np.nan]))
     assert list(classes) == [Movement.UNKNOWN] * 3
     times = movement_times(classes, 1000.0)
@@ -49,7 +49,7 @@ def test_what_is_missing_is_unknown() -> None:
 
 @pytest.mark.evidence("properties", classify, of="mirror")
 @given(velocities, velocities)
-def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
+def test_swapping_sides_swaps_the_single_classes(left: np.ndarray, right: np.ndarray) -> None:
     swapped = classify(right, left)
     assert list(swapped) == [MIRROR.get(Movement(one), one) for one in classify(left, right)]
     np.testing.assert_array_equal(classify(-left, -right), classify(left, right))
@@ -57,15 +57,15 @@ def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
 
 @pytest.mark.evidence("properties", classify, of="unit")
 @given(velocities, velocities, st.sampled_from([0.5, 2.0, 1024.0]))
-def test_unit(left: np.ndarray, right: np.ndarray, unit: float) -> None:
+def test_classes_are_independent_of_the_unit(left: np.ndarray, right: np.ndarray, unit: float) -> None:
     scaled = classify(unit * left, unit * right, still_below=0.003 * unit)
     np.testing.assert_array_equal(scaled, classify(left, right))
 
 
 @pytest.mark.evidence("truth", movement_times)
 @pytest.mark.parametrize(("way", "together"), [(-1, "cooperative"), (1, "competitive")])
-def test_times_of_two_movements_in_closed_form(way: int, together: str) -> None:
-    """10 mm in 0.4 s each, the right one 0.2 s later: how long a minimum-jerk movement is slow has a closed form."""
+def test_times_of_two_movements_equal_the_closed_form(way: int, together: str) -> None:
+    """10 mm in 0.4 s each, the right one 0.2 s later; the time below the threshold has a closed form."""
     hands = two_hands([(0.5, 0.4, way * 0.01)], [(0.7, 0.4, 0.01)], length=2.0)
     slow = time_to_portion(0.003 / (1.875 * 0.01 / 0.4), 0.4)
     found = movement_times(classify(hands.left_vz, hands.right_vz), hands.rate)
@@ -77,7 +77,7 @@ def test_times_of_two_movements_in_closed_form(way: int, together: str) -> None:
 
 @pytest.mark.evidence("properties", movement_times, of=("rate", "balance"))
 @given(velocities, velocities, st.sampled_from([2, 5]))
-def test_times_and_shares(left: np.ndarray, right: np.ndarray, finer: int) -> None:
+def test_class_times_add_up_and_are_independent_of_the_rate(left: np.ndarray, right: np.ndarray, finer: int) -> None:
     classes = classify(left, right)
     times = movement_times(classes, 100.0)
     assert times.single == pytest.approx(times.left_only + times.right_only)
@@ -87,27 +87,27 @@ def test_times_and_shares(left: np.ndarray, right: np.ndarray, finer: int) -> No
 
 
 @pytest.mark.evidence("disturbance", shares, of="holes")
-def test_nothing_has_no_shares() -> None:
+def test_empty_trial_has_no_shares() -> None:
     assert np.isnan(movement_times(np.empty(0, np.int8), 1000.0).shares).all()
     assert np.isnan(shares(np.zeros((2, 4)))).all()
 
 
 @pytest.mark.evidence("truth", mean_shares)
-def test_a_long_trial_counts_once_or_by_its_time() -> None:
+def test_mean_shares_weight_trials_equally_or_by_time() -> None:
     seconds = np.array([[1.0, 0, 0, 0], [0, 9.0, 0, 0]])
     np.testing.assert_allclose(mean_shares(seconds), [0.5, 0.5, 0, 0])
     np.testing.assert_allclose(mean_shares(seconds, of="time"), [0.1, 0.9, 0, 0])
 
 
 @pytest.mark.evidence("disturbance", mean_shares, of="holes")
-def test_an_unknown_trial_takes_no_other_with_it() -> None:
+def test_trial_with_unknown_shares_is_left_out_of_the_mean() -> None:
     seconds = np.array([[1.0, 3.0, 0, 0], [np.nan] * 4, [3.0, 9.0, 0, 0]])
     for average in ("trials", "time"):
         np.testing.assert_allclose(mean_shares(seconds, of=average), [0.25, 0.75, 0, 0])
 
 
 @pytest.mark.evidence("truth", mean_shares)
-def test_people_count_the_same_whatever_their_number_of_trials() -> None:
+def test_participants_are_weighted_equally_in_mean_shares() -> None:
     seconds = np.array([[1.0, 0, 0, 0]] * 3 + [[0, 1.0, 0, 0]] + [[0, 0, 0, 0]])
     people = np.array([1, 1, 1, 2, 3])
     np.testing.assert_allclose(mean_shares(seconds, people), [0.5, 0.5, 0, 0])

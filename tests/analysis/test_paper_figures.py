@@ -48,7 +48,7 @@ def figure_of(picture: Picture) -> Figure:
 
 
 def lines(axes: Axes, label: str) -> np.ndarray:
-    """Points of the only line of a name, shape (n, 2)."""
+    """Points of the only line with this label, shape (n, 2)."""
     (only,) = [line for line in axes.lines if line.get_label() == label]
     return np.column_stack(only.get_data())
 
@@ -64,7 +64,7 @@ def titled(picture: Picture, title: str) -> Axes:
 
 @pytest.mark.parametrize("draw", PAPER)
 def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], study: Study) -> None:
-    """Inner panels share the labels of those at the left and below, and names of conditions need no unit."""
+    """Inner panels share the labels of the outer ones, and names of conditions need no unit."""
     for axes in panels(draw(study)):
         for axis in (axes.xaxis, axes.yaxis):
             names = [label.get_text() for label in axis.get_ticklabels()]
@@ -76,7 +76,7 @@ def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], st
 
 
 @pytest.mark.parametrize("draw", PAPER)
-def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], study: Study) -> None:
+def test_captions_state_n_and_the_kind_of_interval(draw: Callable[[Study], Picture], study: Study) -> None:
     caption = draw(study).caption
     assert re.search(r"[Nn] = \d", caption)
     assert "95 % t confidence interval" in caption
@@ -86,7 +86,7 @@ def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], stud
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.daily(2)
-def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], study: Study) -> None:
+def test_figures_are_reproducible_to_the_byte(draw: Callable[[Study], Picture], study: Study) -> None:
     first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
     assert first == second
 
@@ -94,12 +94,12 @@ def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], s
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.daily(2)
-def test_a_study_of_other_conditions_is_drawn_too(draw: Callable[[Study], Picture], unusual: Study) -> None:
+def test_study_with_other_conditions_is_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
 
 
 @pytest.mark.parametrize("draw", PAPER)
-def test_with_nothing_to_show_there_is_a_reason_instead(draw: Callable[[Study], Picture]) -> None:
+def test_figure_without_data_states_the_reason(draw: Callable[[Study], Picture]) -> None:
     picture = draw(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
     assert picture.figure is None
     assert picture.caption.startswith("No ")
@@ -109,19 +109,19 @@ def test_with_nothing_to_show_there_is_a_reason_instead(draw: Callable[[Study], 
 @pytest.mark.parametrize("draw", PAPER)
 @pytest.mark.parametrize("trials", [1, 4])
 @pytest.mark.daily(3)
-def test_one_dyad_with_few_trials_is_drawn_as_far_as_it_goes(draw: Callable[[Study], Picture], trials: int) -> None:
+def test_single_dyad_with_few_trials_is_drawn_or_skipped(draw: Callable[[Study], Picture], trials: int) -> None:
     picture = draw(made_study(random_blocks(dyads=1, trials=trials)))
     assert picture.figure is None or as_bytes(picture.figure, "svg")
 
 
 @pytest.mark.slow
-def test_all_pictures_come_with_names_of_their_own(study: Study) -> None:
+def test_figures_have_unique_names(study: Study) -> None:
     names = [picture.name for picture in pictures(study)]
     assert len(set(names)) == len(names)
     assert names[:5] == ["learning", "dyads", "classes", "strategy", "delay"]
 
 
-def test_learning_is_drawn_as_found(study: Study) -> None:
+def test_learning_figure_shows_the_results(study: Study) -> None:
     picture = learning.picture(study)
     time, peaks = figure_of(picture).axes[0], figure_of(picture).axes[2]
     one = find_learning(study).teams[0]
@@ -136,7 +136,7 @@ def test_learning_is_drawn_as_found(study: Study) -> None:
         assert f"{course.ends.first.mean:.2f} ± {course.ends.first.deviation:.2f}" in texts[0]
 
 
-def test_areas_stack_up_to_the_completion_time(study: Study) -> None:
+def test_stacked_areas_equal_the_class_durations(study: Study) -> None:
     axes = figure_of(learning.picture(study)).axes[0]
     one = find_learning(study).teams[0]
     tops = [area.get_paths()[0].vertices[:, 1].max() for area in axes.collections]
@@ -144,7 +144,7 @@ def test_areas_stack_up_to_the_completion_time(study: Study) -> None:
     np.testing.assert_allclose(tops, stacked.max(axis=1))
 
 
-def test_the_plane_of_dyads_is_drawn_as_found(study: Study) -> None:
+def test_dyads_figure_shows_the_points(study: Study) -> None:
     axes = titled(dyads.picture(study), "completion time")
     for one in find_dyads(study).comparisons:
         if one.quantity.column == "completion":
@@ -155,7 +155,7 @@ def test_the_plane_of_dyads_is_drawn_as_found(study: Study) -> None:
 
 
 @pytest.mark.slow
-def test_gains_are_drawn_as_found(study: Study) -> None:
+def test_dyads_figure_shows_the_gains(study: Study) -> None:
     axes = figure_of(dyads.picture(study)).axes[2]
     names = [label.get_text() for label in axes.get_yticklabels()]
     found = [one for one in find_dyads(study).comparisons if one.quantity.column == "completion"]
@@ -168,7 +168,7 @@ def test_gains_are_drawn_as_found(study: Study) -> None:
         assert values[1][0] == one.gain.value
 
 
-def test_bars_of_the_classes_are_drawn_as_found(study: Study) -> None:
+def test_class_bars_show_the_mean_shares(study: Study) -> None:
     axes = titled(classes.picture(study), "mean shares")
     widths = {bars.get_label(): bars.patches[0].get_width() for bars in axes.containers}
     begins = {bars.get_label(): bars.patches[0].get_x() for bars in axes.containers}
@@ -180,7 +180,7 @@ def test_bars_of_the_classes_are_drawn_as_found(study: Study) -> None:
             assert widths[f"_{one.condition.name}: {name}"] == pytest.approx(100 * mean.value)
 
 
-def test_dots_of_the_classes_are_drawn_as_found(study: Study) -> None:
+def test_class_dots_show_means_intervals_and_dyads(study: Study) -> None:
     picture = classes.picture(study)
     for name in CLASSES:
         axes = titled(picture, name)
@@ -195,7 +195,7 @@ def test_dots_of_the_classes_are_drawn_as_found(study: Study) -> None:
         )
 
 
-def test_ellipses_and_variances_are_drawn_as_found(study: Study) -> None:
+def test_strategy_figure_shows_ellipses_and_variances(study: Study) -> None:
     picture = strategy.picture(study)
     for team in find_strategy(study).teams:
         axes = titled(picture, "all participants and dyads" if team.team == "all" else team.team)
@@ -211,12 +211,12 @@ def test_ellipses_and_variances_are_drawn_as_found(study: Study) -> None:
                 np.testing.assert_allclose(lines(own, f"_D02 {team.team}")[:, 1], 1e6 * spread.dyads.loc["D02"])
 
 
-def test_both_kinds_of_variance_have_a_panel_of_their_own() -> None:
+def test_generalised_variance_has_its_own_panel() -> None:
     picture = strategy.picture(made_study(random_blocks(), *SMALL, 'summaries.variance="generalised"'))
     assert "[cm⁴/s²]" in titled(picture, "generalised variance").get_ylabel()
 
 
-def test_delays_are_drawn_as_found(study: Study) -> None:
+def test_delay_figure_shows_the_results(study: Study) -> None:
     axes = figure_of(delay.picture(study)).axes
     for one in find_delay(study).conditions:
         for panel, found in zip(axes, (one.as_set, one.own_peak, one.signed), strict=True):
@@ -233,13 +233,13 @@ def test_delays_are_drawn_as_found(study: Study) -> None:
         assert bar.get_y() == pytest.approx(1000 * (one.signed.means[0].value - one.deviations.means[0].value))
 
 
-def test_intervals_of_single_movements_are_called_too_short() -> None:
+def test_caption_warns_that_intervals_over_movements_are_too_narrow() -> None:
     picture = delay.picture(made_study(random_blocks(), 'summaries.intervals="movements"'))
     assert "too narrow" in picture.caption
     assert "n = 54 movements" in picture.caption
 
 
-def test_conditions_differ_in_shape_or_fill_not_only_in_colour(unusual: Study) -> None:
+def test_conditions_differ_in_marker_shape_or_fill(unusual: Study) -> None:
     axes = titled(dyads.picture(unusual), "completion time")
     looks = {
         line.get_label(): (line.get_marker(), line.get_markerfacecolor() == "white")
@@ -250,12 +250,12 @@ def test_conditions_differ_in_shape_or_fill_not_only_in_colour(unusual: Study) -
     assert len(set(looks.values())) == 5
 
 
-def test_a_hold_in_the_areas_is_said() -> None:
+def test_caption_notes_that_areas_include_the_hold() -> None:
     caption = learning.picture(made_study(random_blocks(), 'movements.window="whole"')).caption
     assert "they exceed the completion time" in caption
 
 
-def test_people_who_are_no_simulation_are_not_called_one() -> None:
+def test_caption_calls_only_simulated_participants_simulated() -> None:
     made = made_study([Block("D01", "D01", "dyadic", "none", times(1, 2))])
     made.blocks["simulated"] = 0
     assert "imulated" not in learning.picture(made).caption

@@ -19,7 +19,7 @@ def compared() -> pd.DataFrame:
     return compare(made_study(random_blocks(), *SMALL))
 
 
-def test_everything_reported_has_a_result_beside_it(compared: pd.DataFrame) -> None:
+def test_every_reported_value_is_compared_with_a_result(compared: pd.DataFrame) -> None:
     assert list(compared) == [field.name for field in COMPARISON]
     assert len(compared) == len(REPORTED)
     assert not (compared["verdict"] == "not in this study").any()
@@ -27,7 +27,7 @@ def test_everything_reported_has_a_result_beside_it(compared: pd.DataFrame) -> N
     assert (compared["of"] != "").all()
 
 
-def test_the_numbers_are_those_of_the_paper() -> None:
+def test_reported_numbers_are_those_of_the_paper() -> None:
     ends = [(one.value, one.deviation) for one in REPORTED if one.topic == "learning" and one.kind == "number"]
     assert ends == [
         (5.71, 4.48),
@@ -49,7 +49,7 @@ def test_the_numbers_are_those_of_the_paper() -> None:
     assert [one.value for one in REPORTED if one.topic == "delay" and one.kind == "number"] == [0.04, 0.1]
 
 
-def test_a_number_is_compared_in_the_papers_deviations() -> None:
+def test_number_is_compared_in_units_of_the_papers_sd() -> None:
     study = made_study([Block("D01", "D01A", "bimanual", "full", times(1.23, 10.0))], "summaries.ends=1")
     row = compare(study).set_index(["quantity", "group"]).loc[("completion time", "bimanual, first 1")]
     assert row["difference"] == pytest.approx(1.23 - 5.71)
@@ -57,8 +57,8 @@ def test_a_number_is_compared_in_the_papers_deviations() -> None:
     assert row["verdict"] == "-1.00 SD"
 
 
-def test_a_direction_is_that_of_the_difference_and_its_interval() -> None:
-    """All dyads need less at last, by 2 s or 3 s; and a single dyad has no interval."""
+def test_direction_verdict_follows_the_difference_and_its_interval() -> None:
+    """Times of all dyads fall; a single dyad has no interval."""
     blocks = [Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(5 + 0.01 * k, 3)) for k in (1, 2, 3)]
     place = ("change of completion time", "dyadic, last 1 vs first 1")
     for used, verdict in (
@@ -72,8 +72,8 @@ def test_a_direction_is_that_of_the_difference_and_its_interval() -> None:
 
 
 @pytest.mark.parametrize(("alone", "direction"), [(3.0, "same direction"), (0.5, "other direction")])
-def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
-    """The paper has more cooperative movement bimanually; the dyad has it in half of the time."""
+def test_reported_increase_is_compared_in_direction(alone: float, direction: str) -> None:
+    """The paper reports more cooperative movement bimanually; the dyad cooperates half of the time."""
     blocks = [
         Block(
             "D01",
@@ -90,7 +90,7 @@ def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
     )
 
 
-def test_counts_are_alike_or_not() -> None:
+def test_counts_are_compared_for_equality() -> None:
     def verdicts(better: int) -> dict[str, str]:
         blocks = []
         for k in range(4):
@@ -106,7 +106,7 @@ def test_counts_are_alike_or_not() -> None:
     assert verdicts(3) == {"3A": "other count", "3B": "same count"}
 
 
-def test_what_a_study_does_not_have_is_said() -> None:
+def test_values_missing_from_the_study_are_marked() -> None:
     compared = compare(made_study([Block("D01", "D01", "dyadic", "none", times(1))]))
     assert (compared["verdict"] == "not in this study").sum() > len(compared) / 2
     alone = compared[compared["group"].str.startswith("bimanual")]
@@ -114,7 +114,7 @@ def test_what_a_study_does_not_have_is_said() -> None:
     assert (alone["note"] != "").all()
 
 
-def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
+def test_results_have_unique_names_units_and_n() -> None:
     found = results_of(made_study(random_blocks(), *SMALL), PAPER)
     assert list(found) == [field.name for field in RESULTS]
     assert not found.duplicated(["topic", "quantity", "group"]).any()
@@ -129,7 +129,7 @@ def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
 @pytest.mark.parametrize("forces", [["full"], ["none"], ["partner_only", "unrelated"], FORCES])
 @pytest.mark.parametrize("trials", [1, 2, 7])
 @pytest.mark.daily(3)
-def test_every_study_has_results_however_small(forces: list[str], trials: int) -> None:
+def test_small_studies_have_results_or_notes(forces: list[str], trials: int) -> None:
     found = results_of(made_study(random_blocks(dyads=1, trials=trials, forces=forces)))
     missing = found[found["value"].isna()]
     assert (missing["note"] != "").all()
@@ -137,8 +137,8 @@ def test_every_study_has_results_however_small(forces: list[str], trials: int) -
 
 
 @pytest.mark.slow
-def test_mirrored_studies_have_the_same_results_but_for_who_was_first() -> None:
-    """Left and right change places: targets, sides of single movements, signs of delays."""
+def test_mirrored_study_changes_only_the_sign_of_delays() -> None:
+    """Swap left and right: the targets, and the signs of the delays."""
     blocks = random_blocks(seed=3)
     mirrored = [
         Block(
@@ -160,11 +160,11 @@ def test_mirrored_studies_have_the_same_results_but_for_who_was_first() -> None:
 
 
 @pytest.mark.parametrize("kind", ["number", "count", "rises", "falls", "unchanged", "words"])
-def test_every_kind_of_statement_is_in_the_paper(kind: Kind) -> None:
+def test_reported_values_include_every_kind_of_statement(kind: Kind) -> None:
     assert any(one.kind == kind for one in REPORTED)
 
 
-def test_counts_have_a_number_and_directions_have_none() -> None:
+def test_only_numbers_and_counts_have_values() -> None:
     for one in REPORTED:
         assert isinstance(one, Reported)
         assert isnan(one.value) == (one.kind in ("rises", "falls", "unchanged", "words"))

@@ -38,14 +38,14 @@ def steps(heights: list[float], every: float = 0.6, duration: float = 0.4) -> np
 
 
 def cooperative(left: np.ndarray, right: np.ndarray) -> float:
-    """Share of the samples in which both move, in opposite directions."""
+    """Share of the samples in which both hands move in opposite directions."""
     a, b = np.gradient(left, 1 / RATE), np.gradient(right, 1 / RATE)
     return float(np.mean((np.abs(a) >= 0.003) & (np.abs(b) >= 0.003) & (a * b < 0.0)))
 
 
 @pytest.mark.evidence("truth", passive_ratio, passive_partner)
 @pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
-def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) -> None:
+def test_passive_hand_moves_by_the_known_ratio_of_its_partner(stiffness: float, millimetres: float) -> None:
     hand = PassiveHand(stiffness=stiffness)
     for gains in (LEFT, RIGHT):
         assert gains.partner == pytest.approx(25.93, abs=0.01)
@@ -56,7 +56,7 @@ def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) ->
 
 
 @pytest.mark.evidence("truth", driven)
-def test_a_driven_hand_in_closed_form() -> None:
+def test_driven_hand_equals_the_closed_form() -> None:
     # A sine force, long after its beginning: amplitude and phase of 1 / (k - m w^2 + i b w).
     hand, w = PassiveHand(0.5, 8.0, 150.0), 2 * np.pi * 2.0
     t = np.arange(0.0, 5.0, 1 / RATE)
@@ -71,7 +71,7 @@ def test_a_driven_hand_in_closed_form() -> None:
 
 
 def whole_scene(active: np.ndarray, hand: PassiveHand, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """The paper's board and ball between a hand that moves as told and one that is passive: heights of it, and ball."""
+    """Integrate the paper's scene with one prescribed and one passive hand: passive heights, and the ball."""
     t = np.arange(len(active)) / RATE
     rate = np.gradient(active, 1 / RATE)
     y0 = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -104,7 +104,7 @@ def whole_scene(active: np.ndarray, hand: PassiveHand, side: int) -> tuple[np.nd
 @pytest.mark.evidence("independent", passive_partner, by="scipy")
 @pytest.mark.slow
 @pytest.mark.parametrize("side", [0, 1])
-def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
+def test_linear_partner_equals_the_integrated_scene(side: int) -> None:
     active, hand = steps([0.0, 0.008, -0.004, 0.003, 0.0]), PassiveHand()
     there, p = whole_scene(active, hand, side)
     here = passive_partner(active, p, RATE, hand, (LEFT, RIGHT)[side])
@@ -114,14 +114,14 @@ def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
 
 
 def trials(seed: int, follow: float) -> list[Heights]:
-    """A left side that tilts to and fro, and a right side that follows it, the other way, by a portion."""
+    """Trials whose left hand moves up and down, and whose right hand mirrors it, scaled by `follow`."""
     source = np.random.default_rng(seed)
     left = [steps([0.0, *source.uniform(-0.02, 0.02, 6)]) for _ in range(4)]
     return [Heights(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
 
 
 @pytest.mark.evidence("truth", passive_control, linear_partner)
-def test_a_partner_who_never_acts_is_all_mechanics() -> None:
+def test_fully_passive_partner_explains_the_whole_effect() -> None:
     hand = PassiveHand()
     respond = linear_partner(RATE, hand, LEFT, RIGHT)
     off = [trials(seed, 0.0) for seed in range(4)]
@@ -138,7 +138,7 @@ def test_a_partner_who_never_acts_is_all_mechanics() -> None:
     assert (found.n, found.unit) == (4, "dyad")
 
 
-def test_still_hands_and_partners_who_act() -> None:
+def test_active_partners_leave_a_small_passive_share() -> None:
     respond = linear_partner(RATE, PassiveHand(), LEFT, RIGHT)
     off, on = [trials(seed, 0.0) for seed in range(5)], [trials(seed, 0.8) for seed in range(5)]
 
@@ -155,7 +155,7 @@ def test_still_hands_and_partners_who_act() -> None:
     assert nobody.passive.tolist() == [0.0] * 5
 
 
-def test_misuse_is_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="a mass"):
         PassiveHand(mass=0.0)
     with pytest.raises(ValueError, match="each dyad"):
@@ -165,7 +165,7 @@ def test_misuse_is_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.evidence("properties", passive_partner, of=("unit", "constant", "mirror", "rate"))
 @given(st.floats(-5.0, 5.0), st.floats(-0.05, 0.05), st.floats(20.0, 400.0))
-def test_a_passive_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:
+def test_passive_partner_is_linear_and_mirror_symmetric(scale: float, offset: float, stiffness: float) -> None:
     active, hand = steps([0.0, 0.01, -0.005, 0.0]), PassiveHand(stiffness=stiffness)
     ball = 0.1 * np.sin(np.arange(len(active)) / 300.0)
     once = passive_partner(active, ball, RATE, hand, LEFT)
@@ -178,7 +178,7 @@ def test_a_passive_partner_is_linear_and_mirrored(scale: float, offset: float, s
 
 
 @pytest.mark.parametrize("stiffness", [50.0, 150.0])
-def test_friction_holds_a_push_that_is_weaker_and_takes_its_part_of_one_that_is_stronger(stiffness: float) -> None:
+def test_friction_holds_weak_forces_and_reduces_strong_ones(stiffness: float) -> None:
     hand = PassiveHand(stiffness=stiffness, friction=0.26)
     ramp = np.minimum(np.arange(4000) / 2000.0, 1.0)
     assert not driven(0.25 * ramp, RATE, hand).any()
@@ -187,7 +187,7 @@ def test_friction_holds_a_push_that_is_weaker_and_takes_its_part_of_one_that_is_
 
 
 @pytest.mark.evidence("disturbance", driven, of="holes")
-def test_friction_that_vanishes_is_no_friction_and_after_a_hole_nothing_is_known() -> None:
+def test_vanishing_friction_has_no_effect_and_holes_give_nan() -> None:
     force = np.sin(np.arange(3000) / 200.0)
     without, hardly = driven(force, RATE, PassiveHand()), driven(force, RATE, PassiveHand(friction=1e-9))
     assert hardly == pytest.approx(without, abs=0.01 * np.ptp(without))
@@ -197,7 +197,7 @@ def test_friction_that_vanishes_is_no_friction_and_after_a_hole_nothing_is_known
     assert np.isnan(holed[1000:]).all()
 
 
-def test_a_device_adds_to_the_arm_that_holds_it() -> None:
+def test_device_mechanics_add_to_those_of_the_arm() -> None:
     assert PassiveHand(0.5, 8.0, 50.0).holding(0.045, 0.1, 0.26) == PassiveHand(0.545, 8.1, 50.0, 0.26)
     with pytest.raises(ValueError, match="friction"):
         PassiveHand(friction=-0.1)

@@ -29,7 +29,7 @@ def control(stiffness: int, dyads: int = 4, device: bool = False) -> Control:
 
 
 @pytest.mark.parametrize(("stiffness", "share"), [(50, 1.0), (150, 0.5), (300, 0.0)])
-def test_the_share_is_that_of_mechanics(stiffness: int, share: float) -> None:
+def test_passive_share_is_the_ratio_of_passive_effect_to_effect(stiffness: int, share: float) -> None:
     one = control(stiffness)
     assert one.effect == pytest.approx([0.2, 0.22, 0.24, 0.26])
     assert one.mean_effect.value == pytest.approx(0.23)
@@ -40,7 +40,7 @@ def test_the_share_is_that_of_mechanics(stiffness: int, share: float) -> None:
     assert (one.share.n, one.share.unit) == (4, "dyad")
 
 
-def test_both_are_told_of_a_hand_without_friction_and_of_one_with_the_device() -> None:
+def test_passive_effect_is_reported_with_and_without_the_device() -> None:
     one = control(150, device=True)
     assert one.friction == pytest.approx(0.26)
     assert one.mean_passive.value == pytest.approx(0.023)
@@ -53,7 +53,7 @@ def test_both_are_told_of_a_hand_without_friction_and_of_one_with_the_device() -
     assert "holds the recorded device, friction 0.26 N" in held["note"]
 
 
-def test_where_no_device_is_known_only_the_hand_without_friction_is_told() -> None:
+def test_unknown_device_gives_only_the_frictionless_result() -> None:
     def unknown(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
         shares(row, configuration, force, dyad)
         row |= {f"passive_{k}_device": np.nan for k in (50, 150, 300)} | {"passive_friction": np.nan}
@@ -63,7 +63,7 @@ def test_where_no_device_is_known_only_the_hand_without_friction_is_told() -> No
     assert "whose friction is not known" in picture(study).caption
 
 
-def test_a_device_without_friction_is_a_device() -> None:
+def test_device_without_friction_is_reported_as_a_device() -> None:
     def smooth(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
         shares(row, configuration, force, dyad)
         row |= {"passive_friction": 0.0}
@@ -75,13 +75,13 @@ def test_a_device_without_friction_is_a_device() -> None:
     assert sum(one.with_device for one in found.controls) == 3
 
 
-def test_a_share_of_an_effect_is_no_difference() -> None:
+def test_passive_share_is_in_percent_and_passive_effect_in_points() -> None:
     group = "dyadic, haptics on vs off"
     assert read_in("1", "passive share of the effect, 50 N/m, no friction", group) == PERCENT
     assert read_in("1", "passive effect on cooperative share, 50 N/m, no friction", group) == POINTS
 
 
-def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:
+def test_uncertain_effect_has_no_passive_share() -> None:
     def nothing(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
         shares(row, configuration, "none", dyad)
         row["cooperative"] += 0.02 * (-1.0) ** dyad * (force == "full")
@@ -95,8 +95,8 @@ def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:
     assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
 
 
-def test_one_dyad_has_no_share_to_tell() -> None:
-    """Of one dyad an effect by chance of a thousandth would be shared a hundred times."""
+def test_single_dyad_has_no_passive_share() -> None:
+    """With one dyad, a chance effect of 0.001 would give a share of a hundred."""
     one = control(150, dyads=1)
     assert one.share.value == pytest.approx(0.5)
     assert np.isnan(one.share.low)
@@ -107,7 +107,7 @@ def test_one_dyad_has_no_share_to_tell() -> None:
 
 
 @pytest.mark.slow
-def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:
+def test_no_control_without_two_people_and_both_conditions() -> None:
     row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "passive_50": 0.1}
     alone = [Block("D01", "D01A", "bimanual", force, [row]) for force in ("full", "none")]
     robot = [Block("D01", "D01", "dyadic", force, [row], right_by="robot") for force in ("full", "none")]

@@ -19,7 +19,7 @@ def bells(centres: list[float], heights: list[float]) -> np.ndarray:
 
 
 @pytest.mark.evidence("truth", velocity_peaks)
-def test_known_peaks() -> None:
+def test_known_peaks_are_found() -> None:
     found = velocity_peaks(bells([0.8, 1.6, 2.9], [0.3, 0.1, 0.2]))
     assert found.count == 3
     np.testing.assert_allclose(found.samples, [800, 1600, 2900], atol=1)
@@ -31,7 +31,7 @@ def test_minima_are_counted_on_request() -> None:
     assert velocity_peaks(speed, extrema="maxima_and_minima").count == 5
 
 
-def test_small_peaks_are_left_out_on_request() -> None:
+def test_small_peaks_are_ignored_on_request() -> None:
     speed = bells([0.8, 1.6, 2.9], [0.3, 0.009, 0.2])
     assert (velocity_peaks(speed).count, velocity_peaks(speed, least_prominence=0.01).count) == (3, 2)
     assert velocity_peaks(speed, extrema="maxima_and_minima", least_prominence=0.01).count == 3
@@ -39,8 +39,8 @@ def test_small_peaks_are_left_out_on_request() -> None:
 
 
 @pytest.mark.parametrize(("duration", "ringing"), [(0.6, 0.0060), (1.0, 0.0023), (2.0, 0.0006)])
-def test_the_filter_rings_beside_a_ball_at_rest_less_than_the_default_floor(duration: float, ringing: float) -> None:
-    """One minimum-jerk roll is one peak; without a floor the ringing of the filters makes dozens of it."""
+def test_default_prominence_exceeds_the_ringing_of_the_filters(duration: float, ringing: float) -> None:
+    """A minimum-jerk roll has one peak; without a prominence floor, filter ringing adds dozens."""
     s = np.clip((np.arange(9000) / 1000 - 4.0) / duration, 0.0, 1.0)
     p = -0.15 + 0.3 * s**3 * (10 - 15 * s + 6 * s**2)
     still = np.zeros_like(p)
@@ -54,7 +54,7 @@ def test_the_filter_rings_beside_a_ball_at_rest_less_than_the_default_floor(dura
 
 
 @pytest.mark.evidence("truth", velocity_peaks)
-def test_plateaus_and_ends() -> None:
+def test_plateaus_are_peaks_and_ends_are_not() -> None:
     plateau = np.array([0.0, 1, 1, 1, 0])
     assert velocity_peaks(plateau).samples.tolist() == [1]
     assert velocity_peaks(plateau, plateau="midpoint").samples.tolist() == [2]
@@ -67,8 +67,8 @@ def test_plateaus_and_ends() -> None:
 
 @pytest.mark.evidence("truth", velocity_peaks, ball_speed)
 @pytest.mark.parametrize("order", ["absolute_first", "filter_first"])
-def test_swinging_ball_has_a_peak_for_each_swing(order: str) -> None:
-    """A ball that swings at 0.8 Hz for 3 s passes its middle with top speed once in 0.625 s."""
+def test_swinging_ball_has_one_peak_per_swing(order: str) -> None:
+    """A ball that swings at 0.8 Hz passes the centre at top speed every 0.625 s."""
     speed = ball_speed(0.2 * np.cos(2 * np.pi * 0.8 * np.arange(7000) / 1000), 1000.0, order=order)
     assert velocity_peaks(speed[2000:5000]).count == np.count_nonzero(
         (np.arange(20) / 1.6 > 2) & (np.arange(20) / 1.6 < 5)
@@ -77,7 +77,7 @@ def test_swinging_ball_has_a_peak_for_each_swing(order: str) -> None:
 
 @pytest.mark.evidence("independent", velocity_peaks, by="scipy")
 @given(speeds)
-def test_scipys_peaks(speed: np.ndarray) -> None:
+def test_peaks_equal_those_of_scipy(speed: np.ndarray) -> None:
     np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint").samples, find_peaks(speed)[0])
     distinct = speed + 1e-3 * np.arange(speed.size) ** 2 * np.sqrt(2)
     if np.all(np.diff(distinct) != 0):
@@ -89,14 +89,14 @@ def test_scipys_peaks(speed: np.ndarray) -> None:
 
 @pytest.mark.evidence("independent", velocity_peaks, by="scipy")
 @given(speeds, st.floats(0.05, 0.5))
-def test_scipys_prominence(speed: np.ndarray, least: float) -> None:
+def test_peaks_with_prominence_equal_those_of_scipy(speed: np.ndarray, least: float) -> None:
     expected = find_peaks(speed, prominence=least)[0]
     np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint", least_prominence=least).samples, expected)
 
 
 @pytest.mark.evidence("properties", velocity_peaks, of=("unit", "time"))
 @given(speeds, st.sampled_from([0.25, 2.0, 1024.0]), st.integers(1, 5))
-def test_unit_and_time_do_not_matter(speed: np.ndarray, unit: float, shift: int) -> None:
+def test_peaks_are_invariant_to_unit_and_time_shift(speed: np.ndarray, unit: float, shift: int) -> None:
     found = velocity_peaks(speed).samples
     np.testing.assert_array_equal(velocity_peaks(unit * speed).samples, found)
     if speed.size and speed[0] > 0:
@@ -106,7 +106,7 @@ def test_unit_and_time_do_not_matter(speed: np.ndarray, unit: float, shift: int)
 
 @pytest.mark.evidence("properties", velocity_peaks, of="rate")
 @given(st.lists(st.floats(0.3, 3.7), min_size=1, max_size=4), st.integers(2, 4))
-def test_rate_does_not_matter(centres: list[float], step: int) -> None:
+def test_peak_count_is_independent_of_the_sampling_rate(centres: list[float], step: int) -> None:
     speed = ball_speed(bells(centres, [0.2] * len(centres)), 1000.0)
     fine = velocity_peaks(speed, least_prominence=1e-4)
     coarse = velocity_peaks(speed[::step], least_prominence=1e-4)

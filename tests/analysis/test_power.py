@@ -28,7 +28,7 @@ def drawn(ratio: bool = False) -> Differences:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dyads", [4, 8, 24])
-def test_power_of_normal_differences_is_the_closed_form(dyads: int) -> None:
+def test_power_of_normal_differences_equals_the_closed_form(dyads: int) -> None:
     found = {one.test: one for one in powers([drawn()], [dyads])}
     t = found[T_TEST]
     assert t.studies == 400 * (24 // dyads)
@@ -41,7 +41,7 @@ def test_power_of_normal_differences_is_the_closed_form(dyads: int) -> None:
     assert found[PERMUTATION].power.value == (0.0 if dyads == 4 else pytest.approx(t.power.value, abs=0.05))
 
 
-def test_tests_are_those_of_a_study() -> None:
+def test_power_uses_the_tests_of_a_study() -> None:
     gaps = drawn().gaps[:1, :8].copy()
     gaps[0, 2] = np.nan
     found = {one.test: one for one in powers([Differences("m", "c", "s", False, gaps)], [8])}
@@ -53,7 +53,7 @@ def test_tests_are_those_of_a_study() -> None:
     assert found[T_TEST].effect == pytest.approx(own.difference.value)
 
 
-def test_ratios_have_the_width_of_their_limits() -> None:
+def test_interval_width_of_ratios_is_a_ratio() -> None:
     (plain, _), (ratio, _) = (list(powers([drawn(kind)], [8])) for kind in (False, True))
     assert ratio.effect == pytest.approx(np.exp(plain.effect))
     assert ratio.width == pytest.approx(np.exp(plain.width))
@@ -61,7 +61,7 @@ def test_ratios_have_the_width_of_their_limits() -> None:
 
 
 @pytest.mark.parametrize(("hits", "total"), [(0, 10), (7, 10), (200, 200)])
-def test_monte_carlo_error_is_wilson_s(hits: int, total: int) -> None:
+def test_monte_carlo_interval_equals_wilson(hits: int, total: int) -> None:
     found = Rate.of(hits, total)
     assert (found.low, found.high) == pytest.approx(proportion_confint(hits, total, method="wilson"), abs=1e-12)
 
@@ -75,7 +75,7 @@ def groups(dyads: int) -> pd.DataFrame:
     return table.assign(**dict.fromkeys(names, 1.0), log_completion=table["group"] * (table["condition"] == "on"))
 
 
-def test_fewer_trials_are_the_first_groups() -> None:
+def test_fewer_trials_use_the_first_groups() -> None:
     asked = [{"name": "on vs off", "first": ["on"], "second": ["off"]}]
     for trials, expected in ((0, 1.5), (30, 1.0), (60, 1.5)):
         (time,) = (one for one in differences([groups(3)], asked, trials) if one.measure == "completion time")
@@ -84,7 +84,7 @@ def test_fewer_trials_are_the_first_groups() -> None:
         differences([groups(3)], asked, 45)
 
 
-def test_results_say_what_they_rest_on(tmp_path: Path) -> None:
+def test_results_state_their_assumptions(tmp_path: Path) -> None:
     found = list(powers([drawn()], [4, 24]))[::2]
     said = sentence(found, ASSUMED)
     assert said.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g})")
@@ -108,7 +108,7 @@ def test_results_say_what_they_rest_on(tmp_path: Path) -> None:
         (["--cohort", "nowhere"], "nowhere: has no cohort.json"),
     ],
 )
-def test_bad_requests_are_refused(tmp_path: Path, options: list[str], words: str) -> None:
+def test_invalid_options_are_refused(tmp_path: Path, options: list[str], words: str) -> None:
     done = CliRunner().invoke(app, ["power", "paper", "-o", str(tmp_path / "new"), *options])
     assert done.exit_code == 2
     assert words in done.stderr

@@ -8,7 +8,7 @@ from made_study import Block, made_study, times
 from netboard.analysis.topics.quality import quality
 
 
-def test_attempts_of_a_block_are_counted_by_their_ends() -> None:
+def test_attempts_of_a_block_are_counted_by_outcome() -> None:
     attempts = [
         *times(2.0, 8.0),
         {"outcome": "fell"},
@@ -30,8 +30,8 @@ def test_attempts_of_a_block_are_counted_by_their_ends() -> None:
     assert rows["attempts excluded", next(iter(found.reasons))] == 1
 
 
-def test_a_drift_is_the_change_within_performers_and_conditions() -> None:
-    """Times grow by a tenth from block to block, whatever performers and conditions add."""
+def test_drift_is_estimated_within_performers_and_conditions() -> None:
+    """Times grow by a tenth per block, besides differences between performers and conditions."""
     plan = [("A", "full"), ("B", "none"), ("A", "none"), ("B", "full")] * 3
     blocks = [
         Block("D01", f"D01{who}", "bimanual", force, times(*[3.0 * 1.1**number * (2.0 if who == "A" else 1.0)] * 2))
@@ -43,7 +43,7 @@ def test_a_drift_is_the_change_within_performers_and_conditions() -> None:
     assert np.isnan(found.drift.low)
 
 
-def test_one_block_of_each_condition_has_no_drift() -> None:
+def test_single_block_per_condition_gives_no_drift() -> None:
     study = made_study([Block("D01", "D01", "dyadic", force, times(3.0, 4.0)) for force in ("full", "none")])
     assert np.isnan(quality(study).drift.value)
     (row,) = [row for row in quality(study).results if row.quantity.startswith("drift")]
@@ -51,7 +51,7 @@ def test_one_block_of_each_condition_has_no_drift() -> None:
     assert row.note
 
 
-def test_without_a_drift_the_interval_covers_none() -> None:
+def test_drift_interval_covers_1_without_a_drift() -> None:
     blocks = [block for seed in range(3) for block in modern_blocks(seed=seed, dyads=6)]
     found = quality(modern_study(blocks))
     assert found.drift.n == 6

@@ -30,7 +30,7 @@ def block(configuration: str) -> tuple[np.ndarray, tuple[Attempt, ...]]:
 
 
 def measures(rows: Any, attempts: tuple[Attempt, ...], side: float = 1, step: int = 1) -> dict[str, np.ndarray]:
-    """All measures of every attempt; `side` -1 mirrors the experiment, `step` leaves samples out, also of a hold."""
+    """All measures of every attempt; `side` -1 mirrors the experiment, `step` decimates the samples."""
     rate = 1000 / step
     left, right = ("left", "right") if side > 0 else ("right", "left")
     rows = rows[::step]
@@ -63,20 +63,20 @@ def measures(rows: Any, attempts: tuple[Attempt, ...], side: float = 1, step: in
 
 
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
-def test_completion_is_the_servers_less_the_tick_in_which_the_ball_came_in(configuration: str) -> None:
+def test_completion_is_the_servers_less_one_tick(configuration: str) -> None:
     rows, attempts = block(configuration)
     expected = [attempt.completion - 1e-3 for attempt in attempts]
     np.testing.assert_allclose(measures(rows, attempts)["completion"], expected, atol=1e-9)
 
 
-def test_the_ball_is_put_elsewhere_right_after_an_attempt() -> None:
+def test_ball_is_placed_right_after_an_attempt() -> None:
     rows, attempts = block("dyadic")
     assert set(placements(rows["p"], 1000.0)) <= {attempt.stop + 1 for attempt in attempts}
 
 
 @pytest.mark.evidence("properties", motion, board_segments, contributions, velocity_peaks, movement_times, of="mirror")
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
-def test_left_is_right_mirrored(configuration: str) -> None:
+def test_measures_are_mirror_symmetric(configuration: str) -> None:
     rows, attempts = block(configuration)
     one, other = measures(rows, attempts), measures(rows, attempts, side=-1)
     np.testing.assert_allclose(other["delay"], -one["delay"], atol=1e-9)
@@ -86,7 +86,7 @@ def test_left_is_right_mirrored(configuration: str) -> None:
 
 @pytest.mark.evidence("properties", motion, first_braking, of="rate")
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
-def test_half_the_rate_gives_nearly_the_same(configuration: str) -> None:
+def test_measures_hardly_depend_on_the_sampling_rate(configuration: str) -> None:
     rows, attempts = block(configuration)
     one, half = measures(rows, attempts), measures(rows, attempts, step=2)
     for name, tolerance in {"completion": 4e-3, "shares": 0.01, "peaks": 0, "strategy": 0.01}.items():
@@ -96,8 +96,8 @@ def test_half_the_rate_gives_nearly_the_same(configuration: str) -> None:
     assert np.nanmax(apart) < 0.02
 
 
-def test_people_do_the_task_as_people_do() -> None:
-    """The ball is braked while it comes to the target, and one person's hands hardly ever move the same way."""
+def test_simulated_participants_perform_the_task_plausibly() -> None:
+    """The ball is braked on its way to the target, and bimanual hands hardly ever move in the same direction."""
     found = {name: measures(*block(name)) for name in ("dyadic", "bimanual")}
     for table in found.values():
         done = np.isfinite(table["completion"])

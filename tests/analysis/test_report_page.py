@@ -23,7 +23,7 @@ NOTHING = table_of([])
 
 
 def picture(name: str = "learning", points: int = 5) -> Picture:
-    """A picture with markers and clipping, which refer to ids."""
+    """A figure with markers and clipping, whose SVG refers to ids."""
     figure, (axes,) = new_figure(2.0)
     axes.plot(np.arange(points), np.random.default_rng(1).random(points), "o-", label="people & others")
     axes.legend()
@@ -77,7 +77,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Element:
     return read_page(write_report(folder, study, few_results(), [picture(), picture("dyads")], origin, comparison))
 
 
-def test_a_page_has_every_section_with_a_heading(whole: Element) -> None:
+def test_page_has_every_section_with_a_heading(whole: Element) -> None:
     names = [one["aria-labelledby"] for one in whole.all("section")]
     assert names == [
         "summary",
@@ -95,7 +95,7 @@ def test_a_page_has_every_section_with_a_heading(whole: Element) -> None:
     assert [len(whole.all(tag)) for tag in ("header", "nav", "main", "footer", "h1")] == [1, 1, 1, 1, 1]
 
 
-def test_ids_are_unique_and_links_lead_somewhere(whole: Element) -> None:
+def test_ids_are_unique_and_links_have_targets(whole: Element) -> None:
     ids = [one["id"] for one in whole.all() if "id" in one.attributes]
     assert len(set(ids)) == len(ids)
     referred = [one["href"] for one in whole.all() if "href" in one.attributes]
@@ -107,7 +107,7 @@ def test_ids_are_unique_and_links_lead_somewhere(whole: Element) -> None:
     assert {target.removeprefix("#") for target in referred} <= set(ids)
 
 
-def test_nothing_is_loaded_and_nothing_runs(whole: Element) -> None:
+def test_page_loads_nothing_and_runs_no_script(whole: Element) -> None:
     assert {one.tag for one in whole.all()} & {"script", "link", "iframe", "object", "embed", "base", "form"} == set()
     assert not [name for one in whole.all() for name in one.attributes if name.startswith("on") or name == "srcset"]
     sources = [one[name] for one in whole.all() for name in ("src", "href", "data") if name in one.attributes]
@@ -142,7 +142,7 @@ def test_every_figure_has_a_title_a_caption_and_a_description(whole: Element) ->
         assert "people & others" in svg.text
 
 
-def test_the_head_counts(whole: Element) -> None:
+def test_header_states_the_counts_of_the_study(whole: Element) -> None:
     facts = dict(zip((one.text for one in whole.all("dt")), (one.text for one in whole.all("dd")), strict=True))
     assert whole.all("h1")[0].text == "made up"
     assert facts == {
@@ -154,7 +154,7 @@ def test_the_head_counts(whole: Element) -> None:
     }
 
 
-def test_the_summary_has_numbers_with_intervals_and_n_and_says_what_few_dyads_show(whole: Element) -> None:
+def test_summary_states_intervals_n_and_limits_of_few_dyads(whole: Element) -> None:
     text = section(whole, "summary").text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "With haptics on, the share of cooperative movement differed from that with haptics off by −5.00 % points in "
@@ -171,7 +171,7 @@ def test_the_summary_has_numbers_with_intervals_and_n_and_says_what_few_dyads_sh
     )
 
 
-def test_the_order_of_blocks_and_the_people_are_there(whole: Element) -> None:
+def test_page_lists_block_orders_and_participants(whole: Element) -> None:
     plan = section(whole, "design").all("table")[0]
     assert [cell.text for cell in plan.all("td")] == ["A full", "B full", "A none", "B none", "both full"]
     assert "every dyad had 4 bimanual blocks" in section(whole, "design").text
@@ -185,14 +185,14 @@ def test_the_order_of_blocks_and_the_people_are_there(whole: Element) -> None:
     ]
 
 
-def test_dyads_of_several_studies_are_told(tmp_path: Path, whole: Element) -> None:
+def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Element) -> None:
     assert "more than one study" not in section(whole, "design").text
     study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
     said = "1 dyad of the same pseudonym in more than one study (another, made up): taken for the same people"
     assert said in section(written(tmp_path, study), "design").text
 
 
-def test_every_excluded_attempt_is_listed_with_every_reason(whole: Element) -> None:
+def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
     (table,) = [one for one in section(whole, "quality").all("table") if "with every reason" in one.text]
     listed = {tuple(cell.text for cell in row.children if isinstance(cell, Element)) for row in table.all("tr")[1:]}
     warm_up = "one of the first 1 trials of the block"
@@ -204,7 +204,7 @@ def test_every_excluded_attempt_is_listed_with_every_reason(whole: Element) -> N
     assert "recordings/half.mcap.part it is not finished" in section(whole, "quality").text
 
 
-def test_every_recording_has_its_hash_and_every_attempt_its_command(whole: Element) -> None:
+def test_page_lists_recording_hashes_and_replay_commands(whole: Element) -> None:
     sources = section(whole, "sources").text
     assert all(sha256_of(f"made_{k}") in sources for k in range(1, 6))
     rows = [one for one in section(whole, "trials").all("tr") if "id" in one.attributes]
@@ -221,7 +221,7 @@ def test_every_recording_has_its_hash_and_every_attempt_its_command(whole: Eleme
     assert all(row.all("path")[0]["d"].startswith("M") for row in rows)
 
 
-def test_a_changed_setting_is_marked(whole: Element) -> None:
+def test_changed_settings_are_marked(whole: Element) -> None:
     changed = [row.text for row in section(whole, "settings").all("tr") if row.attributes.get("class") == "marked"]
     assert [text.split()[0] for text in changed] == ["slow", "warm_up", "trials"]
     assert changed[0].startswith("slow 6.0 Hz changed; default: 5.0 cutoff for the board")
@@ -229,7 +229,7 @@ def test_a_changed_setting_is_marked(whole: Element) -> None:
     assert {"fast", "threshold", "extent", "pilots"} <= names
 
 
-def test_results_and_the_paper_are_there(whole: Element) -> None:
+def test_page_has_results_and_comparison_with_the_paper(whole: Element) -> None:
     cells = [[cell.text for cell in row.all("td")] for row in section(whole, "results").all("tr") if row.all("td")]
     assert cells[0] == ["bimanual, first 30", "5.71", "1.23", "10.19", "s", "SD", "720", "trial", ""]
     assert cells[3][-1] == "1"
@@ -242,7 +242,7 @@ def test_results_and_the_paper_are_there(whole: Element) -> None:
 HOSTILE = "<script>alert(1)</script>\"'&amp;\u202egnp.exe\u200f</td></style>"
 
 
-def test_hostile_names_are_text(tmp_path: Path) -> None:
+def test_hostile_names_are_escaped(tmp_path: Path) -> None:
     said = {"study": HOSTILE, "dyad": HOSTILE, "performer": HOSTILE, "left_by": HOSTILE, "right_by": HOSTILE}
     readings = Readings(exclusions=Exclusions(trials=(f"{HOSTILE}/1: {HOSTILE}",)))
     study = study_of([block(HOSTILE, **said)], readings)
@@ -262,7 +262,7 @@ def test_hostile_names_are_text(tmp_path: Path) -> None:
     assert row.all("code")[0].text.startswith("netboard replay $'recordings/<script>alert(1)</script>\"\\x27&amp;\\xe2")
 
 
-def test_a_study_of_one_recording_without_figures_and_exclusions(tmp_path: Path) -> None:
+def test_single_recording_without_figures_has_a_page(tmp_path: Path) -> None:
     page = written(tmp_path, study_of([block("only", falls=0)], Readings()))
     assert "No attempt was excluded." in section(page, "quality").text
     assert "No figures were given" in section(page, "figures").text
@@ -271,7 +271,7 @@ def test_a_study_of_one_recording_without_figures_and_exclusions(tmp_path: Path)
     assert not section(page, "results").all("table")
 
 
-def test_a_picture_that_is_none_says_why(tmp_path: Path) -> None:
+def test_missing_figure_states_the_reason(tmp_path: Path) -> None:
     none = Picture("delay", "Delay", "No picture: there are no movements.", None)
     page = written(tmp_path, study_of([block("only")], Readings()), [none])
     (figure,) = page.all("figure")
@@ -280,7 +280,7 @@ def test_a_picture_that_is_none_says_why(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_huge_picture_is_a_png_with_its_words(tmp_path: Path) -> None:
+def test_large_figure_is_a_png_with_alternative_text(tmp_path: Path) -> None:
     page = written(tmp_path, study_of([block("only")], Readings()), [picture(points=8000)])
     (image,) = page.all("img")
     assert image["src"].startswith("data:image/png;base64,")
@@ -288,20 +288,20 @@ def test_a_huge_picture_is_a_png_with_its_words(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("simulated", "said"), [(1, "Nothing here is evidence about people."), (0, "")])
-def test_simulated_people_are_announced(tmp_path: Path, simulated: int, said: str) -> None:
+def test_simulated_participants_are_announced(tmp_path: Path, simulated: int, said: str) -> None:
     page = written(tmp_path, study_of([block("only", simulated=simulated)], Readings()))
     warnings = " ".join(one.text for one in page.all("p") if one.attributes.get("class") == "warning")
     assert (said in warnings) if said else (warnings == "")
 
 
-def test_a_study_that_is_partly_simulated_and_piloted_says_how_much(tmp_path: Path) -> None:
+def test_partly_simulated_or_pilot_study_states_how_much(tmp_path: Path) -> None:
     study = study_of([block("a", simulated=1, pilot=1), block("b", block=2)], Readings())
     warnings = [one.text for one in written(tmp_path, study).all("p") if one.attributes.get("class") == "warning"]
     assert warnings[0].startswith("Simulated participants in 1 of 2 recordings")
     assert warnings[1] == "1 of 2 recordings are marked as pilots."
 
 
-def test_what_is_wrong_with_recordings_is_said(tmp_path: Path) -> None:
+def test_page_states_the_quality_of_recordings(tmp_path: Path) -> None:
     blocks = [
         block("lossy", missing=600, ticks=59_400, repaired=1, rows={"flags": "late_ticks"}),
         block("short", trials=2, block=2),
@@ -315,7 +315,7 @@ def test_what_is_wrong_with_recordings_is_said(tmp_path: Path) -> None:
     assert "too long 1 0 no the completion time is too long" in text
 
 
-def test_the_same_study_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_page_is_reproducible_to_the_byte(tmp_path: Path) -> None:
     files = []
     for name in ("one", "two"):
         study = small_study()
@@ -325,20 +325,20 @@ def test_the_same_study_gives_the_same_bytes(tmp_path: Path) -> None:
     assert files[0] == files[1]
 
 
-def test_a_report_that_is_there_is_not_touched(tmp_path: Path) -> None:
+def test_existing_report_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("mine")
     with pytest.raises(NetboardError, match=r"report\.html: already exists"):
         written(tmp_path, small_study())
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("report.html", "mine")]
 
 
-def test_a_folder_that_cannot_be_written_to_is_an_error(tmp_path: Path) -> None:
+def test_unwritable_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(NetboardError, match="cannot be written"):
         written(tmp_path / "file", small_study())
 
 
-def test_a_recording_without_its_file_is_our_own_mistake(tmp_path: Path) -> None:
+def test_recording_without_provenance_is_a_value_error(tmp_path: Path) -> None:
     study = small_study()
     origin = provenance_of(study)
     del origin["recordings"]["made_3"]
@@ -347,7 +347,7 @@ def test_a_recording_without_its_file_is_our_own_mistake(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_the_report_of_a_whole_study_is_small(tmp_path: Path) -> None:
+def test_report_of_a_full_study_is_below_4_mb(tmp_path: Path) -> None:
     blocks = [
         block(
             f"S01_D{1 + k // 18:02}_block{1 + k % 18:02}_5c55ae52",
@@ -369,7 +369,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or shutil.w
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to look at the page with")
-def test_a_browser_shows_it_and_has_nothing_to_complain_about(tmp_path: Path) -> None:
+def test_browser_renders_the_page_without_console_messages(tmp_path: Path) -> None:
     study = small_study()
     path = write_report(tmp_path, study, few_results(), [picture()], provenance_of(study))
     command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0"]

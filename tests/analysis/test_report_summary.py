@@ -33,14 +33,14 @@ def row(value: float, low: float = NAN, high: float = NAN, **said: object) -> Re
     return Result(value=value, low=low, high=high, **(usual | said))  # type: ignore[arg-type]
 
 
-def said_of(*results: Result) -> Main:
+def summary_of(*results: Result) -> Main:
     (only,) = summary(table_of(results), {})
     return only
 
 
 @pytest.fixture(scope="module")
 def made() -> dict[str, pd.DataFrame]:
-    """All results of a made-up study, by the reading of its variance."""
+    """All results of a made-up study, by the setting of its variance."""
     return {
         kind: results_of(made_study(random_blocks(), *SMALL, f'summaries.variance="{kind}"'))
         for kind in ("each", "generalised")
@@ -49,13 +49,13 @@ def made() -> dict[str, pd.DataFrame]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("topic", "quantity"), PAIRS)
-def test_a_study_has_all_that_the_summary_names(topic: str, quantity: str, made: Mapping[str, pd.DataFrame]) -> None:
+def test_study_has_all_quantities_of_the_summary(topic: str, quantity: str, made: Mapping[str, pd.DataFrame]) -> None:
     found = made["generalised" if "generalised" in quantity else "each"]
     mine = found[(found["topic"] == topic) & (found["quantity"] == quantity)]
     assert mine["value"].notna().any()
 
 
-def test_every_saying_and_every_column_is_used_by_a_study(made: Mapping[str, pd.DataFrame]) -> None:
+def test_every_sentence_and_column_of_the_summary_is_used(made: Mapping[str, pd.DataFrame]) -> None:
     for found in made.values():
         shown = {one.picture: one for one in summary(found, {})}
         assert list(shown) == [theme.picture for theme in THEMES]
@@ -71,7 +71,7 @@ def test_every_saying_and_every_column_is_used_by_a_study(made: Mapping[str, pd.
 
 
 @pytest.mark.slow
-def test_a_rehearsed_study_has_a_summary_of_every_topic(tmp_path: Path) -> None:
+def test_rehearsed_study_has_a_summary_of_every_topic(tmp_path: Path) -> None:
     rehearse(tmp_path, blocks=(1, 2, 3, 4, 9, 10), trials=4)
     readings = parse("", overrides=("summaries.ends=1", "summaries.group=3"))
     found = results_of(study_of(measured(tmp_path, readings), readings))
@@ -82,8 +82,8 @@ def test_a_rehearsed_study_has_a_summary_of_every_topic(tmp_path: Path) -> None:
     assert [one.picture for one in summary(found, {})] == [theme.picture for theme in THEMES]
 
 
-def test_a_ratio_is_compared_with_one() -> None:
-    found = said_of(
+def test_ratio_is_compared_with_one() -> None:
+    found = summary_of(
         row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on vs off"), row(0.93434, 0.77152, 1.1315)
     ).sentences
     assert found == (
@@ -93,31 +93,31 @@ def test_a_ratio_is_compared_with_one() -> None:
     )
 
 
-def test_one_dyad_has_no_interval() -> None:
-    (found,) = said_of(row(0.9, n=1)).sentences
+def test_single_dyad_has_no_interval() -> None:
+    (found,) = summary_of(row(0.9, n=1)).sentences
     assert found.endswith("haptics off (1 dyad): there is no interval, so nothing is known of how sure it is.")
 
 
-def test_a_partner_who_is_no_person_is_named() -> None:
-    (found,) = said_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on vs off")).sentences
+def test_robot_partner_is_named() -> None:
+    (found,) = summary_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on vs off")).sentences
     assert "dyadic trials with a robot partner took 0.90 times" in found
     assert found.endswith("the whole interval is below 1.")
 
 
-def test_a_level_is_said_only_where_there_is_no_difference() -> None:
+def test_level_is_stated_only_without_a_difference() -> None:
     share = {"topic": "classes", "quantity": "share of cooperative movement"}
     level = row(0.503, 0.412, 0.594, group="dyadic, haptics on", **share)
-    assert said_of(level).sentences == (
+    assert summary_of(level).sentences == (
         "The share of cooperative movement was 50.3\u00a0% (dyadic, haptics on) (41.2 to 59.4, 4 dyads).",
     )
-    (found,) = said_of(level, row(0.103, 0.05, 0.156, **share)).sentences
+    (found,) = summary_of(level, row(0.103, 0.05, 0.156, **share)).sentences
     assert "by 10.3\u00a0%\u00a0points in dyadic trials (5.0 to 15.6, 4 dyads): the whole interval is above 0." in found
 
 
-def test_of_groups_of_trials_the_first_and_the_last_are_in_the_table() -> None:
+def test_table_shows_first_and_last_groups_of_trials() -> None:
     spread = {"topic": "strategy", "quantity": "variance of distance", "unit": "m2"}
     groups = [f"{team}, trials {k} to {k + 29}" for team in ("bimanual", "dyadic") for k in (1, 31, 61)]
-    table = said_of(*(row(0.002, 0.001, 0.003, group=group, **spread) for group in groups)).table
+    table = summary_of(*(row(0.002, 0.001, 0.003, group=group, **spread) for group in groups)).table
     assert [line[0] for line in table.rows] == [groups[0], groups[2], groups[3], groups[5]]
     assert table.rows[0][1:] == ("2,000 (1,000 to 3,000)", "4 dyads")
     assert table.columns[1].title == "variance of distance [mm²]"
@@ -143,7 +143,7 @@ def test_of_groups_of_trials_the_first_and_the_last_are_in_the_table() -> None:
         ("", "", "", "", 1),
     ],
 )
-def test_units_are_those_that_people_read(unit: str, quantity: str, group: str, symbol: str, scale: float) -> None:
+def test_units_are_converted_for_readers(unit: str, quantity: str, group: str, symbol: str, scale: float) -> None:
     found = read_in(unit, quantity, group)
     assert (found.symbol, found.scale) == (symbol, scale)
 
@@ -162,7 +162,7 @@ def test_units_are_those_that_people_read(unit: str, quantity: str, group: str, 
         (row(0.3, -0.8, 1.4, quantity="velocity peaks: difference"), "0.30, −0.80 to 1.40"),
     ],
 )
-def test_a_number_and_its_interval_have_the_same_decimals(result: Result, text: str) -> None:
+def test_number_and_interval_have_the_same_decimals(result: Result, text: str) -> None:
     (mapping,) = table_of([result]).to_dict("records")
     said = f"{written(mapping)[0]}{after(unit_of(mapping))}, {between(mapping)}"
     assert said.replace("\u00a0", " ") == text

@@ -30,27 +30,27 @@ from netboard.analysis.report.wording import amount, command, counted, css_text,
         (np.int64(7), "7"),
     ],
 )
-def test_amounts(value: float, text: str) -> None:
+def test_amounts_are_formatted(value: float, text: str) -> None:
     assert amount(value) == text
 
 
-def test_a_number_that_rounds_to_zero_has_no_sign() -> None:
+def test_number_that_rounds_to_zero_has_no_sign() -> None:
     assert amount(-0.001, 1) == "0.0"
 
 
-def test_the_largest_number_decides_about_decimals() -> None:
+def test_largest_number_determines_the_decimals() -> None:
     assert decimals(0.003, -0.4, 0.5) == 3
     assert decimals(float("nan")) == 0
     assert decimals(1e-12) == 6
 
 
-def test_plurals() -> None:
+def test_counted_nouns_have_their_plural() -> None:
     assert [counted(1, "dyad"), counted(4, "dyad"), counted(2, "person")] == ["1 dyad", "4 dyads", "2 people"]
 
 
 @pytest.mark.slow
 @given(st.text())
-def test_nothing_unseen_is_left(text: str) -> None:
+def test_visible_text_has_no_invisible_characters(text: str) -> None:
     shown = visible(text)
     assert {unicodedata.category(c) for c in shown if c not in "\n\t"} & {"Cc", "Cf", "Cs", "Zl", "Zp"} == set()
     shown.encode("utf-8")
@@ -58,20 +58,20 @@ def test_nothing_unseen_is_left(text: str) -> None:
 
 
 @given(st.text())
-def test_a_text_cannot_end_a_string_of_a_style_sheet(text: str) -> None:
+def test_text_cannot_end_a_css_string(text: str) -> None:
     inside = css_text(text)[1:-1]
     assert not set(inside) & set("\"'<>\n")
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to read the command")
 @pytest.mark.parametrize("word", ["plain", "two words", "it's", "a\u202eb", "new\nline", "back\\slash\u200f'", "ünï"])
-def test_a_shell_reads_a_command_as_it_is_meant(word: str) -> None:
+def test_shell_reads_a_quoted_command_correctly(word: str) -> None:
     done = subprocess.run(["bash", "-c", command("printf", "%s", word)], capture_output=True, check=True)
     assert done.stdout.decode("utf-8") == word
 
 
 def points_of(d: str) -> list[tuple[int, int]]:
-    """The points of a path of one start and steps."""
+    """The points of an SVG path with a start and relative steps."""
     start, _, steps = d.removeprefix("M").partition("l")
     numbers = [int(word) for word in steps.replace("-", " -").split()]
     points = [tuple(int(word) for word in start.split())]
@@ -81,7 +81,7 @@ def points_of(d: str) -> list[tuple[int, int]]:
 
 
 @given(st.lists(st.tuples(st.integers(1, 3), st.integers(-4, 4)), min_size=1, max_size=40))
-def test_a_path_goes_through_all_points(steps: list[tuple[int, int]]) -> None:
+def test_svg_path_passes_through_all_points(steps: list[tuple[int, int]]) -> None:
     x, y = (np.cumsum([0, *(step[k] for step in steps)]) for k in (0, 1))
     drawn = points_of(_path(x, y))
     assert drawn[0] == (x[0], y[0])
@@ -90,5 +90,5 @@ def test_a_path_goes_through_all_points(steps: list[tuple[int, int]]) -> None:
     np.testing.assert_array_equal(np.interp(x, *np.array(drawn).T), y)
 
 
-def test_a_point_alone_is_no_path() -> None:
+def test_single_point_has_no_svg_path() -> None:
     assert _path(np.array([3]), np.array([4])) == ""

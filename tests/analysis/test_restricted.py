@@ -15,9 +15,9 @@ Study = tuple[Array, Array, list[Array], NDArray[np.int64]]
 
 
 def study(seed: int, deviations: tuple[float, ...] = (0.0,) * 4, dyads: int = 4, trials: int = 4) -> Study:
-    """Draw three performers of each dyad with and without forces: response, columns, sources and dyads.
+    """Draw three performers of each dyad, with haptics on and off: response, columns, sources and dyads.
 
-    `deviations` are those of dyads, performers and of the effects of forces on both; that of trials is 0.4.
+    `deviations` are those of dyads, of performers, and of the effect of haptics on each; that of trials is 0.4.
     """
     source = np.random.default_rng(seed)
     dyad, role, felt, trial = (index.ravel() for index in np.indices((dyads, 3, 2, trials)))
@@ -37,8 +37,8 @@ def fitted(given: Study) -> Restricted:
     return found
 
 
-def written_out(given: Study, variances: Any, residual: float) -> tuple[float, Array, Array]:
-    """Return the likelihood, coefficients and covariance, with matrices of all trials."""
+def explicit_fit(given: Study, variances: Any, residual: float) -> tuple[float, Array, Array]:
+    """Return the likelihood, coefficients and covariance, from explicit matrices over all trials."""
     y, x, sources, _ = given
     covariance = residual * np.eye(len(y)) + sum(s * z @ z.T for s, z in zip(variances, sources, strict=True))
     inverse = np.linalg.inv(covariance)
@@ -51,8 +51,8 @@ def written_out(given: Study, variances: Any, residual: float) -> tuple[float, A
     return float(likelihood), coefficients, np.linalg.inv(information)
 
 
-def other_library(given: Study) -> tuple[Any, list[Any]]:
-    """The model of statsmodels, and its fits by several methods: those that end without an error."""
+def statsmodels_fits(given: Study) -> tuple[Any, list[Any]]:
+    """The model of statsmodels, and its fits by several methods, without those that fail."""
     y, x, sources, dyads = given
     groups = range(dyads.max() + 1)
     own = [[z[dyads == group] for group in groups] for z in sources]
@@ -76,7 +76,7 @@ def other_library(given: Study) -> tuple[Any, list[Any]]:
 NULLS = [(0.0,) * 4, (0.2, 0.0, 0.0, 0.0), (0.0, 0.1, 0.0, 0.0), (0.2, 0.1, 0.0, 0.0), (0.2, 0.1, 0.1, 0.0)]
 
 
-def of_null(seed: int) -> Study:
+def study_with_zero_variances(seed: int) -> Study:
     """Draw a study in which some variances are 0, of 4 to 6 dyads."""
     return study(seed, NULLS[seed % len(NULLS)], dyads=4 + seed % 3)
 
@@ -86,54 +86,54 @@ def of_null(seed: int) -> Study:
 
 @pytest.mark.slow
 @pytest.mark.evidence("independent", restricted_fit, by="statsmodels")
-def test_studies_without_some_variances_all_have_a_fit_and_none_of_another_library_is_better() -> None:
+def test_fits_with_zero_variances_are_never_worse_than_statsmodels() -> None:
     gains, zeros = [], 0
     for seed in range(20):
-        given = of_null(seed)
+        given = study_with_zero_variances(seed)
         found = fitted(given)
         zeros += 0.0 in found.variances
-        gains += [found.likelihood - max(fit.llf for fit in other_library(given)[1])]
+        gains += [found.likelihood - max(fit.llf for fit in statsmodels_fits(given)[1])]
     assert min(gains) >= -1e-6
     assert zeros > 15
-    # It is the same likelihood: the other library comes near to its top, if not by every method in every study.
+    # It is the same likelihood: statsmodels comes close to its maximum, though not by every method in every study.
     assert np.median(gains) < 1e-3
 
 
 @pytest.mark.slow
-def test_no_other_variances_are_likelier() -> None:
+def test_fitted_variances_maximise_the_likelihood() -> None:
     source = np.random.default_rng(0)
     for seed in range(5):
-        given = of_null(seed)
+        given = study_with_zero_variances(seed)
         found = fitted(given)
-        here = written_out(given, found.variances, found.residual)[0]
+        here = explicit_fit(given, found.variances, found.residual)[0]
         assert found.likelihood == pytest.approx(here, abs=1e-8)
         for _ in range(20):
             near = np.array(found.variances) * np.exp(source.normal(0, 0.3, 4))
             far = found.residual * 10.0 ** source.uniform(-3, 1, 4) * (source.random(4) < 0.5)
             for variances in (near, far, near + 0.01 * far):
                 residual = found.residual * np.exp(source.normal(0, 0.05))
-                assert written_out(given, variances, residual)[0] <= here + 1e-9
+                assert explicit_fit(given, variances, residual)[0] <= here + 1e-9
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_effects_are_those_of_generalised_least_squares(seed: int) -> None:
+def test_effects_equal_generalised_least_squares(seed: int) -> None:
     given = study(seed, (0.3, 0.2, 0.0, 0.1), dyads=5)
     found = fitted(given)
-    _, coefficients, covariance = written_out(given, found.variances, found.residual)
+    _, coefficients, covariance = explicit_fit(given, found.variances, found.residual)
     assert found.coefficients == pytest.approx(coefficients, rel=1e-9)
     assert found.covariance == pytest.approx(covariance, rel=1e-9)
 
 
 @pytest.mark.slow
-def test_variances_are_those_of_another_library_where_none_is_0() -> None:
+def test_nonzero_variances_equal_those_of_statsmodels() -> None:
     given = study(2, (0.8, 0.6, 0.6, 0.5), dyads=8)
     found = fitted(given)
-    best = max(other_library(given)[1], key=lambda fit: fit.llf)
+    best = max(statsmodels_fits(given)[1], key=lambda fit: fit.llf)
     assert min(found.variances) > 0.01
     assert best.llf == pytest.approx(found.likelihood, abs=1e-4)
     assert best.vcomp == pytest.approx(found.variances, rel=0.02)
     assert best.fe_params == pytest.approx(found.coefficients, rel=1e-3)
-    model = other_library(given)[0]
+    model = statsmodels_fits(given)[0]
     ratios = MixedLMParams(5, 0, 4)
     ratios.fe_params, ratios.cov_re = found.coefficients, np.empty((0, 0))
     ratios.vcomp = np.array(found.variances) / found.residual
@@ -142,7 +142,7 @@ def test_variances_are_those_of_another_library_where_none_is_0() -> None:
 
 @pytest.mark.evidence("truth", restricted_fit)
 @pytest.mark.parametrize(("deviation", "is_zero"), [(0.0, True), (0.5, False)])
-def test_one_source_in_balance_is_an_analysis_of_variance_cut_off_at_0(deviation: float, is_zero: bool) -> None:
+def test_balanced_single_source_equals_anova_truncated_at_0(deviation: float, is_zero: bool) -> None:
     groups = np.repeat(np.arange(6), 8)
     source = np.random.default_rng(4)
     y = 1.0 + source.normal(0, deviation, 6)[groups] + source.normal(0, 0.3, 48)
@@ -157,7 +157,7 @@ def test_one_source_in_balance_is_an_analysis_of_variance_cut_off_at_0(deviation
     assert found.coefficients == pytest.approx([y.mean()])
 
 
-def test_where_nothing_differs_effects_are_those_of_least_squares() -> None:
+def test_effects_with_all_variances_zero_equal_least_squares() -> None:
     given = next(one for one in map(study, range(100)) if not any(fitted(one).variances))
     found = fitted(given)
     least = np.linalg.lstsq(given[1], given[0], rcond=None)
@@ -172,8 +172,8 @@ def test_where_nothing_differs_effects_are_those_of_least_squares() -> None:
 
 @pytest.mark.evidence("properties", restricted_fit, of=("unit", "constant", "order", "mirror"))
 @pytest.mark.parametrize("seed", [0, 3])
-def test_scaled_moved_mirrored_and_shuffled_responses(seed: int) -> None:
-    given = of_null(seed)
+def test_fit_follows_scale_offset_and_order_of_responses(seed: int) -> None:
+    given = study_with_zero_variances(seed)
     y, x, sources, dyads = given
     found = fitted(given)
     scaled = fitted((-1e3 * y + 50.0, x, sources, dyads))
@@ -187,7 +187,7 @@ def test_scaled_moved_mirrored_and_shuffled_responses(seed: int) -> None:
     assert shuffled.coefficients == pytest.approx(found.coefficients, rel=1e-6)
 
 
-def test_groups_of_different_sizes_are_as_good_as_one_group() -> None:
+def test_fit_by_unequal_groups_equals_fit_as_one_group() -> None:
     y, x, sources, dyads = study(5, (0.3, 0.2, 0.1, 0.1), dyads=5)
     kept = np.random.default_rng(2).random(len(y)) < 0.3 + 0.15 * dyads
     kept &= ~((dyads == 1) & (np.arange(len(y)) % 24 < 8))
@@ -195,13 +195,13 @@ def test_groups_of_different_sizes_are_as_good_as_one_group() -> None:
     apart, together = fitted(part), fitted((*part[:3], np.zeros(kept.sum(), dtype=np.int64)))
     assert apart.likelihood == pytest.approx(together.likelihood, abs=1e-9)
     assert apart.variances == pytest.approx(together.variances, rel=1e-5, abs=1e-12)
-    assert apart.likelihood == pytest.approx(written_out(part, apart.variances, apart.residual)[0], abs=1e-8)
+    assert apart.likelihood == pytest.approx(explicit_fit(part, apart.variances, apart.residual)[0], abs=1e-8)
 
 
 # --- where there is none -----------------------------------------------------------------------------------------
 
 
-def test_small_residuals_have_a_fit_and_none_at_all_have_not() -> None:
+def test_tiny_residuals_are_fitted_and_zero_residuals_are_not() -> None:
     y, x, sources, dyads = study(1, (0.3, 0.2, 0.2, 0.2))
     chance = np.hstack(sources)
     explained = x.sum(axis=1) + chance @ np.linspace(-1.0, 1.0, chance.shape[1]) ** 3

@@ -21,8 +21,8 @@ def board(*pulses: tuple[float, float, float], length: float = 3.0, rate: float 
     return omega, theta
 
 
-def brute(omega: np.ndarray, theta: np.ndarray, rate: float) -> list[tuple[int, int]]:
-    """The paper's sentence, sample by sample."""
+def by_definition(omega: np.ndarray, theta: np.ndarray, rate: float) -> list[tuple[int, int]]:
+    """Find the movements by the definition of the paper, sample by sample."""
     found, begun = [], None
     for k, w in enumerate([*omega, 0.0]):
         sign = 0 if abs(w) <= DEGREE else (1 if w > 0 else -1)
@@ -41,7 +41,7 @@ def limits(segments: Segments) -> list[tuple[int, int]]:
 
 
 @pytest.mark.evidence("truth", board_segments)
-def test_fast_long_and_far_enough() -> None:
+def test_movements_must_be_fast_long_and_large_enough() -> None:
     omega, theta = board((0.2, 0.5, 4), (1.0, 0.099, 30), (1.3, 1.2, 0.9), (2.6, 0.3, -5))
     found = board_segments(omega, theta, 1000.0)
     assert limits(found) == [(200, 700), (2600, 2900)]
@@ -50,7 +50,7 @@ def test_fast_long_and_far_enough() -> None:
     assert not found.cut.any()
 
 
-def test_shortest_and_least_angle_count() -> None:
+def test_minimum_duration_angle_and_rate_are_configurable() -> None:
     omega, theta = board((0.2, 0.101, 12), (1.0, 0.5, 1.9))
     assert limits(board_segments(omega, theta, 1000.0)) == [(200, 301)]
     assert limits(board_segments(omega, theta, 1000.0, shortest=0.101)) == []
@@ -58,7 +58,7 @@ def test_shortest_and_least_angle_count() -> None:
     assert limits(board_segments(omega, theta, 1000.0, least_rate=2 * DEGREE)) == [(200, 301)]
 
 
-def test_a_turn_ends_a_movement_or_not() -> None:
+def test_reversal_ends_a_movement_only_in_one_way_mode() -> None:
     omega, theta = board((0.5, 0.3, 8), (0.8, 0.5, -8))
     one, either = (board_segments(omega, theta, 1000.0, turning=turning) for turning in ("one_way", "either_way"))
     assert limits(one) == [(500, 800), (800, 1300)]
@@ -67,7 +67,7 @@ def test_a_turn_ends_a_movement_or_not() -> None:
     np.testing.assert_allclose(either.angle / DEGREE, [-1.6], atol=0.05)
 
 
-def test_kinds_of_angle() -> None:
+def test_angle_is_net_range_or_integral() -> None:
     omega, theta = board((0.5, 0.3, 8), (0.8, 0.5, -8))
     for angle, expected in (("net", -1.6), ("range", -4.0), ("integral", -1.6)):
         found = board_segments(omega, theta, 1000.0, turning="either_way", angle=angle)
@@ -78,7 +78,7 @@ def test_kinds_of_angle() -> None:
 
 
 @pytest.mark.evidence("disturbance", board_segments, of="holes")
-def test_cut_movements_are_marked() -> None:
+def test_truncated_movements_are_marked() -> None:
     omega, theta = board((0.0, 0.5, 4), (1.0, 0.5, 4), (2.0, 1.0, 4))
     omega[1500] = np.nan
     np.testing.assert_array_equal(board_segments(omega, theta, 1000.0).cut, [True, True, True])
@@ -86,7 +86,7 @@ def test_cut_movements_are_marked() -> None:
     np.testing.assert_array_equal(board_segments(omega, theta, 1000.0).cut, [True, False, True])
 
 
-def test_a_trial_has_what_begins_in_it() -> None:
+def test_trial_owns_movements_that_begin_in_it() -> None:
     omega, theta = board((0.2, 0.5, 4), (1.0, 0.5, -4), (1.8, 0.5, 4))
     found = board_segments(omega, theta, 1000.0)
     own = found.of_trial(Trial(500, 2000, 0.15))
@@ -95,20 +95,20 @@ def test_a_trial_has_what_begins_in_it() -> None:
     assert limits(found.of_trial(Trial(200, 1000, 0.15))) == [(200, 700)]
 
 
-def test_nothing_moves() -> None:
+def test_still_board_has_no_movements() -> None:
     found = board_segments(np.zeros(100), np.zeros(100), 1000.0, angle="range")
     assert (len(found), found.angle.shape) == (0, (0,))
     assert len(board_segments(np.full(300, np.nan), np.full(300, np.nan), 1000.0)) == 0
 
 
-def test_lengths_must_agree() -> None:
+def test_arrays_of_different_lengths_are_refused() -> None:
     with pytest.raises(ValueError, match="one value each"):
         board_segments(np.zeros(3), np.zeros(4), 1000.0)
 
 
 @pytest.mark.evidence("truth", board_segments)
-def test_limits_of_a_minimum_jerk_movement() -> None:
-    """Both hands 10 mm in 0.4 s: the board turns by 2.29 degrees; it is at 1 degree/s at a root of the rate."""
+def test_limits_of_a_minimum_jerk_movement_equal_the_closed_form() -> None:
+    """Both hands move 10 mm in 0.4 s and tilt the board by 2.29 degrees; its rate crosses 1 degree/s at a root."""
     hands = two_hands([(1.0, 0.4, -0.01)], [(1.0, 0.4, 0.01)])
     found = board_segments(hands.omega, hands.theta, hands.rate)
     fine = np.linspace(0, 0.2, 200_001)
@@ -123,10 +123,10 @@ moves = st.lists(st.tuples(st.floats(0.1, 2), st.floats(0.2, 0.8), st.floats(-0.
 
 @pytest.mark.evidence("truth", board_segments)
 @given(moves, moves)
-def test_any_movement_by_the_papers_sentence(left: list, right: list) -> None:
+def test_segments_follow_the_definition_of_the_paper(left: list, right: list) -> None:
     hands = two_hands(left, right, rate=250.0)
     found = board_segments(hands.omega, hands.theta, hands.rate)
-    assert limits(found) == brute(hands.omega, hands.theta, hands.rate)
+    assert limits(found) == by_definition(hands.omega, hands.theta, hands.rate)
 
 
 def mirrored(hands: TwoHands) -> TwoHands:
@@ -135,7 +135,7 @@ def mirrored(hands: TwoHands) -> TwoHands:
 
 @pytest.mark.evidence("properties", board_segments, of=("mirror", "time"))
 @given(moves, moves, st.integers(1, 300), st.sampled_from(["net", "range", "integral"]))
-def test_mirror_shift_and_level(left: list, right: list, shift: int, angle: str) -> None:
+def test_segments_are_invariant_to_mirror_and_shift(left: list, right: list, shift: int, angle: str) -> None:
     hands = two_hands(left, right, rate=250.0)
     found = board_segments(hands.omega, hands.theta, hands.rate, angle=angle)
     other = mirrored(hands)
@@ -149,7 +149,7 @@ def test_mirror_shift_and_level(left: list, right: list, shift: int, angle: str)
 
 @pytest.mark.evidence("properties", board_segments, of="rate")
 @given(st.floats(0.2, 0.8), st.floats(0.008, 0.03))
-def test_rate_does_not_matter(duration: float, distance: float) -> None:
+def test_segments_are_independent_of_the_sampling_rate(duration: float, distance: float) -> None:
     at = {}
     for rate in (500.0, 2000.0):
         hands = two_hands([(1.0, duration, -distance)], [(1.0, duration, distance)], rate=rate)

@@ -1,6 +1,6 @@
-"""Small-sample inference beside lmerTest and pbkrtest, published examples, and closed forms.
+"""Small-sample inference compared with lmerTest, pbkrtest, published examples, and closed forms.
 
-The reference values are those of R: tests/data/models/reference.R writes them.
+The reference values come from R: tests/data/models/reference.R writes them.
 """
 
 import json
@@ -30,7 +30,7 @@ def indicators(label: list[Any]) -> NDArray[np.float64]:
 
 
 def sources_of(name: str) -> tuple[dict[str, NDArray[np.float64]], list[Any]]:
-    """The random effects of a reference, by lme4's names, and the groups that share none."""
+    """The random effects of a reference, by lme4's names, and the independent groups."""
     table = REFERENCE[name]["table"]
     if name in STUDIES:
         dyad, performer, h = indicators(table["dyad"]), indicators(table["performer"]), np.array(table["h"])[:, None]
@@ -59,7 +59,7 @@ def fitted(name: str) -> tuple[Restricted, list[str]]:
 
 @pytest.mark.evidence("independent", restricted_fit, by="lme4")
 @pytest.mark.parametrize("name", EVERY)
-def test_the_fit_is_that_of_lme4(name: str) -> None:
+def test_fit_equals_that_of_lme4(name: str) -> None:
     found, names = fitted(name)
     reference = REFERENCE[name]
     assert found.likelihood == pytest.approx(reference["likelihood"], abs=1e-5)
@@ -74,7 +74,7 @@ def test_the_fit_is_that_of_lme4(name: str) -> None:
 
 @pytest.mark.evidence("independent", satterthwaite_freedom, by="lmerTest")
 @pytest.mark.parametrize("name", EVERY)
-def test_satterthwaites_degrees_of_freedom_are_those_of_lmertest(name: str) -> None:
+def test_satterthwaite_degrees_of_freedom_equal_lmertest(name: str) -> None:
     found, _ = fitted(name)
     reference = REFERENCE[name]
     free = [satterthwaite_freedom(found.moments, np.array(row)) for row in reference["contrasts"]]
@@ -83,7 +83,7 @@ def test_satterthwaites_degrees_of_freedom_are_those_of_lmertest(name: str) -> N
 
 @pytest.mark.evidence("independent", kenward_roger_covariance, kenward_roger_freedom, by="pbkrtest")
 @pytest.mark.parametrize("name", EVERY)
-def test_kenward_and_rogers_inference_is_that_of_pbkrtest(name: str) -> None:
+def test_kenward_roger_inference_equals_pbkrtest(name: str) -> None:
     found, _ = fitted(name)
     reference = REFERENCE[name]
     rows = np.array(reference["contrasts"])
@@ -100,7 +100,7 @@ def test_kenward_and_rogers_inference_is_that_of_pbkrtest(name: str) -> None:
 
 
 @pytest.mark.evidence("truth", kenward_roger_covariance, kenward_roger_freedom, satterthwaite_freedom)
-def test_the_sugar_beets_of_halekoh_and_hojsgaard() -> None:
+def test_sugar_beets_example_of_halekoh_and_hojsgaard() -> None:
     """J. Stat. Softw. 59:9, 2014: harvest has F = 15.21 with 1 and 2.00 degrees of freedom, p = 0.0599."""
     found, _ = fitted("beets")
     row = np.eye(len(found.coefficients))[-1]
@@ -114,7 +114,7 @@ def test_the_sugar_beets_of_halekoh_and_hojsgaard() -> None:
 
 @pytest.mark.evidence("truth", kenward_roger_covariance, kenward_roger_freedom, satterthwaite_freedom)
 @pytest.mark.parametrize("dyads", [3, 4, 8])
-def test_of_a_balanced_study_both_are_the_paired_t_test(dyads: int) -> None:
+def test_both_methods_equal_the_paired_t_test_in_a_balanced_study(dyads: int) -> None:
     source = np.random.default_rng(dyads)
     dyad, felt = (index.ravel() for index in np.indices((dyads, 2, 10))[:2])
     h, units = felt - 0.5, np.eye(dyads)[dyad]
@@ -131,7 +131,7 @@ def test_of_a_balanced_study_both_are_the_paired_t_test(dyads: int) -> None:
     assert satterthwaite_freedom(found.moments, row) == pytest.approx(dyads - 1, rel=1e-6)
 
 
-def test_without_any_variance_of_sources_satterthwaite_has_those_of_least_squares() -> None:
+def test_satterthwaite_with_zero_variances_equals_least_squares() -> None:
     source = np.random.default_rng(5)
     dyad = np.repeat(np.arange(4), 20)
     response = source.normal(0, 1, 80)
@@ -147,7 +147,7 @@ def test_without_any_variance_of_sources_satterthwaite_has_those_of_least_square
     "properties", kenward_roger_covariance, kenward_roger_freedom, satterthwaite_freedom, of=("unit", "order")
 )
 @pytest.mark.parametrize("name", ["four_dyads", "eight_dyads"])
-def test_units_and_the_order_of_trials_change_no_degree_of_freedom(name: str) -> None:
+def test_degrees_of_freedom_ignore_unit_and_order_of_trials(name: str) -> None:
     sources, groups = sources_of(name)
     reference = REFERENCE[name]
     by = np.random.default_rng(1).permutation(len(groups))

@@ -31,7 +31,7 @@ def submovements(seed: int, count: int, rate: float = 200.0) -> np.ndarray:
 
 
 @pytest.mark.evidence("truth", spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk)
-def test_published_values() -> None:
+def test_smoothness_equals_published_values() -> None:
     assert spectral_arc_length(GAUSSIAN, 100.0) == pytest.approx(-1.41403, abs=5e-6)
     assert dimensionless_jerk(GAUSSIAN, 100.0) == pytest.approx(-335.74684, abs=5e-6)
     assert log_dimensionless_jerk(GAUSSIAN, 100.0) == pytest.approx(-5.81636, abs=5e-6)
@@ -40,7 +40,7 @@ def test_published_values() -> None:
 @pytest.mark.evidence("independent", spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk, by="monalysa")
 @pytest.mark.parametrize("count", [1, 2, 5, 9])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_same_as_the_authors_program(count: int, seed: int) -> None:
+def test_smoothness_equals_the_authors_program(count: int, seed: int) -> None:
     speed = submovements(seed, count)
     for options in ({}, {"highest": 6.0, "threshold": 0.1, "padding": 3}):
         named = {"highest": "fc", "threshold": "amp_th", "padding": "padlevel"}
@@ -53,7 +53,7 @@ def test_the_same_as_the_authors_program(count: int, seed: int) -> None:
 @pytest.mark.evidence("independent", spectral_arc_length, by="numpy")
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("n", [60, 1000, 4001, 4096])
-def test_the_frequencies_that_count_are_those_of_the_padded_record(n: int, rate: float) -> None:
+def test_spectral_arc_length_uses_the_frequencies_of_the_padded_record(n: int, rate: float) -> None:
     # A ball's speed, filtered, is a little below zero here and there.
     speed = np.abs(np.convolve(np.random.default_rng(n).normal(size=n + 40), np.hanning(41), "valid")) - 1e-3
     size = 2 ** (int(np.ceil(np.log2(n))) + 4)
@@ -67,14 +67,14 @@ def test_the_frequencies_that_count_are_those_of_the_padded_record(n: int, rate:
 
 @pytest.mark.evidence("truth", dimensionless_jerk, log_dimensionless_jerk)
 @pytest.mark.parametrize(("scale", "jerk"), [("peak_speed", 720.0 / 1.875**2), ("mean_speed", 720.0)])
-def test_minimum_jerk_in_closed_form(scale: str, jerk: float) -> None:
+def test_jerk_of_a_minimum_jerk_movement_equals_the_closed_form(scale: str, jerk: float) -> None:
     speed = minimum_jerk(0.8, 0.3, 20_000.0)
     assert dimensionless_jerk(speed, 20_000.0, scale=scale) == pytest.approx(-jerk, rel=1e-3)
     assert log_dimensionless_jerk(speed, 20_000.0, scale=scale) == pytest.approx(-np.log(jerk), abs=1e-3)
 
 
 @pytest.mark.evidence("truth", spectral_arc_length)
-def test_arc_length_of_a_gaussian_in_closed_form() -> None:
+def test_arc_length_of_a_gaussian_equals_the_closed_form() -> None:
     # Its spectrum is exp(-f^2 / (2 s^2)), s = sqrt(10) / (2 pi), and falls to the threshold at f_c.
     t, s = np.arange(-3.0, 3.0, 0.001), np.sqrt(10.0) / (2.0 * np.pi)
     highest = s * np.sqrt(2.0 * np.log(20.0))
@@ -95,7 +95,7 @@ def test_more_submovements_are_less_smooth() -> None:
 
 
 @pytest.mark.evidence("disturbance", spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk, of="holes")
-def test_where_there_is_no_smoothness() -> None:
+def test_undefined_smoothness_is_nan_or_refused() -> None:
     for measure in (spectral_arc_length, dimensionless_jerk, log_dimensionless_jerk):
         assert np.isnan(measure(np.zeros(50), 100.0))
         assert np.isnan(measure(np.array([0.0, np.nan, 1.0, 0.0]), 100.0))
@@ -111,7 +111,7 @@ def test_where_there_is_no_smoothness() -> None:
 @pytest.mark.evidence("properties", spectral_arc_length, of="time")
 @pytest.mark.evidence("properties", spectral_arc_length, log_dimensionless_jerk, of=("unit", "mirror"))
 @given(st.integers(0, 10_000), st.integers(1, 8), st.floats(1e-6, 1e6), st.integers(0, 400))
-def test_smoothness_knows_no_unit_side_or_start(seed: int, count: int, unit: float, wait: int) -> None:
+def test_smoothness_is_invariant_to_unit_sign_and_shift(seed: int, count: int, unit: float, wait: int) -> None:
     speed = submovements(seed, count)
     assume(speed.max() > 0.0)
     for measure in (spectral_arc_length, log_dimensionless_jerk):
@@ -125,7 +125,7 @@ def test_smoothness_knows_no_unit_side_or_start(seed: int, count: int, unit: flo
 
 @pytest.mark.evidence("properties", spectral_arc_length, log_dimensionless_jerk, of="rate")
 @given(st.floats(0.3, 2.0), st.sampled_from([200.0, 500.0, 1000.0]))
-def test_smoothness_hardly_knows_duration_and_rate(duration: float, rate: float) -> None:
+def test_smoothness_hardly_depends_on_duration_and_rate(duration: float, rate: float) -> None:
     speed = minimum_jerk(duration, 0.1, rate)
     # Its jerk begins and ends with (60 A / T^3)^2, five times the mean: half a sample at each end and more is lost.
     assert log_dimensionless_jerk(speed, rate) == pytest.approx(-np.log(204.8), abs=12.0 / (rate * duration))

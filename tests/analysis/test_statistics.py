@@ -33,7 +33,7 @@ SLEEP = np.array([1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4])
 
 
 @pytest.mark.evidence("truth", t_interval, paired_effect)
-def test_students_own_example() -> None:
+def test_t_interval_of_students_sleep_data() -> None:
     found = t_interval(SLEEP, unit="patient")
     assert found.value == pytest.approx(1.58)
     assert (found.low, found.high) == pytest.approx((0.7001142, 2.4598858), abs=1e-7)
@@ -43,13 +43,13 @@ def test_students_own_example() -> None:
 
 @pytest.mark.evidence("independent", t_interval, by="statsmodels")
 @given(DIFFERENCES, st.floats(0.5, 0.99))
-def test_t_intervals_are_those_of_another_library(values: list[float], level: float) -> None:
+def test_t_intervals_equal_those_of_statsmodels(values: list[float], level: float) -> None:
     found = t_interval(values, level=level)
     assert (found.low, found.high) == pytest.approx(DescrStatsW(values).tconfint_mean(1.0 - level), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.evidence("disturbance", t_interval, cluster_mean, of="holes")
-def test_too_few_units_have_no_interval() -> None:
+def test_fewer_than_two_units_have_no_interval() -> None:
     for found in (t_interval([3.0]), cluster_mean([[3.0, np.nan]], rng()), cluster_mean([[], [3.0]], rng())):
         assert found.value == 3.0
         assert found.n == 1
@@ -61,7 +61,7 @@ def test_too_few_units_have_no_interval() -> None:
 
 
 @pytest.mark.evidence("truth", bootstrap)
-def test_a_bootstrap_of_few_units_is_all_its_draws() -> None:
+def test_bootstrap_of_few_units_equals_enumeration_of_draws() -> None:
     means = np.array([0.3, -0.1, 0.9, 0.35])
     draws = np.array([np.mean(draw) for draw in product(means, repeat=4)])
     low, high = np.percentile(draws, [2.5, 97.5])
@@ -73,7 +73,7 @@ def test_a_bootstrap_of_few_units_is_all_its_draws() -> None:
 
 
 @pytest.mark.evidence("truth", cluster_mean)
-def test_clusters_are_drawn_and_not_their_trials() -> None:
+def test_bootstrap_draws_clusters_instead_of_trials() -> None:
     source = np.random.default_rng(2)
     dyads = [source.normal(mean, 0.01, count) for mean, count in ((1.0, 50), (2.0, 10), (4.0, 30), (7.0, 10))]
     units, samples = (cluster_mean(dyads, rng(), weighting=weighting) for weighting in ("units", "samples"))
@@ -87,20 +87,20 @@ def test_clusters_are_drawn_and_not_their_trials() -> None:
 
 
 @pytest.mark.evidence("truth", cluster_mean)
-def test_a_weighted_mean_by_enumeration() -> None:
+def test_weighted_cluster_mean_equals_enumeration() -> None:
     dyads = [[1.0, 1.2, 0.8], [2.0], [4.0, 3.0], [0.5, 0.6]]
     draws = [np.mean(np.concatenate(draw)) for draw in product(dyads, repeat=4)]
     found = cluster_mean(dyads, rng(), weighting="samples", method="percentile", resamples=40_000)
     assert (found.low, found.high) == pytest.approx(tuple(np.percentile(draws, [2.5, 97.5])), abs=0.02)
 
 
-def test_a_seed_is_a_result() -> None:
+def test_same_seed_gives_the_same_result() -> None:
     dyads = [[1.0, 2.0], [2.5], [0.5, 0.1]]
     assert cluster_mean(dyads, rng()) == cluster_mean(dyads, rng())
 
 
 @pytest.mark.evidence("truth", ratio_of_sums)
-def test_ratios() -> None:
+def test_ratio_of_sums_and_its_bootstrap() -> None:
     assert ratio_of_sums(np.array([1.0, 2.0]), np.array([2.0, 4.0])) == 0.5
     found = bootstrap([[1.0, 2.0, 1.5], [2.0, 3.0, 4.0]], ratio_of_sums, rng(), method="percentile")
     assert found.value == 0.5
@@ -112,7 +112,7 @@ def test_ratios() -> None:
 
 @pytest.mark.evidence("disturbance", sign_test, of="holes")
 @pytest.mark.evidence("truth", sign_test, permutation_test)
-def test_what_four_dyads_can_show() -> None:
+def test_least_p_of_four_dyads_is_0_125() -> None:
     all_four = sign_test([0.3, 0.1, 0.5, 0.2])
     assert (all_four.p, all_four.least_p) == (0.125, 0.125)
     assert sign_test([0.3, 0.1, 0.5, 0.2], alternative="greater").p == 0.0625
@@ -128,7 +128,7 @@ def test_what_four_dyads_can_show() -> None:
 
 @pytest.mark.evidence("independent", sign_test, by="statsmodels")
 @given(DIFFERENCES)
-def test_sign_tests_are_those_of_another_library(values: list[float]) -> None:
+def test_sign_tests_equal_those_of_statsmodels(values: list[float]) -> None:
     if any(values):
         assert sign_test(values).p == pytest.approx(other_sign_test(values)[1])
 
@@ -136,7 +136,7 @@ def test_sign_tests_are_those_of_another_library(values: list[float]) -> None:
 @pytest.mark.evidence("truth", permutation_test)
 @given(DIFFERENCES, st.sampled_from(["two-sided", "greater", "less"]))
 @settings(deadline=None)
-def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> None:
+def test_permutation_test_equals_enumeration_of_signs(values: list[float], alternative: str) -> None:
     x = np.array(values)
     sums = np.array(list(product([-1.0, 1.0], repeat=len(x)))) @ x
     above, below = np.mean(sums >= x.sum()), np.mean(sums <= x.sum())
@@ -151,7 +151,7 @@ def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> 
 @pytest.mark.evidence("properties", permutation_p, of=("mirror", "unit", "order"))
 @pytest.mark.evidence("disturbance", permutation_p, of="holes")
 @pytest.mark.parametrize("n", [4, 8, 16])
-def test_many_permutation_tests_at_once(n: int) -> None:
+def test_vectorised_permutation_p_equals_single_tests(n: int) -> None:
     gaps = np.random.default_rng(n).lognormal(size=(6, n)) - 1.6
     expected = [permutation_test(own, rng=np.random.default_rng(0)).p for own in gaps]
     found = permutation_p(gaps)
@@ -162,7 +162,7 @@ def test_many_permutation_tests_at_once(n: int) -> None:
     assert np.isnan(permutation_p(np.array([[1.0, np.nan]]))).all()
 
 
-def test_permutation_tests_of_many_units_draw_arrangements() -> None:
+def test_permutation_tests_of_many_units_sample_arrangements() -> None:
     gaps = np.random.default_rng(1).normal(0.4, 1.0, (3, 24))
     expected = [permutation_test(own, rng=np.random.default_rng(0)).p for own in gaps]
     assert permutation_p(gaps, rng=np.random.default_rng(2)) == pytest.approx(expected, abs=0.02)
@@ -176,7 +176,7 @@ def test_permutation_tests_of_many_units_draw_arrangements() -> None:
     st.lists(st.integers(-9, 9).map(float), min_size=2, max_size=5),
 )
 @settings(deadline=None)
-def test_divisions_by_enumeration(first: list[float], second: list[float]) -> None:
+def test_permutation_test_between_equals_enumeration_of_divisions(first: list[float], second: list[float]) -> None:
     x, y = np.array(first), np.array(second)
     everything = np.concatenate([x, y])
     sums = np.array([everything[list(chosen)].sum() for chosen in combinations(range(len(everything)), len(x))])
@@ -190,7 +190,7 @@ def test_divisions_by_enumeration(first: list[float], second: list[float]) -> No
     assert found.statistic == pytest.approx(x.mean() - y.mean())
 
 
-def test_many_units_need_a_generator() -> None:
+def test_permutation_test_of_many_units_needs_a_generator() -> None:
     source = np.random.default_rng(4)
     x = source.normal(0.4, 1.0, 40)
     with pytest.raises(ValueError, match="random generator"):
@@ -202,7 +202,7 @@ def test_many_units_need_a_generator() -> None:
     assert not between.exact
 
 
-def test_the_least_p_is_reached() -> None:
+def test_extreme_division_reaches_the_least_p() -> None:
     assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").p == pytest.approx(0.1)
     assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").least_p == pytest.approx(0.1)
     even = permutation_test_between([1.0, 2.0, 0.0], [3.0, 4.0, 5.0])
@@ -211,7 +211,7 @@ def test_the_least_p_is_reached() -> None:
 
 @pytest.mark.evidence("independent", paired_effect, by="scipy")
 @pytest.mark.parametrize(("n", "dz"), [(4, 0.8), (8, 1.2), (20, -0.5), (12, 0.0)])
-def test_an_interval_of_an_effect_is_where_t_would_be_as_extreme(n: int, dz: float) -> None:
+def test_effect_interval_inverts_the_noncentral_t(n: int, dz: float) -> None:
     z = stats.zscore(np.arange(n, dtype=float), ddof=1)
     found = paired_effect(z + dz)
     assert found.value == pytest.approx(dz, abs=1e-12)
@@ -220,7 +220,7 @@ def test_an_interval_of_an_effect_is_where_t_would_be_as_extreme(n: int, dz: flo
     assert stats.nct.cdf(t, n - 1, found.high * np.sqrt(n)) == pytest.approx(0.025, abs=1e-6)
 
 
-def test_an_interval_of_a_huge_effect_is_that_of_the_standard_deviation() -> None:
+def test_interval_of_a_huge_effect_stays_proportional_to_it() -> None:
     z = stats.zscore(np.arange(6.0), ddof=1)
     near, far = paired_effect(z + 400.0), paired_effect(z + 1e7)
     assert (far.low / far.value, far.high / far.value) == pytest.approx(
@@ -229,7 +229,7 @@ def test_an_interval_of_a_huge_effect_is_that_of_the_standard_deviation() -> Non
     assert paired_effect(z - 1e7).low == pytest.approx(-far.high, rel=1e-6)
 
 
-def test_the_interval_excludes_zero_when_t_does() -> None:
+def test_effect_interval_excludes_zero_when_the_t_test_does() -> None:
     for values in (SLEEP, SLEEP - 1.0, SLEEP - 0.7001, SLEEP - 0.7002):
         excluded = stats.ttest_1samp(values, 0.0).pvalue < 0.05
         found = paired_effect(values)
@@ -237,7 +237,7 @@ def test_the_interval_excludes_zero_when_t_does() -> None:
 
 
 @pytest.mark.evidence("independent", hedges_g, by="statsmodels")
-def test_an_effect_between_groups_is_that_of_other_sources() -> None:
+def test_hedges_g_equals_statsmodels_and_the_t_statistic() -> None:
     source = np.random.default_rng(8)
     x, y = source.normal(1.0, 2.0, 9), source.normal(0.0, 2.0, 14)
     found = hedges_g(x, y, unit="participant")
@@ -250,8 +250,8 @@ def test_an_effect_between_groups_is_that_of_other_sources() -> None:
     assert found.low == pytest.approx(plain.low * hedges_factor(21))
 
 
-def test_what_cannot_be_known_is_not_a_number() -> None:
-    """With two dyads g_z was exactly 0, with an interval from 0 to 0."""
+def test_undefined_effects_and_tests_are_nan() -> None:
+    """A regression: with two dyads g_z was exactly 0, with an interval from 0 to 0."""
     assert np.isnan(hedges_factor(1))
     for found in (
         paired_effect([1.0, 2.0], correction="hedges"),
@@ -265,7 +265,7 @@ def test_what_cannot_be_known_is_not_a_number() -> None:
 
 
 @pytest.mark.evidence("truth", hedges_factor)
-def test_hedges_factor() -> None:
+def test_hedges_factor_equals_the_published_table() -> None:
     # Table of Hedges (1981): c(2) = 0.5642, c(10) = 0.9228, c(20) = 0.9619.
     assert [hedges_factor(free) for free in (2, 10, 20)] == pytest.approx([0.5642, 0.9228, 0.9619], abs=1e-4)
     assert np.isnan(hedges_factor(1))
@@ -277,7 +277,7 @@ def test_hedges_factor() -> None:
 
 
 @pytest.mark.evidence("disturbance", paired_effect, of="holes")
-def test_effects_that_do_not_exist() -> None:
+def test_effects_without_variance_or_units_are_nan() -> None:
     for found in (paired_effect([1.0]), paired_effect([1.0, 1.0]), hedges_g([1.0], [2.0]), hedges_g([], [1.0, 2.0])):
         assert np.isnan([found.value, found.low, found.high]).all()
     assert paired_effect([1.0, np.nan, 3.0]).n == 2
@@ -289,7 +289,7 @@ def test_effects_that_do_not_exist() -> None:
 @pytest.mark.evidence("properties", sign_test, paired_effect, of="unit")
 @given(DIFFERENCES, st.floats(0.1, 100.0))
 @settings(deadline=None)
-def test_tests_and_effects_know_no_unit_of_measurement(values: list[float], scale: float) -> None:
+def test_tests_and_effects_are_independent_of_the_unit(values: list[float], scale: float) -> None:
     x = np.array(values)
     assert sign_test(scale * x).p == pytest.approx(sign_test(x).p, nan_ok=True)
     here, there = paired_effect(x), paired_effect(scale * x)

@@ -25,8 +25,8 @@ def value(found: Strategy, quantity: str, group: str) -> float:
     return only.value
 
 
-def test_variances_are_those_of_a_performer_in_a_condition() -> None:
-    """0.01 m2 of the wide trials, 0.0001 m2 of the narrow ones; D01 has one of each at first."""
+def test_variances_are_within_performer_and_condition() -> None:
+    """0.01 m2 for wide trials, 0.0001 m2 for narrow ones; D01 has one of each in its first groups."""
     found = strategy(made_study(BLOCKS, GROUP))
     assert value(found, "variance of distance", "dyadic, trials 1 to 3") == pytest.approx((0.00505 + 0.01) / 2)
     assert value(found, "variance of distance", "dyadic, trials 4 to 6") == pytest.approx((0.0001 + 0.01) / 2)
@@ -34,14 +34,14 @@ def test_variances_are_those_of_a_performer_in_a_condition() -> None:
     assert value(found, "variance of velocity", "dyadic, trials 1 to 3") == pytest.approx(0.01)
 
 
-def test_an_ellipse_is_of_everybodys_trials_of_a_group() -> None:
+def test_ellipse_covers_all_participants_trials_of_a_group() -> None:
     (one,) = strategy(made_study(BLOCKS, GROUP)).teams
     assert [ellipse.count for ellipse in one.ellipses] == [9, 9]
     assert one.ellipses[0].centre == pytest.approx([0.2, 0.1])
     assert one.last.tolist() == [3, 6]
 
 
-def test_variances_of_both_at_once_are_determinants() -> None:
+def test_generalised_variance_is_the_determinant() -> None:
     found = strategy(made_study(BLOCKS, GROUP, 'summaries.variance="generalised"'))
     (spread,) = found.teams[0].spreads
     assert (spread.quantity, spread.unit) == ("generalised variance", "m4/s2")
@@ -49,7 +49,7 @@ def test_variances_of_both_at_once_are_determinants() -> None:
 
 
 @pytest.mark.slow
-def test_the_extent_and_the_scaling_of_ellipses_are_as_set() -> None:
+def test_ellipses_have_the_configured_extent_and_scaling() -> None:
     blocks = random_blocks(trials=30)
     areas = {
         (extent, scaling): strategy(
@@ -65,7 +65,7 @@ def test_the_extent_and_the_scaling_of_ellipses_are_as_set() -> None:
     assert areas["p10_to_p90", "si"] < areas["middle_90", "si"] < areas["nine_tenths", "si"]
 
 
-def test_groups_are_as_large_as_is_set() -> None:
+def test_groups_have_the_configured_size() -> None:
     (small,) = strategy(made_study(BLOCKS, GROUP)).teams
     (large,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
     assert small.first.tolist() == [1, 4]
@@ -73,20 +73,20 @@ def test_groups_are_as_large_as_is_set() -> None:
     assert [ellipse.count for ellipse in large.ellipses] == [12, 6]
 
 
-def test_a_group_of_too_few_trials_has_no_variance() -> None:
+def test_group_with_too_few_trials_has_no_variance() -> None:
     (one,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
     assert np.isnan(one.spreads[0].means[1].value)
     assert one.spreads[0].means[1].n == 0
 
 
-def test_all_are_shown_together_where_there_are_several_teams() -> None:
+def test_several_teams_are_also_shown_together() -> None:
     found = strategy(made_study(random_blocks(), GROUP))
     assert [one.team for one in found.teams] == [EVERYBODY, "bimanual", "dyadic"]
     assert found.teams[0].ellipses[0].count == sum(one.ellipses[0].count for one in found.teams[1:])
 
 
-def test_a_change_is_that_of_series_with_both_ends() -> None:
-    """Neither changes; the one with the wider spread has no last group."""
+def test_change_uses_only_series_with_first_and_last_group() -> None:
+    """D01A does not change; D01B, with the wider spread, has no last group."""
     blocks = [
         Block("D01", "D01A", "bimanual", "none", braked(*NARROW, *NARROW)),
         Block("D01", "D01B", "bimanual", "none", braked(*WIDE)),
@@ -95,11 +95,11 @@ def test_a_change_is_that_of_series_with_both_ends() -> None:
     assert value(found, "change of variance of distance", "bimanual, last group vs first") == pytest.approx(0.0)
 
 
-def test_one_group_has_no_change() -> None:
+def test_single_group_has_no_change() -> None:
     found = strategy(made_study(BLOCKS, "summaries.group=30"))
     assert np.isnan(value(found, "change of variance of distance", "dyadic, last group vs first"))
 
 
-def test_trials_without_a_braking_movement_are_left_out() -> None:
+def test_trials_without_braking_are_left_out() -> None:
     found = strategy(made_study([Block("D01", "D01", "dyadic", "none", [{"completion": 3.0}])]))
     assert (found.teams, found.results) == ((), ())

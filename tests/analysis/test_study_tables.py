@@ -54,7 +54,7 @@ def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -
 
 
 @pytest.mark.slow
-def test_the_order_of_recordings_does_not_matter(folder: Path) -> None:
+def test_study_does_not_depend_on_the_order_of_recordings(folder: Path) -> None:
     one, other = (study_of(m, Readings()) for m in (measured(folder, Readings()), measured(folder, Readings())[::-1]))
     for name in ("blocks", "trials", "movements"):
         pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
@@ -64,14 +64,14 @@ def test_the_order_of_recordings_does_not_matter(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_numbering_over_a_configuration_goes_on_across_conditions(folder: Path) -> None:
+def test_numbering_by_configuration_continues_across_conditions(folder: Path) -> None:
     found = study(folder, "summaries.numbering=configuration")
     dyads = found.counted[found.counted["configuration"] == "dyadic"]
     assert dyads["order"].max() == 2 * study(folder).counted["order"].max()
 
 
 @pytest.mark.slow
-def test_what_is_excluded_does_not_count_and_is_listed(folder: Path) -> None:
+def test_excluded_trials_do_not_count_and_are_listed(folder: Path) -> None:
     first = study(folder).blocks["recording"][0]
     found = study(folder, "exclusions.warm_up=1", f'exclusions.trials=["{first}/3: the phone rang"]')
     assert (found.counted["trial"] > 1).all()
@@ -96,29 +96,31 @@ def test_what_is_excluded_does_not_count_and_is_listed(folder: Path) -> None:
         ({"completion": np.nan, "outcome": "fell"}, Exclusions(), []),
     ],
 )
-def test_each_rule_excludes_what_it_names(change: dict[str, object], rules: Exclusions, why: list[str]) -> None:
+def test_each_rule_excludes_its_trials_with_a_reason(
+    change: dict[str, object], rules: Exclusions, why: list[str]
+) -> None:
     assert list(excluded(blocks(), trials(**change), rules)["why"]) == why
 
 
-def test_attempts_that_ended_otherwise_are_listed() -> None:
+def test_paused_and_aborted_attempts_are_listed() -> None:
     told = blocks(not_measured=["2.1 pause; 4.3 abort"])
     found = excluded(told, trials(), Exclusions())
     assert list(found[["trial", "attempt"]].itertuples(index=False, name=None)) == [(2, 1), (4, 3)]
     assert [why.rpartition(": ")[2] for why in found["why"]] == ["pause", "abort"]
 
 
-def test_a_simulated_hand_may_be_still() -> None:
+def test_simulated_still_hand_is_not_excluded() -> None:
     assert excluded(blocks(simulated=[1]), trials(flags="stuck_left"), Exclusions()).empty
 
 
-def test_an_attempt_has_all_its_reasons() -> None:
+def test_attempt_is_listed_with_all_its_reasons() -> None:
     found = excluded(blocks(), trials(flags=["clipped lost_samples", "", ""]), Exclusions(warm_up=1))
     assert len(found) == 3
     assert set(found["trial"]) == {1}
 
 
 @pytest.mark.parametrize(("pilots", "count"), [("unless_all", 1), ("always", 1), ("never", 0)])
-def test_pilots_do_not_count_beside_others(pilots: str, count: int) -> None:
+def test_pilots_are_excluded_as_configured(pilots: str, count: int) -> None:
     both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0, "not_measured": ""})
     rows = trials(recording=["r", "r", "s"])
     assert len(excluded(both, rows, Exclusions(pilots=pilots))) == count  # type: ignore[arg-type]
@@ -127,13 +129,13 @@ def test_pilots_do_not_count_beside_others(pilots: str, count: int) -> None:
 
 
 @pytest.mark.parametrize("word", ["r/9: late", "q/1: late", "r/1", "r/one: late", "r/1:"])
-def test_a_trial_that_is_not_there_cannot_be_excluded(word: str) -> None:
+def test_excluding_a_missing_trial_is_an_error(word: str) -> None:
     with pytest.raises(ConfigError, match=r"exclusions\] trials"):
         excluded(blocks(), trials(), Exclusions(trials=(word,)))
 
 
-def test_nan_is_no_flag() -> None:
-    assert np.array_equal(excluded(blocks(), trials(), Exclusions()).shape, (0, 4))
+def test_nan_is_not_a_quality_flag() -> None:
+    assert excluded(blocks(), trials(flags=np.nan), Exclusions()).empty
 
 
 def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = "") -> Measured:
@@ -147,8 +149,8 @@ def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "ful
     return one
 
 
-def test_a_block_that_was_resumed_goes_on_where_it_stopped() -> None:
-    """Its second recording is of another session, with a name that may come first and a part that is the first."""
+def test_resumed_block_continues_its_trial_numbers() -> None:
+    """The parts of a block are ordered by when they were opened, and their trials are numbered through."""
     parts = [made("x_ff", 1, "10:00"), made("x_ff_part2", 1, "10:05", part=2), made("x_00", 1, "10:10")]
     found = study_of(parts, Readings())
     assert list(found.blocks["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
@@ -157,7 +159,7 @@ def test_a_block_that_was_resumed_goes_on_where_it_stopped() -> None:
     assert set(found.blocks["block"]) == {1}
 
 
-def test_blocks_with_the_same_number_are_counted_through_plan_after_plan() -> None:
+def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
     one = [made("a1", 1, "09:00", study="a"), made("a2", 2, "09:10", study="a", force="none")]
     other = [made("b1", 1, "08:00", study="b", force="none"), made("b2", 2, "08:10", study="b")]
     found = study_of([*one, *other], Readings())

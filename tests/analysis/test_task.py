@@ -15,13 +15,13 @@ PLACES = st.lists(st.sampled_from([-0.3, -0.15, 0.0, 0.12, 0.15, 0.18, 0.2, 0.3]
 
 
 def damped(record: float = 12.0) -> tuple[np.ndarray, np.ndarray]:
-    """A ball that swings about the target's middle, once each 2 s, ever less."""
+    """A ball in a damped oscillation about the target's centre, with a period of 2 s."""
     t = np.arange(round(record * RATE)) / RATE
     return t, 0.15 - 0.3 * np.exp(-0.4 * t) * np.cos(np.pi * t)
 
 
 @pytest.mark.evidence("truth", overshoots, time_in_target)
-def test_a_damped_swing_in_closed_form() -> None:
+def test_damped_swing_equals_the_closed_form() -> None:
     t, p = damped()
     # Its excursions at 1, 2, 3 ... s are 0.3 exp(-0.4 t) up to a tilt of the extrema, atan(0.4 / pi) earlier.
     early = np.arctan(0.4 / np.pi) / np.pi
@@ -42,7 +42,7 @@ def test_a_damped_swing_in_closed_form() -> None:
 
 @pytest.mark.evidence("truth", time_in_target)
 @given(PLACES)
-def test_stays_are_those_of_a_plain_count(places: list[float]) -> None:
+def test_time_in_target_equals_a_plain_count(places: list[float]) -> None:
     found = time_in_target(places, 10.0, centre=0.15, half_width=0.0351)
     runs = [(inside, len(list(run))) for inside, run in groupby(abs(p - 0.15) <= 0.0351 for p in places)]
     stays = [length for inside, length in runs if inside]
@@ -55,14 +55,14 @@ def test_stays_are_those_of_a_plain_count(places: list[float]) -> None:
 
 @pytest.mark.evidence("properties", time_in_target, of="mirror")
 @given(PLACES)
-def test_left_is_as_right(places: list[float]) -> None:
+def test_time_in_target_is_mirror_symmetric(places: list[float]) -> None:
     there, here = (time_in_target(way * np.array(places), 10.0, centre=way * 0.15) for way in (-1.0, 1.0))
     assert astuple(there) == pytest.approx(astuple(here), nan_ok=True)
 
 
 @pytest.mark.evidence("properties", overshoots, of=("mirror", "unit"))
 @given(PLACES)
-def test_every_overshoot_is_outside(places: list[float]) -> None:
+def test_overshoots_are_outside_the_target(places: list[float]) -> None:
     found = overshoots(places, 10.0, centre=0.15)
     assert found.time <= len(places) / 10.0 - time_in_target(places, 10.0, centre=0.15).time + 1e-12
     assert (found.count > 0) == (found.largest > 0.0)
@@ -71,11 +71,11 @@ def test_every_overshoot_is_outside(places: list[float]) -> None:
     assert overshoots(1e3 * np.array(places), 10.0, centre=150.0, half_width=35.0).count == found.count
 
 
-def test_edges_of_a_target_belong_to_it() -> None:
+def test_target_includes_its_edges() -> None:
     assert time_in_target([0.25, 0.75], 1.0, centre=0.5, half_width=0.25).time == 2.0
 
 
-def test_nothing_recorded() -> None:
+def test_empty_record_has_no_time_in_target() -> None:
     empty = time_in_target([], RATE, centre=0.15)
     assert (empty.time, empty.visits, empty.longest) == (0.0, 0, 0.0)
     assert np.isnan([empty.share, empty.first]).all()
@@ -84,7 +84,7 @@ def test_nothing_recorded() -> None:
 
 
 @pytest.mark.evidence("truth", falls, fall_time)
-def test_falls() -> None:
+def test_falls_and_fall_time_equal_hand_computed_values() -> None:
     t = np.arange(0.0, 2.0, 1 / RATE)
     assert fall_time(0.15 + 0.5 * 0.8 * t**2, RATE) == pytest.approx(np.sqrt(0.2 / 0.4), abs=1e-3)
     assert np.isnan(fall_time(np.full(10, 0.35), RATE))
@@ -100,7 +100,7 @@ def movement(onset: float, peak: float, duration: float = 0.4) -> np.ndarray:
 
 @pytest.mark.evidence("truth", reaction)
 @pytest.mark.parametrize("peak", [0.02, 0.1, -0.5])
-def test_a_reaction_is_where_the_closed_form_has_it(peak: float) -> None:
+def test_reaction_time_equals_the_closed_form(peak: float) -> None:
     # Minimum jerk reaches f of its peak at (1 - sqrt(1 - sqrt f)) / 2 of its duration.
     share = lambda f: (1.0 - np.sqrt(1.0 - np.sqrt(f))) / 2.0  # noqa: E731
     sustained = reaction(movement(0.3, peak), RATE)
@@ -110,7 +110,7 @@ def test_a_reaction_is_where_the_closed_form_has_it(peak: float) -> None:
     assert not sustained.anticipated
 
 
-def test_what_is_no_reaction() -> None:
+def test_stillness_anticipation_and_twitches_are_no_reaction() -> None:
     still = reaction(np.full(500, 0.001), RATE)
     assert np.isnan(still.time)
     assert not still.anticipated
@@ -131,7 +131,7 @@ def test_what_is_no_reaction() -> None:
 
 @pytest.mark.evidence("properties", reaction, of=("time", "mirror"))
 @given(st.floats(0.15, 1.0), st.floats(0.05, 1.0), st.integers(0, 400))
-def test_a_later_release_is_an_earlier_reaction(onset: float, peak: float, wait: int) -> None:
+def test_reaction_time_follows_shift_and_ignores_sign(onset: float, peak: float, wait: int) -> None:
     velocity = movement(onset, peak)
     for rule in ("sustained", "before_peak"):
         found = reaction(velocity, RATE, onset=rule).time

@@ -45,7 +45,7 @@ def axes_of(take: Take, name: str) -> Axes:
     return panel(take, name).axes[0]
 
 
-def test_every_axis_has_a_unit_and_every_part_its_words(takes: list[Take]) -> None:
+def test_every_axis_has_a_unit_and_every_panel_a_title(takes: list[Take]) -> None:
     for take in takes:
         figure = sheet(take).figure
         assert figure is not None
@@ -56,7 +56,7 @@ def test_every_axis_has_a_unit_and_every_part_its_words(takes: list[Take]) -> No
             assert ": " in axes.get_title(loc="left")
 
 
-def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
+def test_titles_state_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
     for row, take in enumerate(takes):
         said = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
         number = {name: column[row] for name, column in tables.trials.items()}
@@ -71,7 +71,7 @@ def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Meas
 
 @pytest.mark.parametrize("threshold", ["slower_side", "own_peak"])
 @pytest.mark.parametrize("velocity", ["own_direction", "magnitude"])
-def test_delays_are_drawn_as_they_are_set(takes: list[Take], threshold: str, velocity: str) -> None:
+def test_delay_panel_follows_the_settings(takes: list[Take], threshold: str, velocity: str) -> None:
     words = (f"delays.threshold={threshold}", f"delays.velocity={velocity}")
     readings = parse("", overrides=words)
     take = next(replace(one, block=one.block.again(readings)) for one in takes if delays_of(one)[0].cooperative.any())
@@ -88,7 +88,7 @@ def test_delays_are_drawn_as_they_are_set(takes: list[Take], threshold: str, vel
     assert f"of {whose} (lines), in the largest movement" in axes.get_title(loc="left")
 
 
-def test_peaks_are_drawn_where_they_are(takes: list[Take], tables: Measured) -> None:
+def test_peaks_panel_marks_all_peaks(takes: list[Take], tables: Measured) -> None:
     for row, take in enumerate(takes):
         drawn = [line for line in axes_of(take, "peaks").lines if line.get_marker() == "o"]
         assert [len(line.get_xdata()) for line in drawn] == [
@@ -97,13 +97,13 @@ def test_peaks_are_drawn_where_they_are(takes: list[Take], tables: Measured) -> 
         ]
 
 
-def test_the_same_trial_gives_the_same_bytes(takes: list[Take]) -> None:
+def test_sheet_is_reproducible_to_the_byte(takes: list[Take]) -> None:
     one, other = (as_bytes(panel(takes[0], "peaks"), "svg") for _ in range(2))
     assert one == other
     assert b"<text" in one
 
 
-def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
+def test_command_refuses_to_overwrite_a_sheet(folder: Path, tmp_path: Path) -> None:
     (path,) = folder.glob("*.mcap")
     output = tmp_path / "trial.png"
     assert explain.draw(path, 1, None, Readings(), output).startswith(str(output))
@@ -121,7 +121,7 @@ def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
         (1, None, "nowhere/a.png", "cannot be written"),
     ],
 )
-def test_what_cannot_be_drawn_is_told(
+def test_missing_trials_and_invalid_outputs_are_refused(
     folder: Path, tmp_path: Path, trial: int, attempt: int | None, name: str, said: str
 ) -> None:
     (path,) = folder.glob("*.mcap")

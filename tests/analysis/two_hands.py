@@ -27,13 +27,13 @@ def minimum_jerk_rate(
 
 
 def time_to_portion(portion: float, duration: float) -> float:
-    """When a minimum-jerk movement first has a portion of its peak velocity: 16 s2 (1 - s)2 = f, solved for s < 1/2."""
+    """Time at which a minimum-jerk movement reaches a fraction of its peak velocity: 16 s2 (1 - s)2 = f, s < 1/2."""
     return duration * (1 - np.sqrt(1 - np.sqrt(portion))) / 2
 
 
 @dataclass(frozen=True)
 class TwoHands:
-    """Two hands and the board that they tilt, exactly."""
+    """Exact movements of two hands and of the board that they tilt."""
 
     rate: float
     times: NDArray[np.float64]
@@ -66,7 +66,7 @@ def two_hands(left: list[Movement], right: list[Movement], length: float = 3.0, 
 def rolled(
     theta: NDArray[np.float64], rate: float, p: float, release: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ball that is held at p and rolls downhill from the release on: position and rate, by trapezoids."""
+    """Position and velocity of a ball held at p that rolls downhill after the release, by the trapezoidal rule."""
     a = -GRAVITY * np.sin(theta)
     a[:release] = 0
     v = np.concatenate([[0], np.cumsum((a[1:] + a[:-1]) / 2)]) / rate

@@ -18,7 +18,7 @@ from netboard.task.trials.quality import SEEN, Referee, empty_tally, tally
 pytestmark = pytest.mark.slow
 
 
-def test_the_fields_that_are_seen_are_enough_for_the_same_verdicts(recordings: tuple[Path, ...]) -> None:
+def test_partial_fields_give_the_same_quality_verdicts(recordings: tuple[Path, ...]) -> None:
     for run in runs_of(recordings):
         with Recording(run.path) as recording:
             rows = recording.ticks()
@@ -28,7 +28,7 @@ def test_the_fields_that_are_seen_are_enough_for_the_same_verdicts(recordings: t
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_the_same_is_counted_of_any_bits(seed: int) -> None:
+def test_tally_of_partial_fields_equals_that_of_whole_ticks(seed: int) -> None:
     generator = np.random.default_rng(seed)
     rows = np.frombuffer(bytearray(generator.bytes(400 * TICK.itemsize)), TICK)
     rows["phase"], rows["event"] = generator.integers(0, 7, 400), generator.integers(0, 12, 400)
@@ -45,7 +45,7 @@ def test_the_same_is_counted_of_any_bits(seed: int) -> None:
 
 
 @pytest.mark.parametrize("velocity", ["derivative", "device"])
-def test_columns_read_on_the_way_are_those_of_the_recording(recordings: tuple[Path, ...], velocity: str) -> None:
+def test_streamed_columns_equal_those_of_the_recording(recordings: tuple[Path, ...], velocity: str) -> None:
     readings = parse(f'[filters]\nvelocity = "{velocity}"')
     (run,) = runs_of(recordings[:1])
     measured = measure(run, readings)
@@ -57,7 +57,7 @@ def test_columns_read_on_the_way_are_those_of_the_recording(recordings: tuple[Pa
     assert ("left_used_vz" in columns_for(readings)) == (velocity == "device")
 
 
-def test_some_fields_come_in_portions_to_the_bit(recordings: tuple[Path, ...]) -> None:
+def test_selected_fields_are_read_in_batches_to_the_bit(recordings: tuple[Path, ...]) -> None:
     with Recording(recordings[0]) as recording:
         rows = recording.ticks()
         portions = list(recording.batches(1000, ("theta", "tick")))
@@ -69,5 +69,5 @@ def test_some_fields_come_in_portions_to_the_bit(recordings: tuple[Path, ...]) -
         assert np.concatenate([part[name] for part in portions]).tobytes() == rows[name].tobytes()
 
 
-def test_defaults_are_the_readings_of_an_empty_text() -> None:
+def test_empty_text_gives_the_default_settings() -> None:
     assert parse("") == Readings()

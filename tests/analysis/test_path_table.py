@@ -17,25 +17,25 @@ from report_studies import block
 BLOCKS = [block("one", block=1), block("two", block=2)]
 
 
-def shelved(folder: Path) -> PathTable:
-    shelf = PathTable(folder)
+def stored(folder: Path) -> PathTable:
+    table = PathTable(folder)
     for one in BLOCKS[::-1]:
-        shelf.put(one)
-    return shelf
+        table.put(one)
+    return table
 
 
-def test_paths_are_read_as_they_were(tmp_path: Path) -> None:
-    shelf = shelved(tmp_path)
-    assert sorted(shelf) == ["one", "two"]
+def test_stored_paths_are_read_back_exactly(tmp_path: Path) -> None:
+    table = stored(tmp_path)
+    assert sorted(table) == ["one", "two"]
     for one in BLOCKS:
-        paths = shelf[one.blocks["recording"][0]]
+        paths = table[one.blocks["recording"][0]]
         assert len(paths) > 100
         pd.testing.assert_frame_equal(paths, pd.DataFrame(one.paths), check_exact=True)
 
 
-def test_a_study_that_reads_them_there_is_the_same(tmp_path: Path) -> None:
+def test_study_with_stored_paths_has_the_same_results(tmp_path: Path) -> None:
     held = study_of(BLOCKS, Readings())
-    read = study_of(BLOCKS, Readings(), shelved(tmp_path))
+    read = study_of(BLOCKS, Readings(), stored(tmp_path))
     assert len(courses(held).results) > 1
     assert courses(read).results == courses(held).results
     assert influences(read).results == influences(held).results
@@ -43,18 +43,18 @@ def test_a_study_that_reads_them_there_is_the_same(tmp_path: Path) -> None:
     assert sparklines(read) == sparklines(held)
 
 
-def test_a_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
-    shelf = PathTable(tmp_path)
+def test_recording_without_attempts_has_no_paths(tmp_path: Path) -> None:
+    table = PathTable(tmp_path)
     nothing = block("none")
     for values in (nothing.trials, nothing.movements, nothing.paths):
         values.update({name: column[:0] for name, column in values.items()})
-    shelf.put(nothing)
-    study = study_of([nothing], Readings(), shelf)
-    assert list(shelf["none"]) == list(nothing.paths)
+    table.put(nothing)
+    study = study_of([nothing], Readings(), table)
+    assert list(table["none"]) == list(nothing.paths)
     assert sparklines(study) == {}
     assert courses(study).courses == ()
 
 
-def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"0.paths: cannot be written: No such file or directory"):
         PathTable(tmp_path / "gone").put(BLOCKS[0])

@@ -1,4 +1,4 @@
-"""Studies with missing parts: tables, figures and report exist, and every attempt is accounted for."""
+"""Studies with missing parts: tables, figures and report exist, and every attempt is check_attempts for."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +20,8 @@ from report_studies import provenance_of
 from thinned_study import LACKS, lacking
 
 
-def accounted(study: Study) -> None:
-    """Every attempt is a trial that counts, or failed, or is excluded for a reason; what counts can be analysed."""
+def check_attempts(study: Study) -> None:
+    """Check that every attempt counts, failed, or is excluded for a reason, and that counted trials have a time."""
     keys = ["recording", "trial", "attempt"]
     out = set(study.exclusions[keys].itertuples(index=False, name=None))
     for row in study.trials.to_dict("records"):
@@ -31,9 +31,9 @@ def accounted(study: Study) -> None:
     assert (study.exclusions["why"] != "").all()
 
 
-def analysed(study: Study, folder: Path) -> None:
-    """Make all tables, figures and the report of a study, and find nothing left out by an error."""
-    accounted(study)
+def check_analysis(study: Study, folder: Path) -> None:
+    """Make all tables, figures and the report of a study, and check that no error left any out."""
+    check_attempts(study)
     results = results_of(study)
     assert results.loc[results["quantity"] == NOT_COMPUTED, "note"].tolist() == []
     write_tables(folder / "tables", study, results, ())
@@ -59,25 +59,25 @@ def analysed(study: Study, folder: Path) -> None:
     ],
 )
 @pytest.mark.daily(1)
-def test_an_odd_study_is_analysed(tmp_path: Path, lacks: tuple[str, ...]) -> None:
-    analysed(lacking(lacks, seed=1, dyads=1, trials=2), tmp_path)
+def test_incomplete_study_is_analysed(tmp_path: Path, lacks: tuple[str, ...]) -> None:
+    check_analysis(lacking(lacks, seed=1, dyads=1, trials=2), tmp_path)
 
 
 @pytest.mark.slow
 @given(st.sets(st.sampled_from(LACKS), max_size=5), st.integers(0, 99), st.integers(1, 3), st.integers(1, 4))
-def test_no_attempt_is_lost(lacks: set[str], seed: int, dyads: int, trials: int) -> None:
-    accounted(lacking(sorted(lacks), seed, dyads, trials))
+def test_incomplete_study_accounts_for_every_attempt(lacks: set[str], seed: int, dyads: int, trials: int) -> None:
+    check_attempts(lacking(sorted(lacks), seed, dyads, trials))
 
 
 @pytest.mark.slow
 @settings(max_examples=4)
 @given(lacks=st.sets(st.sampled_from(LACKS), min_size=1, max_size=4), seed=st.integers(0, 99), dyads=st.integers(1, 2))
-def test_a_randomly_thinned_study_has_all_its_results(lacks: set[str], seed: int, dyads: int) -> None:
+def test_randomly_incomplete_study_has_all_results(lacks: set[str], seed: int, dyads: int) -> None:
     results = results_of(lacking(sorted(lacks), seed, dyads, trials=2))
     assert results.loc[results["quantity"] == NOT_COMPUTED, "note"].tolist() == []
 
 
-def test_what_cannot_be_computed_or_drawn_says_so_in_its_place() -> None:
+def test_failed_results_and_figures_are_replaced_by_the_reason() -> None:
     study = made_study(random_blocks(dyads=1, trials=3), *SMALL)
 
     def breaks(study: Study) -> Picture:
@@ -94,7 +94,7 @@ def test_what_cannot_be_computed_or_drawn_says_so_in_its_place() -> None:
 
 
 @pytest.mark.parametrize(("trials", "ends", "group"), [(180, 30, 30), (60, 30, 30), (12, 6, 6), (5, 2, 5), (1, 1, 3)])
-def test_windows_are_the_papers_or_fit_the_trials(trials: int, ends: int, group: int) -> None:
+def test_windows_are_those_of_the_paper_or_fit_the_trials(trials: int, ends: int, group: int) -> None:
     study = made_study(random_blocks(dyads=1, trials=trials, forces=("full",)))
     found = windows_of(study)
     assert (found.ends, found.group) == (ends, max(group, 3) if trials != 5 else found.group)

@@ -22,7 +22,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return study_of(measured(where, Readings()), Readings())
 
 
-def test_all_performers_are_there_with_their_partners(study: Study) -> None:
+def test_table_lists_all_performers_with_their_partners(study: Study) -> None:
     people = people_of(study)
     assert list(people) == [field.name for field in (*PEOPLE, *study.factor_fields)]
     assert set(people["factor_haptics"]) == {"on", "off"}
@@ -37,7 +37,7 @@ def test_all_performers_are_there_with_their_partners(study: Study) -> None:
     assert set(people.loc[people["configuration"] == "dyadic", "partner"]) == {""}
 
 
-def test_numbers_are_those_of_the_own_trials(study: Study) -> None:
+def test_row_summarises_the_performers_own_trials(study: Study) -> None:
     for row in people_of(study).to_dict("records"):
         chosen = (study.trials["performer"] == row["performer"]) & (study.trials["condition"] == row["condition"])
         own = study.trials[chosen]
@@ -53,7 +53,7 @@ def test_numbers_are_those_of_the_own_trials(study: Study) -> None:
         np.testing.assert_allclose(row["delay_20"], np.nanmean(np.abs(signed)))
 
 
-def test_failed_attempts_cost_time_if_they_are_to() -> None:
+def test_failed_attempts_add_time_if_configured() -> None:
     trials = [
         {"trial": 1, "attempt": 1, "outcome": "fell", "duration": 4.0, "completion": np.nan},
         {"trial": 1, "attempt": 2, "duration": 4.5, "completion": 3.0},
@@ -65,7 +65,7 @@ def test_failed_attempts_cost_time_if_they_are_to() -> None:
     assert row["completion_sd"] == pytest.approx(np.sqrt(8))
 
 
-def test_a_person_in_two_dyads_has_a_partner_in_each() -> None:
+def test_participant_in_two_dyads_has_a_partner_in_each() -> None:
     study = made_study(
         [
             Block(dyad, performer, "bimanual", "none", times(3))
@@ -82,7 +82,7 @@ def test_a_person_in_two_dyads_has_a_partner_in_each() -> None:
     ]
 
 
-def test_what_does_not_count_is_in_no_mean(study: Study) -> None:
+def test_excluded_trials_are_in_no_mean(study: Study) -> None:
     kept = study.trials["counts"] * (study.trials["trial"] > 2)
     fewer = people_of(replace(study, trials=study.trials.assign(counts=kept)))
     assert set(fewer["trials"]) == {1}
@@ -90,7 +90,7 @@ def test_what_does_not_count_is_in_no_mean(study: Study) -> None:
     assert fewer["completion_sd"].isna().all()
 
 
-def test_a_costly_finding_is_made_once_for_each_study(study: Study) -> None:
+def test_costly_results_are_computed_once_per_study(study: Study) -> None:
     asked: list[Study] = []
     find = kept(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
     other = replace(study)
