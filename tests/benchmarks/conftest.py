@@ -1,4 +1,4 @@
-"""Makes the scenes and the independent equations of tests/physics importable."""
+"""Makes the scenes and the independent equations of motion in tests/physics importable."""
 
 import sys
 from pathlib import Path

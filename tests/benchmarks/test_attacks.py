@@ -32,7 +32,7 @@ FACTS = {
 
 
 def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
-    """Return 6 s of ticks, some late or paused: attack on the server from 1 s to 3 s, on a sink from 3 s to 5 s."""
+    """Return 6 s of ticks, some late or paused; the server is attacked from 1 s to 3 s, a sink from 3 s to 5 s."""
     ticks = np.zeros(6000, TICK)
     ticks["time_ns"] = np.arange(6000) * TICK_NS
     for tick, late_ns in late.items():
@@ -42,7 +42,7 @@ def evidence(late: dict[int, int], pauses: tuple[int, ...] = ()) -> Evidence:
     return Evidence(Window(0, 6 * SECOND, FACTS), Safety(), {}, taken, None)
 
 
-def test_misses_and_pauses_are_counted_in_each_period() -> None:
+def test_deadline_misses_and_pauses_are_counted_in_each_period() -> None:
     late = {10: 2 * LATE_NS, 5500: LATE_NS, 1500: 3 * LATE_NS, 2999: 5 * LATE_NS, 3500: 4 * LATE_NS}
     without, on_sink, on_server = deadline_misses(evidence(late, (2000,)))
     assert (without.ticks, without.misses, without.pauses, without.latest) == (2000, 1, 0, 1.0)
@@ -51,7 +51,7 @@ def test_misses_and_pauses_are_counted_in_each_period() -> None:
     assert without.rate == 50.0
 
 
-def test_an_attack_may_cost_no_more_deadline_misses_than_chance_explains() -> None:
+def test_attack_fails_if_it_causes_more_misses_than_chance() -> None:
     few = evidence(dict.fromkeys((3010, 3020, 1500, 1600), SECOND))
     many = evidence(dict.fromkeys((3010, *range(1500, 1580, 2)), SECOND))
     stall = evidence(dict.fromkeys((3010, *range(1500, 1540)), SECOND))
@@ -63,13 +63,13 @@ def test_an_attack_may_cost_no_more_deadline_misses_than_chance_explains() -> No
     assert no_more_pauses(evidence({}, (500, 2000))).holds
 
 
-def test_a_case_fails_if_its_attack_was_not_made() -> None:
+def test_case_fails_if_its_attack_was_not_carried_out() -> None:
     not_made = Evidence(Window(0, SECOND, {}, "broken"), Safety(), {}, evidence({}).rig, None)
     assert not no_more_misses(not_made).holds
     assert len(figures(not_made)) == len(COLUMNS) - 2
 
 
-def test_the_table_has_a_row_for_each_attack() -> None:
+def test_table_has_a_row_for_each_attack() -> None:
     outcomes = [Outcome(case, (), figures(evidence({1500: SECOND}))) for case in ATTACKS]
     (part,) = parts_of(outcomes)
     assert part.name == PART
@@ -77,7 +77,7 @@ def test_the_table_has_a_row_for_each_attack() -> None:
     assert part.rows[0][1:5] == (500, 2, "0 / 0 / 1", "0 / 0 / 50")
 
 
-def test_the_messages_of_the_roles_can_be_decoded() -> None:
+def test_attack_messages_of_all_roles_can_be_decoded() -> None:
     for connections in ROLE_MESSAGES.values():
         for _, _, first, again in connections:
             for message in (*first, *again):

@@ -32,14 +32,14 @@ SCENES = {
 }
 
 
-def starts(length: int) -> Array:
+def initial_states(length: int) -> Array:
     x = np.random.default_rng(1).normal(size=(COUNT, length)) * 0.02
     x[:, [1, 3]] *= 10.0
     return x
 
 
-def pushes(physics: Physics, steps: int) -> Array:
-    """Polynomials of both drives for every simulation and step, of hands that move smoothly."""
+def drives_of(physics: Physics, steps: int) -> Array:
+    """Polynomials of both drives for every simulation and step, for smooth hand movements."""
     rng = np.random.default_rng(2)
     t = np.arange(steps)[:, None, None] * H
     rate = rng.uniform(2.0, 20.0, (1, COUNT, 2))
@@ -52,7 +52,7 @@ def pushes(physics: Physics, steps: int) -> Array:
     return hands
 
 
-def stepped(physics: Physics, scenes: NDArray[Any], x: Array, hands: Array) -> Array:
+def run_batch(physics: Physics, scenes: NDArray[Any], x: Array, hands: Array) -> Array:
     step = make_batch(parts_of(physics), x.shape[1], len(scenes) > 1)
     blocks, packed = in_blocks(x), scene_blocks(scenes)
     for now in hands:
@@ -60,13 +60,13 @@ def stepped(physics: Physics, scenes: NDArray[Any], x: Array, hands: Array) -> A
     return out_of_blocks(blocks)
 
 
-def marched(physics: Physics, scene: NDArray[Any], x: Array, hands: Array) -> Array:
+def run_strict(physics: Physics, scene: NDArray[Any], x: Array, hands: Array) -> Array:
     parts, steps = parts_of(physics), len(hands)
     grid = make_grid("rk4", np.full(steps, H), np.ones(steps, np.int64), parts, len(x), scene)
     return run("rk4", tuple(x.tolist()), np.ascontiguousarray(hands), grid, parts, scene)[-1]
 
 
-def assert_alike(found: Array, wanted: Array) -> None:
+def assert_close(found: Array, wanted: Array) -> None:
     scale = np.abs(wanted).max(axis=0) + 1e-30
     assert np.max(np.abs(found - wanted) / scale) < 1e-12
 
@@ -74,53 +74,53 @@ def assert_alike(found: Array, wanted: Array) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.daily(1)
-def test_a_thousand_steps_are_those_of_the_strict_method(name: str) -> None:
+def test_thousand_batch_steps_equal_the_strict_method(name: str) -> None:
     physics = SCENES[name]
-    scene, x, hands = pack_scene(physics), starts(state_length(physics)), pushes(physics, 1000)
-    found = stepped(physics, scene, x, hands)
+    scene, x, hands = pack_scene(physics), initial_states(state_length(physics)), drives_of(physics, 1000)
+    found = run_batch(physics, scene, x, hands)
     some = range(0, COUNT, 17)
-    assert_alike(found[some], np.array([marched(physics, scene, x[i], hands[:, i]) for i in some]))
+    assert_close(found[some], np.array([run_strict(physics, scene, x[i], hands[:, i]) for i in some]))
 
 
 @pytest.mark.slow
-def test_each_may_have_a_scene_of_its_own() -> None:
+def test_each_simulation_may_have_its_own_scene() -> None:
     rng = np.random.default_rng(3)
     kinds = [replace(Physics(), M=rng.uniform(0.01, 0.1), k_h=rng.uniform(50, 300)) for _ in range(COUNT)]
     scenes = np.concatenate([pack_scene(physics) for physics in kinds])
-    x, hands = starts(6), pushes(Physics(), 1000)
-    found = stepped(Physics(), scenes, x, hands)
+    x, hands = initial_states(6), drives_of(Physics(), 1000)
+    found = run_batch(Physics(), scenes, x, hands)
     some = range(0, COUNT, 17)
-    assert_alike(found[some], np.array([marched(kinds[i], scenes[i : i + 1], x[i], hands[:, i]) for i in some]))
+    assert_close(found[some], np.array([run_strict(kinds[i], scenes[i : i + 1], x[i], hands[:, i]) for i in some]))
 
 
 @pytest.mark.parametrize("tilt", [0.78, 0.79, 1.6, 3.0, -2.4, 5.5, -1e3, 1e6])
-def test_a_large_tilt_is_as_good_as_a_small_one(tilt: float) -> None:
-    """Right at the limit of the short form too: within a step the tilt goes beyond it."""
+def test_large_tilts_are_as_accurate_as_small_ones(tilt: float) -> None:
+    """This includes tilts at the limit of the small-angle polynomial, which a step crosses."""
     physics, scene = Physics(), pack_scene(Physics())
-    x, hands = starts(6), pushes(physics, 1)
+    x, hands = initial_states(6), drives_of(physics, 1)
     x[5, 2], x[5, 3] = tilt, 10.0
-    found = stepped(physics, scene, x, hands)
+    found = run_batch(physics, scene, x, hands)
     assert np.isfinite(found).all()
-    wanted = marched(physics, scene, x[5], hands[:, 5])
+    wanted = run_strict(physics, scene, x[5], hands[:, 5])
     assert np.allclose(found[5], wanted, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e7])
 @pytest.mark.parametrize("place", range(6))
-def test_what_is_not_finite_shows_and_stays_with_its_own(bad: float, place: int) -> None:
+def test_non_finite_values_stay_within_their_simulation(bad: float, place: int) -> None:
     physics, scene = Physics(), pack_scene(Physics())
-    x, hands = starts(6), pushes(physics, 1)
-    wanted = stepped(physics, scene, x, hands)
+    x, hands = initial_states(6), drives_of(physics, 1)
+    wanted = run_batch(physics, scene, x, hands)
     x[7, place] = bad
-    found = stepped(physics, scene, x, hands)
+    found = run_batch(physics, scene, x, hands)
     others = np.arange(COUNT) != 7
     assert np.allclose(found[others], wanted[others], rtol=1e-14, atol=1e-18)
     assert place == 5 or bad == 1e7 or not np.isfinite(found[7]).all()
-    strict = marched(physics, scene, x[7], hands[:, 7])
+    strict = run_strict(physics, scene, x[7], hands[:, 7])
     assert np.array_equal(np.isfinite(found[7]), np.isfinite(strict))
 
 
-def test_blocks_hold_every_value_once() -> None:
+def test_blocks_contain_every_value_once() -> None:
     values = np.arange(COUNT * 5.0).reshape(COUNT, 5)
     blocks = in_blocks(values)
     assert blocks.shape == (2, 5, LANES)
@@ -144,8 +144,8 @@ print(out_of_blocks(blocks).tolist())
 
 
 @pytest.mark.slow
-def test_the_plain_text_computes_the_same() -> None:
-    def said(**environment: str) -> Array:
+def test_batch_without_jit_gives_the_same_result() -> None:
+    def printed(**environment: str) -> Array:
         run_ = subprocess.run(
             [sys.executable, "-c", PLAIN],
             env={**os.environ, **environment},
@@ -155,4 +155,4 @@ def test_the_plain_text_computes_the_same() -> None:
         )
         return np.array(eval(run_.stdout))
 
-    assert np.allclose(said(NUMBA_DISABLE_JIT="1"), said(), rtol=1e-12, atol=1e-14)
+    assert np.allclose(printed(NUMBA_DISABLE_JIT="1"), printed(), rtol=1e-12, atol=1e-14)

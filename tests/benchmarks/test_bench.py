@@ -1,4 +1,4 @@
-"""Outcomes of fault cases: which count, and which are repeated."""
+"""Outcomes of fault cases: which ones count, and which ones are repeated."""
 
 from collections import Counter
 from dataclasses import replace
@@ -12,13 +12,13 @@ FAILED = Outcome(CASES[1], (Verdict("it holds", False, "it does not"),))
 SPOILED = replace(FAILED, disturbed="the server stalled for 28 ms")
 
 
-def test_a_case_that_failed_counts_whatever_came_of_it() -> None:
+def test_failed_case_counts_if_the_machine_was_undisturbed() -> None:
     again: Counter[str] = Counter()
     assert judged([SOUND, FAILED], again) == [SOUND, FAILED]
     assert not again
 
 
-def test_a_case_that_the_machine_disturbed_before_is_prepared_again_a_few_times_only() -> None:
+def test_disturbed_case_is_repeated_a_limited_number_of_times() -> None:
     again: Counter[str] = Counter()
     for _ in range(MAX_AGAIN):
         assert judged([SOUND, SPOILED], again) == [SOUND]
@@ -27,7 +27,7 @@ def test_a_case_that_the_machine_disturbed_before_is_prepared_again_a_few_times_
     assert last.again == MAX_AGAIN
 
 
-def test_how_often_is_said() -> None:
+def test_number_of_repeats_is_reported() -> None:
     assert told_again([SOUND, FAILED]).endswith(": 0 times")
     again = Counter({SOUND.case.name: 1})
     (waited,) = judged([replace(SOUND, again=2)], again)

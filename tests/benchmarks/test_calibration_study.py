@@ -52,7 +52,7 @@ def test_p_values_equal_those_of_the_analysis(errors: str) -> None:
         assert found[0, 1, 2, number] == pytest.approx(interaction.by("Kenward-Roger").p, rel=1e-4)
 
 
-def test_studies_depend_on_the_seed_only() -> None:
+def test_studies_depend_only_on_the_seed() -> None:
     setting = Setting(4, "t4", 0.08)
     one, again, other = (simulated(setting, 2, seed) for seed in ((1, 0), (1, 0), (1, 100)))
     assert np.array_equal(one, again)
@@ -66,7 +66,7 @@ def test_errors_have_variance_one_and_mean_zero(errors: str) -> None:
     assert drawn.std() == pytest.approx(1.0, abs=0.05)
 
 
-def test_successive_trials_are_correlated_where_they_should_be() -> None:
+def test_successive_trials_are_correlated_under_ar_errors() -> None:
     rng = np.random.default_rng(2)
     times = np.concatenate([calibration._drawn(rng, Setting(16, "AR(.5)", 0.0)) for _ in range(8)])
     left = times - times.mean(axis=3, keepdims=True)

@@ -14,16 +14,16 @@ from netboard.benchmarks.faults.sites import PACE, Setup
 from netboard.benchmarks.harness.results import Verdict
 
 
-def test_every_case_has_a_name_of_its_own_and_a_table() -> None:
+def test_case_names_are_unique_and_every_part_has_cases() -> None:
     assert len({case.name for case in CASES}) == len(CASES)
     assert {case.part for case in CASES} == set(PARTS)
 
 
-def test_every_case_says_what_is_done_and_what_must_happen_and_checks_it() -> None:
+def test_every_case_states_its_fault_expectation_and_checks() -> None:
     assert [case.name for case in CASES if not (case.done and case.expected and case.checks)] == []
 
 
-def test_no_case_changes_a_limit_of_the_safety_chain(tmp_path) -> None:
+def test_no_case_changes_a_safety_limit(tmp_path) -> None:
     settings, _ = tampered(tmp_path)
     for case in CASES:
         config = parse("", "test", (*settings, *PACE, *case.setup.settings))
@@ -31,7 +31,7 @@ def test_no_case_changes_a_limit_of_the_safety_chain(tmp_path) -> None:
         assert config.safety == own.safety
 
 
-def test_cases_are_chosen_by_name_or_all_or_the_short_form() -> None:
+def test_cases_are_selected_by_name_or_in_full_or_quick_form() -> None:
     assert [case.name for case in choose(["flood", "disk-full"], quick=True)] == ["flood", "disk-full"]
     assert choose([], quick=False) == list(CASES)
     assert 0 < len(choose([], quick=True)) < len(CASES)
@@ -40,13 +40,13 @@ def test_cases_are_chosen_by_name_or_all_or_the_short_form() -> None:
 
 
 class Impossible(Setup):
-    """A site that cannot be had."""
+    """A setup that is not available on this machine."""
 
     def refusal(self) -> str:
         return "not here"
 
 
-def test_what_cannot_be_played_here_is_said(tmp_path) -> None:
+def test_case_that_cannot_run_here_is_reported(tmp_path) -> None:
     case = replace(CASES[0], setup=Impossible("nowhere"))
     (outcome,) = play_all([case], tmp_path, True, lambda _: None)
     assert (outcome.refusal, outcome.verdicts) == ("not here", ())
@@ -55,7 +55,7 @@ def test_what_cannot_be_played_here_is_said(tmp_path) -> None:
     assert "not here" in part.verdicts[0].found
 
 
-def test_a_case_holds_if_everything_does_and_the_table_tells_what_does_not() -> None:
+def test_case_holds_if_all_checks_hold_and_the_table_names_failures() -> None:
     good, bad = Verdict("it falls", True, "after 10 ms"), Verdict("it is gentle", False, "1.2 of it")
     whole = Outcome(CASES[0], (good, good), (10.0, 60.0, 0.5, 1, 0))
     broken = Outcome(CASES[1], (good, bad))

@@ -53,13 +53,13 @@ def trace_of(forces: NDArray) -> NDArray:
     return trace
 
 
-def renewed() -> NDArray:
+def updated_forces() -> NDArray:
     return 1.0 + 0.01 * np.sin(np.arange(LENGTH))
 
 
-def lost_at(k: int, hold: int = 10, fade: int = 50) -> NDArray:
-    """Forces that are not renewed from a millisecond on."""
-    forces = renewed()
+def fading_forces(k: int, hold: int = 10, fade: int = 50) -> NDArray:
+    """Forces that are not updated after millisecond `k`: held, then faded to zero."""
+    forces = updated_forces()
     age = np.arange(LENGTH) - k
     faded = forces[k] * np.clip(1.0 - (age - hold) / fade, 0.0, 1.0)
     return np.where(age > 0, faded, forces)
@@ -78,7 +78,7 @@ def taken(pauses: tuple[Pause, ...] = (), phase: Phase = Phase.RUNNING, **change
 
 
 def evidence(left: NDArray | None = None, rig: Taken | None = None, **changes: object) -> Evidence:
-    traces = {"left": [trace_of(renewed() if left is None else left)], "right": [trace_of(renewed())]}
+    traces = {"left": [trace_of(updated_forces() if left is None else left)], "right": [trace_of(updated_forces())]}
     return replace(Evidence(WINDOW, Safety(), traces, rig or taken(), None), **changes)
 
 
@@ -86,49 +86,49 @@ def pause(at: int = 100, why: str = WHY, again: tuple[int, int] | None = (1, 2))
     return Pause(START + at * MS, why, 1, 1, again)
 
 
-def test_a_force_that_falls_in_time_falls_in_time() -> None:
-    verdict = falls("left")(evidence(lost_at(100)))
+def test_force_that_falls_in_time_passes() -> None:
+    verdict = falls("left")(evidence(fading_forces(100)))
     assert verdict.holds, verdict
     assert "falls after 11.0 ms, zero after 60.0 ms" in verdict.found
 
 
 @pytest.mark.parametrize(("hold", "fade"), [(13, 40), (10, 70)])
-def test_a_force_that_falls_too_late_or_too_slowly_does_not(hold: int, fade: int) -> None:
-    assert not falls("left")(evidence(lost_at(100, hold, fade))).holds
+def test_force_that_falls_too_late_or_too_slowly_fails(hold: int, fade: int) -> None:
+    assert not falls("left")(evidence(fading_forces(100, hold, fade))).holds
 
 
-def test_a_force_that_need_not_be_zero_need_only_begin() -> None:
-    forces = np.where(np.arange(LENGTH) < 120, lost_at(100), renewed())
+def test_force_that_need_not_reach_zero_must_only_begin_to_fall() -> None:
+    forces = np.where(np.arange(LENGTH) < 120, fading_forces(100), updated_forces())
     assert not falls("left")(evidence(forces)).holds
     assert falls("left", to_zero=False)(evidence(forces)).holds
 
 
-def test_a_force_that_was_renewed_all_the_time_did_not_fall() -> None:
+def test_force_that_is_always_updated_fails_the_fall_check() -> None:
     assert not falls("right")(evidence()).holds
 
 
-def test_what_the_machine_held_up_is_not_held_against_the_agent() -> None:
-    slow = evidence(lost_at(100, hold=30))
-    late = trace_of(lost_at(100, hold=30))
+def test_stalls_of_the_machine_are_not_counted_against_the_agent() -> None:
+    slow = evidence(fading_forces(100, hold=30))
+    late = trace_of(fading_forces(100, hold=30))
     late = np.delete(late, slice(105, 131))
     assert not falls("left")(slow).holds
     assert falls("left")(replace(slow, traces={"left": [late], "right": []})).holds
 
 
-def test_a_gentle_force_is_gentle_and_a_step_is_not() -> None:
-    assert gentle()(evidence(lost_at(100))).holds
+def test_smooth_force_passes_and_step_fails_the_gentleness_check() -> None:
+    assert gentle()(evidence(fading_forces(100))).holds
     stepped = np.where(np.arange(LENGTH) < 500, 1.0, -1.0)
     assert not gentle()(evidence(stepped)).holds
 
 
-def test_a_cut_to_nothing_is_allowed_where_it_is_meant_to_be() -> None:
+def test_cut_to_zero_is_allowed_only_on_the_named_side() -> None:
     cut = evidence(np.where(np.arange(LENGTH) < 500, 2.0, 0.0))
     assert not gentle()(cut).holds
     assert not gentle("right")(cut).holds
     assert gentle("left")(cut).holds
 
 
-def test_a_pause_counts_if_it_says_why_and_the_trial_is_repeated() -> None:
+def test_pause_passes_if_its_reason_matches_and_the_trial_is_repeated() -> None:
     check = paused("left agent")
     assert check(evidence(rig=taken((pause(),)))).holds
     assert not check(evidence(rig=taken())).holds
@@ -138,7 +138,7 @@ def test_a_pause_counts_if_it_says_why_and_the_trial_is_repeated() -> None:
     assert not check(evidence(rig=taken((pause(at=-500),)))).holds
 
 
-def test_a_trial_goes_on_unless_it_is_paused() -> None:
+def test_trial_continues_unless_paused() -> None:
     assert goes_on()(evidence()).holds
     assert not goes_on()(evidence(rig=taken((pause(),)))).holds
     assert either("left agent")(evidence()).holds
@@ -146,27 +146,27 @@ def test_a_trial_goes_on_unless_it_is_paused() -> None:
     assert not either("left agent")(evidence(rig=taken((pause(why="something else"),)))).holds
 
 
-def test_a_pause_the_machine_made_is_excused() -> None:
+def test_pause_caused_by_the_machine_is_excused() -> None:
     assert goes_on()(evidence(rig=taken((pause(why="paused: the server stalled for 50 ms"),)))).holds
-    held_up = np.delete(trace_of(renewed()), slice(40, 95))
+    held_up = np.delete(trace_of(updated_forces()), slice(40, 95))
     excused = evidence(rig=taken((pause(100),)), traces={"left": [held_up], "right": []})
     assert goes_on()(excused).holds
     assert not goes_on()(replace(excused, rig=taken((pause(500),)))).holds
 
 
-def test_no_force_while_paused() -> None:
+def test_forces_must_be_zero_while_paused() -> None:
     phases = np.where(np.arange(LENGTH) <= 100, Phase.RUNNING, Phase.PAUSED)
     rig = taken((pause(),))
     rig.ticks["phase"] = phases
-    quiet = {"left": [trace_of(lost_at(90))], "right": [trace_of(lost_at(95))]}
+    quiet = {"left": [trace_of(fading_forces(90))], "right": [trace_of(fading_forces(95))]}
     assert rests()(evidence(rig=rig, traces=quiet)).holds
     assert not rests()(evidence(rig=rig)).holds
     rig.ticks["phase"][170:] = Phase.LEVELLING
-    back_again = np.where(np.arange(LENGTH) < 170, lost_at(90), renewed())
+    back_again = np.where(np.arange(LENGTH) < 170, fading_forces(90), updated_forces())
     assert rests()(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
 
 
-def test_every_tick_is_accounted_for_or_not() -> None:
+def test_every_tick_must_be_accounted_for() -> None:
     lost = taken(accounts=(account(lost=(NumberRange(3, 5, "no room"),)),))
     unexplained = taken(accounts=(account(unexplained=(NumberRange(3, 5),)),))
     assert whole()(evidence()).holds
@@ -178,7 +178,7 @@ def test_every_tick_is_accounted_for_or_not() -> None:
     assert not whole()(evidence(rig=taken(accounts=()))).holds
 
 
-def test_an_event_is_noted_with_its_words_in_that_time() -> None:
+def test_event_must_be_recorded_with_its_words_within_the_window() -> None:
     event = EventRecord(0, 1, START + MS, "refused", {"reason": "say hello first"})
     noticed = evidence(rig=taken(events=(event,)))
     assert noted("refused")(noticed).holds
@@ -188,7 +188,7 @@ def test_an_event_is_noted_with_its_words_in_that_time() -> None:
     assert not noted("refused")(evidence(rig=taken(events=(replace(event, time_ns=0),)))).holds
 
 
-def test_facts_and_troubles_are_told() -> None:
+def test_facts_and_failures_of_a_case_are_checked() -> None:
     fact = evidence(window=replace(WINDOW, facts={"answer": "say hello first"}))
     assert told("answer", "hello")(fact).holds
     assert not told("answer", "welcome")(fact).holds
@@ -197,14 +197,14 @@ def test_facts_and_troubles_are_told() -> None:
     assert not back(evidence(window=replace(WINDOW, trouble="nobody came"))).holds
 
 
-def test_safeguards_are_read_from_the_ticks() -> None:
+def test_active_safeguards_are_read_from_the_ticks() -> None:
     rig = taken()
     rig.ticks["left_safeguards"][5] = Safeguard.NOT_FINITE | Safeguard.ARMED
     assert safeguarded("left", Safeguard.NOT_FINITE)(evidence(rig=rig)).holds
     assert not safeguarded("left", Safeguard.TOO_FAST)(evidence(rig=rig)).holds
 
 
-def test_a_device_without_numbers_is_to_have_no_force() -> None:
+def test_device_with_non_finite_position_must_have_zero_force() -> None:
     trace = trace_of(np.where(np.arange(LENGTH) < 500, 1.0, 0.0))
     trace["z"][500:] = np.nan
     found = evidence(traces={"left": [trace], "right": []})
@@ -221,13 +221,13 @@ def test_a_device_without_numbers_is_to_have_no_force() -> None:
     assert not powerless("left", to_the_end=False)(found).holds
 
 
-def test_frames_must_be_shown_at_the_end() -> None:
+def test_display_must_show_frames_at_the_end() -> None:
     at_end = {"left": np.array([WINDOW.stop_ns - MS]), "right": np.empty(0, np.int64)}
     assert shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
     assert not shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
 
 
-def test_a_trial_that_the_machine_had_paused_before_the_fault_is_prepared_again() -> None:
+def test_trial_paused_by_the_machine_before_the_fault_is_repeated() -> None:
     stood = pause(-4, "paused: the server stalled for 28 ms")
     assert disturbed(evidence(rig=taken((stood,)))) == stood.why
     for late in (pause(0, stood.why), pause(-301, stood.why)):
@@ -238,8 +238,8 @@ def test_a_trial_that_the_machine_had_paused_before_the_fault_is_prepared_again(
     assert disturbed(evidence(rig=taken((lost,)), stalls=stalls)) == lost.why
 
 
-def test_the_recorded_force_must_be_that_of_the_device_or_few_are_unknown() -> None:
-    handed = lost_at(300)
+def test_recorded_force_must_equal_the_device_force_or_be_briefly_unknown() -> None:
+    handed = fading_forces(300)
     ticks = taken().ticks
     ticks["left_rendered"] = np.roll(handed, 1)
     ticks["left_rendered"][0] = handed[0]
@@ -256,7 +256,7 @@ def test_the_recorded_force_must_be_that_of_the_device_or_few_are_unknown() -> N
     assert "ticks hold another force" in verdict.found
 
 
-def test_the_other_dyad_must_notice_nothing() -> None:
+def test_neighbouring_dyad_must_be_unaffected() -> None:
     assert neighbour_unmoved(evidence()).holds
     assert neighbour_unmoved(evidence(neighbour=taken())).holds
     assert neighbour_unmoved(evidence(neighbour=taken((pause(at=-500),)))).holds
@@ -264,7 +264,7 @@ def test_the_other_dyad_must_notice_nothing() -> None:
     assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(NumberRange(1, 2),)),)))).holds
 
 
-def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> None:
+def test_damaged_recording_fails_every_case(tmp_path: Path) -> None:
     lossy = Report(tmp_path / "a.mcap", (Finding(Severity.LOSS, "stopped", "trials"),))
     broken = Report(tmp_path / "b.mcap", (Finding(Severity.DAMAGE, "no clock does this", "clocks"),))
     good = evidence(rig=taken(reports=(lossy,)))

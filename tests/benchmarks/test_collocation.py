@@ -37,7 +37,7 @@ print(json.dumps(own.states_of(own.scene_of(), 0.02, 8).tolist()))
 
 
 def start_of(scene: Scene) -> tuple[float, ...]:
-    """Somewhere near the level, in motion."""
+    """A moving state near level."""
     start = (*START, -0.02, 0.0, 0.01, 0.1, -0.05, 0.2)[: scene.length]
     heave = start[:2] if scene.parts.heaves else (0.0, 0.0)
     return (*heave, *(start[2:4] if scene.parts.tilts else (0.0, 0.0)), *start[4:])
@@ -46,20 +46,20 @@ def start_of(scene: Scene) -> tuple[float, ...]:
 def states_of(
     scene: Scene, h: float, nodes: int, every: int = 1, hands: Hands = waving, start: tuple[float, ...] | None = None
 ) -> Any:
-    """A run of `DURATION`."""
+    """Solve over `DURATION` and return the states."""
     n, places = round(DURATION / h), [float(c) for c in gauss_nodes(nodes)]
     table = np.array([[drive(hands((i + c) * h), scene.record) for c in places] for i in range(n)])
     return prepare_collocation(start or start_of(scene), table, h, scene.parts, scene.packed, every)()
 
 
 def error(found: Any, expected: Any) -> float:
-    """The largest difference of a place or an angle."""
+    """The largest difference of a position or an angle."""
     return float(np.max(np.abs(found - expected)[..., ::2]))
 
 
 @pytest.mark.slow
-def test_the_error_falls_with_twice_the_number_of_nodes() -> None:
-    """From when the transients of the start are over: they are fast for these steps."""
+def test_order_of_convergence_is_twice_the_number_of_nodes() -> None:
+    """Start after the initial transients, which are fast for these steps."""
     scene = scene_of()
     start, end = solution(START, waving, np.array([0.0, 0.4, 0.4 + DURATION]), scene.physics)[1:]
 
@@ -86,12 +86,12 @@ def test_every_scene_is_solved_to_twelve_digits(free: bool, values: dict[str, An
 
 
 def flipping(t: float) -> tuple[float, float, float, float]:
-    """Hands that turn the board far over."""
+    """Hands that tilt the board far from level."""
     return -0.24 * np.sin(8 * t), -1.92 * np.cos(8 * t), 0.24 * np.sin(8 * t), 1.92 * np.cos(8 * t)
 
 
 @pytest.mark.slow
-def test_a_board_far_from_level_is_solved_too() -> None:
+def test_large_tilts_are_solved() -> None:
     scene = scene_of(balls=0)
     times = np.linspace(0.0, DURATION, 81)
     expected = solution(start_of(scene), flipping, times, scene.physics)
@@ -101,13 +101,13 @@ def test_a_board_far_from_level_is_solved_too() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("every", [3, 16])
-def test_a_part_of_the_states_can_be_kept(every: int) -> None:
+def test_every_nth_state_can_be_kept(every: int) -> None:
     scene = scene_of()
     assert np.array_equal(states_of(scene, 0.01, 8, every), states_of(scene, 0.01, 8)[::every])
 
 
 @pytest.mark.slow
-def test_a_ball_that_meets_a_stop_is_turned_back() -> None:
+def test_ball_bounces_off_a_stop() -> None:
     scene = scene_of(ball_stop=0.05, restitution=1.0)
     states = states_of(scene, 0.01, 8, start=(0.0, 0.0, 0.0, 0.0, 0.04, 0.5))
     assert states[:, 4].max() == pytest.approx(0.05)
@@ -115,7 +115,7 @@ def test_a_ball_that_meets_a_stop_is_turned_back() -> None:
 
 
 @pytest.mark.slow
-def test_plain_python_finds_the_same(tmp_path: Path) -> None:
+def test_collocation_without_jit_gives_the_same_result(tmp_path: Path) -> None:
     script = PLAIN.format(path=[str(Path(__file__).parent), str(Path(__file__).parents[1] / "physics")])
     done = subprocess.run(
         [sys.executable, "-c", script],

@@ -14,7 +14,7 @@ NONE = np.zeros(0, np.int64)
 
 
 @pytest.mark.parametrize("late_ms", [0.0, 4.0, -2.0])
-def test_a_delay_is_found(late_ms):
+def test_display_delay_is_estimated(late_ms):
     painted = np.arange(0, 5_000_000_000, 16_666_667)
     heights = np.array([height_at(int(at - late_ms * 1e6))[0] for at in painted])
     delay, off = lateness(Shown(NONE, NONE, NONE, painted, heights, 0.0, 0))

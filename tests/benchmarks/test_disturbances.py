@@ -95,7 +95,7 @@ def test_downsampling_keeps_every_nth_sample_and_interpolates_linearly(
         assert np.abs(np.diff(whole, 2)[np.arange(whole.size - 2) % every != every - 1]).max() < 1e-15
 
 
-def test_a_rate_that_does_not_divide_1_khz_is_refused(columns, generator) -> None:
+def test_rate_that_does_not_divide_1_khz_is_refused(columns, generator) -> None:
     with pytest.raises(ValueError, match="300 Hz"):
         downsampled(columns, generator, rate=300)
 
@@ -110,12 +110,12 @@ def test_jitter_shifts_all_columns_by_the_same_times(generator) -> None:
     assert (found["theta"] - ramp["theta"])[inner] / -0.3 == pytest.approx(late, abs=1e-9)
 
 
-def test_an_offset_is_constant(columns, generator) -> None:
+def test_offset_is_constant(columns, generator) -> None:
     found = offset(columns, generator, names=HANDS[:1], by=5e-3)
     assert found[HANDS[0]] - columns[HANDS[0]] == pytest.approx(5e-3)
 
 
-def test_disturbances_change_copies_only_and_can_be_pickled(columns) -> None:
+def test_disturbances_leave_their_input_unchanged_and_can_be_pickled(columns) -> None:
     before = {name: values.copy() for name, values in columns.items()}
     for one in DISTURBANCES:
         found = pickle.loads(pickle.dumps(one)).change(columns, np.random.default_rng(3))

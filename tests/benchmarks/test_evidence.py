@@ -32,81 +32,81 @@ def trace_of(force: Callable[[int], float], milliseconds: int, start_ns: int = 1
     return trace
 
 
-def renewed(k: int) -> float:
-    """A force that is never the same twice."""
+def updated_force(k: int) -> float:
+    """A force that changes every millisecond."""
     return 1.0 + 0.01 * np.sin(k)
 
 
-def faded(k: int, last: int = 20, held: int = 10, fade: int = 50) -> float:
-    """A force renewed up to a millisecond, held for some, then faded to zero."""
+def fading_force(k: int, last: int = 20, held: int = 10, fade: int = 50) -> float:
+    """A force updated up to millisecond `last`, held, then faded to zero."""
     if k <= last:
-        return renewed(k)
-    return renewed(last) * max(0.0, 1.0 - max(0, k - last - held) / fade)
+        return updated_force(k)
+    return updated_force(last) * max(0.0, 1.0 - max(0, k - last - held) / fade)
 
 
-def test_a_force_that_is_renewed_does_not_fade() -> None:
-    assert fades(trace_of(renewed, 100), 5 * MS) == []
+def test_updated_force_has_no_fade() -> None:
+    assert fades(trace_of(updated_force, 100), 5 * MS) == []
 
 
-def test_a_fade_is_timed_from_the_last_fresh_force() -> None:
-    (fade,) = fades(trace_of(faded, 100), 5 * MS)
+def test_fade_is_timed_from_the_last_updated_force() -> None:
+    (fade,) = fades(trace_of(fading_force, 100), 5 * MS)
     assert fade.last_ns == 1020 * MS
-    assert fade.force == pytest.approx(renewed(20))
+    assert fade.force == pytest.approx(updated_force(20))
     assert fade.held == pytest.approx(0.010)
     assert fade.begun == pytest.approx(0.011)
     assert fade.zero == pytest.approx(0.060)
     assert fade.held_up == 0.0
 
 
-def test_a_force_that_is_renewed_before_it_is_zero_is_not_zero() -> None:
-    (fade,) = fades(trace_of(lambda k: faded(k) if k < 40 else renewed(k), 100), 5 * MS)
+def test_force_updated_before_zero_has_no_time_of_zero() -> None:
+    (fade,) = fades(trace_of(lambda k: fading_force(k) if k < 40 else updated_force(k), 100), 5 * MS)
     assert fade.begun == pytest.approx(0.011)
     assert np.isnan(fade.zero)
     assert "not zero soon" in str(fade)
 
 
-def test_no_force_is_no_force_that_is_not_renewed() -> None:
+def test_zero_force_has_no_fade() -> None:
     assert fades(trace_of(lambda k: 0.0, 100), 5 * MS) == []
 
 
-def test_time_for_which_the_machine_held_the_agent_up_is_told() -> None:
-    trace = np.delete(trace_of(faded, 100), slice(40, 55))
+def test_stall_of_the_agent_is_reported_with_the_fade() -> None:
+    trace = np.delete(trace_of(fading_force, 100), slice(40, 55))
     fade, gap = fades(trace, 5 * MS)
     assert gap.held == 0.0
     assert fade.held_up == pytest.approx(0.015)
 
 
-def test_a_step_within_the_slew_limit_is_within_it() -> None:
+def test_step_within_the_slew_limit_has_share_below_1() -> None:
     trace = trace_of(lambda k: 0.4 * k, 5)
     step = largest_step(trace, SLEW)
     assert step.size == pytest.approx(0.4)
     assert step.share == pytest.approx(0.4)
 
 
-def test_a_step_beyond_the_slew_limit_is_found_where_it_is() -> None:
+def test_step_beyond_the_slew_limit_is_located() -> None:
     trace = trace_of(lambda k: 0.0 if k < 5 else 1.5, 10)
     step = largest_step(trace, SLEW)
     assert (step.at_ns, step.size) == (1005 * MS, 1.5)
     assert step.share == pytest.approx(1.5)
 
 
-def test_a_late_step_is_allowed_no_more_than_one_of_two_milliseconds() -> None:
+def test_late_step_is_allowed_at_most_two_milliseconds_of_slew() -> None:
     trace = trace_of(lambda k: 0.0 if k < 5 else 1.5, 10)
     trace["time_ns"][5:] += 100 * MS
     assert largest_step(trace, SLEW).share == pytest.approx(1.5)
 
 
-def test_all_axes_count_in_a_step() -> None:
+def test_step_size_combines_all_axes() -> None:
     trace = trace_of(lambda k: 0.0, 4)
     trace["fx"][3], trace["fy"][3] = 0.6, 0.8
     assert largest_step(trace, SLEW).size == pytest.approx(1.0)
 
 
-def test_too_few_forces_make_no_step() -> None:
-    assert largest_step(trace_of(renewed, 2), SLEW).share == 0.0
+def test_two_forces_give_no_step() -> None:
+    assert largest_step(trace_of(updated_force, 2), SLEW).share == 0.0
 
 
-def test_a_cut_to_nothing_is_told_from_a_way_down() -> None:
+def test_cut_to_zero_is_distinguished_from_a_ramp_down() -> None:
     down = trace_of(lambda k: max(0.0, 2.0 - 0.4 * k), 10)
     cut = trace_of(lambda k: 2.0 if k < 5 else 0.0, 10)
     assert steps_to_nothing(down, SLEW) == []
@@ -116,14 +116,14 @@ def test_a_cut_to_nothing_is_told_from_a_way_down() -> None:
     assert max(largest_step(part, SLEW).share for part in parts) == 0.0
 
 
-def test_pauses_of_a_loop_are_found() -> None:
+def test_long_gaps_of_a_loop_are_found() -> None:
     times = MS * np.array([0, 1, 2, 40, 41, 100], np.int64)
     assert (pauses_between(times) // MS).tolist() == [[2, 40], [41, 100]]
     assert pauses_between(times[:3]).size == 0
 
 
-def test_what_lies_between_two_times_is_cut_out() -> None:
-    trace = trace_of(renewed, 10)
+def test_between_returns_samples_of_a_half_open_interval() -> None:
+    trace = trace_of(updated_force, 10)
     assert between(trace, 1002 * MS, 1005 * MS)["time_ns"].tolist() == [1002 * MS, 1003 * MS, 1004 * MS]
 
 
@@ -139,7 +139,7 @@ def fault(tick: int, why: str) -> EventRecord:
     return EventRecord(0, tick, 0, "fault", {"notice": why})
 
 
-def test_a_pause_has_its_reason_and_what_came_next() -> None:
+def test_pause_has_its_reason_and_the_next_trial() -> None:
     ticks = ticks_of([(Phase.RUNNING, 3, 1), (Phase.RUNNING, 3, 1), (Phase.PAUSED, 3, 1), (Phase.LEVELLING, 3, 2)])
     ticks["event"][1] = Cause.FAULT
     (pause,) = pauses(ticks, [fault(1, "paused: nobody there")])
@@ -148,7 +148,7 @@ def test_a_pause_has_its_reason_and_what_came_next() -> None:
     assert pause.repeated
 
 
-def test_a_trial_that_is_not_repeated_is_told() -> None:
+def test_unrepeated_trial_is_reported() -> None:
     ticks = ticks_of([(Phase.RUNNING, 3, 1), (Phase.PAUSED, 3, 1), (Phase.LEVELLING, 4, 1)])
     ticks["event"][0] = Cause.FAULT
     assert not pauses(ticks, [fault(0, "why")])[0].repeated

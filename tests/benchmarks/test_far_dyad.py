@@ -1,4 +1,4 @@
-"""The simulated distant dyad agrees with the eigenvalues, and so do releases with the remedies."""
+"""The simulated distant dyad agrees with the eigenvalue analysis, with and without the remedies for delay."""
 
 from dataclasses import replace
 
@@ -28,32 +28,32 @@ BARE = VirtualDevice(friction=0.0)
     ids=str,
 )
 @pytest.mark.daily(1, of="quick benchmarks")
-def test_the_simulated_service_is_stable_where_theory_is(case: Case) -> None:
+def test_simulated_service_is_stable_below_the_predicted_stiffness(case: Case) -> None:
     stiffness, mode = predicted(case)
     assert simulated_is_stable(case, stiffness * (1.0 - AGREED), mode)
     assert not simulated_is_stable(case, stiffness * (1.0 + AGREED), mode)
 
 
-def test_a_stylus_let_go_20_ms_from_its_server_needs_a_remedy() -> None:
+def test_released_stylus_at_20_ms_is_stable_only_with_a_remedy() -> None:
     assert not let_go(make_loop("server alone", BARE, 20)).quiet
     for remedy in ("with passivity control", "both"):
         assert let_go(make_loop(remedy, BARE, 20)).quiet
 
 
-def test_in_both_a_hand_feels_its_coupling_at_any_distance() -> None:
+def test_local_coupling_renders_full_stiffness_at_20_ms() -> None:
     stiffness, damping = felt("both", 20, 2.0)
     assert stiffness == pytest.approx(200.0, rel=0.02)
     assert damping == pytest.approx(2.0, rel=0.05)
 
 
-def test_a_delay_takes_damping_away_and_passivity_control_gives_it_back() -> None:
+def test_passivity_control_restores_damping_lost_to_delay() -> None:
     _, alone = felt("server alone", 5, 2.0)
     assert alone == pytest.approx(2.0 - 200.0 * 0.010, abs=0.1)
     _, helped = felt("with passivity control", 5, 2.0)
     assert helped == pytest.approx(2.0, abs=0.3)
 
 
-def test_without_a_delay_both_ways_of_computing_are_one() -> None:
+def test_both_coupling_modes_are_equal_without_delay() -> None:
     found = []
     for at in ("server", "both"):
         far = Far(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), Distance(0, 0))  # type: ignore[arg-type]
@@ -64,6 +64,6 @@ def test_without_a_delay_both_ways_of_computing_are_one() -> None:
     np.testing.assert_allclose(found[0], found[1], atol=1e-12)
 
 
-def test_next_to_its_server_passivity_control_costs_next_to_nothing() -> None:
+def test_passivity_control_costs_little_without_delay() -> None:
     part = everyday_part((0,), lambda text, share: None)
     assert part.holds

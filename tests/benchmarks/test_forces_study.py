@@ -13,7 +13,7 @@ from netboard.task.trials.state_machine import Cause
 
 
 @pytest.mark.slow
-def test_the_short_form_writes_its_results_and_every_verdict_holds(tmp_path: Path) -> None:
+def test_quick_study_writes_results_and_all_claims_hold(tmp_path: Path) -> None:
     run_named("forces", forces.study, tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
     found = json.loads((tmp_path / "found.json").read_text())
     (part,) = found["parts"]
@@ -24,10 +24,10 @@ def test_the_short_form_writes_its_results_and_every_verdict_holds(tmp_path: Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("movement", [forces.MINE, forces.OTHERS])
-def test_the_hands_carry_the_ball_into_its_target_smoothly(movement: forces.Movement) -> None:
+def test_hands_move_the_ball_smoothly_into_its_target(movement: forces.Movement) -> None:
     rows = forces.record(forces._config("full"), movement, forces.TICKS)
     assert (rows["event"] == Cause.HELD).any()
     for side in ("left", "right"):
-        # Each millisecond the rate changes by what half a gravity would change it by, at the most.
+        # The acceleration of a hand is at most half of gravity.
         assert np.abs(np.diff(rows[f"{side}_sent_vz"][forces.SETTLED :])).max() < 5e-3
         assert np.abs(rows[f"{side}_sent_z"]).max() < Config().task.stylus_range

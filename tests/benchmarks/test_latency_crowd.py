@@ -1,4 +1,4 @@
-"""Lightweight peers follow the protocol: their frames are those of the codec, and they answer as required."""
+"""Lightweight peers follow the protocol: their frames equal those of the codec, and they answer as required."""
 
 from collections import Counter
 from typing import TypeVar
@@ -23,7 +23,7 @@ TIMEOUT = 60.0
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 
 
-def test_samples_are_frames_of_the_protocol() -> None:
+def test_samples_are_valid_protocol_frames() -> None:
     frames = sample_frames(2)
     frames["seq"] = (7, 8)
     frames["stamp_ns"], frames["force_tick"], frames["z"], frames["vz"] = -5, -1, 0.25, -1e-9
@@ -39,7 +39,7 @@ T = TypeVar("T", bound=Message)
 
 
 class Server:
-    """The server's end of a channel, done by hand."""
+    """A minimal server end of a channel."""
 
     def __init__(self, router: endpoints.Router) -> None:
         self.router = router
@@ -48,8 +48,8 @@ class Server:
     def wait(self, seconds: float = TIMEOUT) -> bool:
         return poller.wait_readable(self.router.socket, seconds)
 
-    def hear(self, kind: type[T]) -> T:
-        """Next message of a kind; a peer may have said hello more than once."""
+    def receive_kind(self, kind: type[T]) -> T:
+        """Receive the next message of a kind; a peer may send Hello more than once."""
         while self.wait():
             received = self.router.receive()
             assert received is not None
@@ -74,14 +74,14 @@ def motion_of(config: Config, context: sockets.Context) -> Server:
     return Server(sockets.motion_server(context, where.listen(channels.MOTION)))
 
 
-def until_taken(agent: LightAgent, counts: Counter[str], what: str) -> None:
+def take_until(agent: LightAgent, counts: Counter[str], what: str) -> None:
     before = counts[what]
     while counts[what] == before:
         assert poller.wait_readable(agent._socket, TIMEOUT)
         agent.take(counts)
 
 
-def test_an_agent_answers_as_a_clock_probe(config: Config) -> None:
+def test_light_agent_follows_the_agent_protocol(config: Config) -> None:
     with sockets.open_context() as context:
         motion = motion_of(config, context)
         (frame,) = sample_frames(1)
@@ -89,15 +89,15 @@ def test_an_agent_answers_as_a_clock_probe(config: Config) -> None:
         while motion.peer == b"":  # nothing is queued for a server before the link is up
             agent.greet()
             if motion.wait(0.1):
-                hello = motion.hear(Hello)
+                hello = motion.receive_kind(Hello)
         assert (hello.role, hello.side, hello.protocol) == ("agent", "left", PROTOCOL_VERSION)
         assert motion.peer.startswith(b"agent.left@")
         motion.say(WELCOME)
         motion.say(Heartbeat(4, 111, -1, 250_000, True))
-        until_taken(agent, counts, "beats")
+        take_until(agent, counts, "beats")
         assert agent.welcome
         agent.send(0.01, 0.2)
-        sample = motion.hear(Stylus)
+        sample = motion.receive_kind(Stylus)
         assert (sample.z, sample.vz, sample.force_tick, sample.force_sent_ns) == (0.01, 0.2, 4, 111)
         assert sample.safeguards == Safeguard.ARMED
         assert 0 < sample.force_received_ns <= sample.sent_ns == sample.stamp_ns
@@ -107,14 +107,14 @@ def test_an_agent_answers_as_a_clock_probe(config: Config) -> None:
         fixed.write(force, *fixed.FORCE[:2], words)
         assert decode(force.tobytes()) == Force(5, 222, 0, 0.0, 310_000)
         motion.say(force.tobytes())
-        until_taken(agent, counts, "forces")
+        take_until(agent, counts, "forces")
         assert (agent.lead_ns, counts["beats"], counts["forces"]) == (310_000, 1, 1)
         agent.send(0.0, 0.0)
-        following = motion.hear(Stylus)
+        following = motion.receive_kind(Stylus)
         assert (following.seq, following.force_tick) == (sample.seq + 1, 5)
 
 
-def test_both_hands_of_a_dyad_greet_before_they_send(config: Config) -> None:
+def test_both_agents_of_a_dyad_send_hello_first(config: Config) -> None:
     with sockets.open_context() as context:
         motion = motion_of(config, context)
         dyad = LightDyad(config, context, sample_frames(2), moving=True)
@@ -124,10 +124,10 @@ def test_both_hands_of_a_dyad_greet_before_they_send(config: Config) -> None:
             dyad.send(at_ns)
             at_ns += 500 * TICK_NS
             if motion.wait(0.1):
-                greeted.add(motion.hear(Hello).side)
+                greeted.add(motion.receive_kind(Hello).side)
 
 
-def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config) -> None:
+def test_light_logger_acknowledges_and_keeps_only_tick_lateness(config: Config) -> None:
     with sockets.open_context() as context:
         where = channels.addresses(config.network)
         server = Server(sockets.log_server(context, where.listen(channels.LOG)))
@@ -137,7 +137,7 @@ def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config
             logger.poll(now, counts)
             now += 500 * TICK_NS
             if server.wait(0.1):
-                server.hear(Hello)
+                server.receive_kind(Hello)
         server.say(WELCOME)
         rows, running = np.zeros(3, TICK), Phase.RUNNING
         rows["time_ns"], rows["late_ns"], rows["phase"] = (10, 20, 30), (1, 2, -3), running
@@ -147,11 +147,11 @@ def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config
         while counts["records"] == 0:
             logger.poll(now, counts)
         logger.poll(now, counts)
-        assert server.hear(LogRequest) == LogRequest(-1)
-        assert server.hear(LogAck).durable == 44
+        assert server.receive_kind(LogRequest) == LogRequest(-1)
+        assert server.receive_kind(LogAck).durable == 44
         server.say(Ping(77))
         while not server.wait(0.01):
             logger.poll(now, counts)
-        assert server.hear(Pong).ping_ns == 77
+        assert server.receive_kind(Pong).ping_ns == 77
         assert np.concatenate(logger.late).tolist() == [[10, 1, running], [20, 2, running], [30, -3, running]]
         assert (counts["batches"], counts["records"]) == (1, 4)

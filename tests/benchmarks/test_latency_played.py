@@ -24,7 +24,7 @@ LOOP_NS = 200_000
 
 @pytest.fixture
 def ticks() -> np.ndarray:
-    """Ticks that begin as soon as a sample has come, whose force is felt before the next one."""
+    """Ticks that begin as soon as a sample arrives, and whose force is rendered before the next sample."""
     rows = np.zeros(COUNT, TICK)
     number = np.arange(COUNT)
     rows["tick"], rows["time_ns"], rows["late_ns"] = number, (number + 1) * TICK_NS, -EARLY_NS
@@ -33,7 +33,7 @@ def ticks() -> np.ndarray:
         rows[f"{side}_seq"] = number
         rows[f"{side}_lead_ns"] = LEAD_NS
         rows[f"{side}_stamp_ns"] = rows["time_ns"] - LEAD_NS - UP_NS
-        rows[f"{side}_loop_ns"][1:] = LOOP_NS + number[:-1]  # told with the next sample, each a little longer
+        rows[f"{side}_loop_ns"][1:] = LOOP_NS + number[:-1]  # reported with the next sample, each slightly longer
     return rows
 
 
@@ -41,32 +41,32 @@ def whole(rows: np.ndarray) -> list[tuple[int, int]]:
     return [(int(rows["time_ns"][0]), int(rows["time_ns"][-1]) + 1)]
 
 
-def test_every_loop_counts_once(ticks: np.ndarray) -> None:
+def test_every_loop_is_counted_once(ticks: np.ndarray) -> None:
     found = played(ticks, whole(ticks))
     for side in SIDES:
         assert found.took_ns[side].tolist() == [LOOP_NS + number for number in range(COUNT - 1)]
     assert found.answered == pytest.approx((COUNT - 1) / COUNT)
 
 
-def test_a_loop_is_made_of_its_parts(ticks: np.ndarray) -> None:
+def test_loop_time_is_the_sum_of_its_parts(ticks: np.ndarray) -> None:
     found = played(ticks, whole(ticks)).parts_ns
     assert set(found[UP]) == {UP_NS}
     assert set(found[WAIT]) == {LEAD_NS - EARLY_NS}
     assert (found[UP] + found[WAIT] + found[REST]).tolist() == 2 * [LOOP_NS + number for number in range(COUNT - 1)]
 
 
-def test_only_loops_told_by_the_next_sample_are_taken_apart(ticks: np.ndarray) -> None:
+def test_only_loops_reported_by_the_next_sample_are_split_into_parts(ticks: np.ndarray) -> None:
     ticks["left_seq"][50:] += 1  # one was lost
     closed = closed_loops(ticks["left_loop_ns"])
     assert loop_parts(ticks, "left", closed)[UP].size == COUNT - 1 - 2
 
 
-def test_a_loop_that_is_told_again_does_not_count(ticks: np.ndarray) -> None:
+def test_repeated_loop_time_is_not_counted_again(ticks: np.ndarray) -> None:
     ticks["left_loop_ns"][20:30] = ticks["left_loop_ns"][19]
     assert played(ticks, whole(ticks)).took_ns["left"].size == COUNT - 1 - 10
 
 
-def test_what_was_not_measured_or_not_felt_is_left_out(ticks: np.ndarray) -> None:
+def test_ticks_outside_the_intervals_or_paused_are_left_out(ticks: np.ndarray) -> None:
     ticks["phase"][30:40] = Phase.PAUSED
     times = [(int(ticks["time_ns"][10]), int(ticks["time_ns"][20])), (int(ticks["time_ns"][30]), 2**62)]
     found = played(ticks, times)
@@ -74,20 +74,20 @@ def test_what_was_not_measured_or_not_felt_is_left_out(ticks: np.ndarray) -> Non
     assert found.ticks.ticks == 10 + 70
 
 
-def test_stretches_of_time_have_a_first_moment_and_no_last() -> None:
+def test_intervals_are_half_open() -> None:
     assert within(np.arange(10), [(2, 4), (7, 8)]).nonzero()[0].tolist() == [2, 3, 7]
 
 
-def test_late_and_missed_ticks() -> None:
+def test_late_and_missed_ticks_are_counted() -> None:
     late_ns = np.array([-300_000, 0, 400_000, 600_000, 1_100_000, 5_000_000])
     found = punctuality(late_ns, 3)
     assert (found.ticks, found.late, found.missed) == (6, 3, 2 + 3)
     assert found.missed_of(600) == 500
 
 
-def test_ticks_that_never_were_are_missed_and_stretches_apart_are_not(ticks: np.ndarray) -> None:
+def test_missing_ticks_within_an_interval_are_missed(ticks: np.ndarray) -> None:
     ticks["time_ns"][60:] += 7 * TICK_NS
-    ticks["time_ns"][80:] += 1000 * TICK_NS  # stopped while something else was measured
+    ticks["time_ns"][80:] += 1000 * TICK_NS  # a gap between two measured intervals
     ends = ticks["time_ns"]
     times = [(int(ends[0]), int(ends[79]) + 1), (int(ends[80]), int(ends[-1]) + 1)]
     assert played(ticks, times).ticks.missed == 7

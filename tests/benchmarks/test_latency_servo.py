@@ -31,7 +31,7 @@ COUNT = 1000
 
 
 def ticks(took_ns: int, off_ns: int) -> np.ndarray:
-    """Ticks that are early and late in turns."""
+    """Ticks that are alternately early and late."""
     began = np.arange(COUNT) * TICK_NS + np.arange(COUNT) % 2 * off_ns
     return np.stack([began, began + took_ns], axis=1)
 
@@ -45,11 +45,11 @@ def found(python_ns: int, busy_ns: int) -> dict[str, np.ndarray]:
     }
 
 
-def test_a_tick_may_be_early_or_late() -> None:
+def test_jitter_counts_early_and_late_ticks() -> None:
     assert set(unsteadiness(ticks(5, 300)).tolist()) == {300}
 
 
-def test_callbacks_are_held_against_the_bare_tick() -> None:
+def test_callbacks_are_compared_with_the_bare_tick() -> None:
     part = lateness_part(found(20_000, 500_000))
     assert all(len(row) == len(part.columns) for row in part.rows)
     rows = {row[0]: row[1:] for row in part.rows}
@@ -58,7 +58,7 @@ def test_callbacks_are_held_against_the_bare_tick() -> None:
     assert rows["c / bare tick, busy thread [1]"][1:] == (pytest.approx(10.0),) * 4
 
 
-def test_a_callback_that_takes_more_than_a_tick_fails() -> None:
+def test_callback_longer_than_a_tick_fails() -> None:
     good, bad = duration_part(found(20_000, 500_000)), duration_part(found(20_000, 5_000_000))
     assert [verdict.holds for verdict in good.verdicts] == [True, True]
     assert [verdict.holds for verdict in bad.verdicts] == [False, True]
@@ -66,7 +66,7 @@ def test_a_callback_that_takes_more_than_a_tick_fails() -> None:
     assert rows["python / c, busy thread [1]"][1:] == (pytest.approx(5000.0),) * 4
 
 
-def test_the_busy_thread_stops_when_told() -> None:
+def test_busy_thread_stops_on_request() -> None:
     stopping = threading.Event()
     thread = threading.Thread(target=compute, args=(stopping,))
     thread.start()
@@ -77,7 +77,7 @@ def test_the_busy_thread_stops_when_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.daily(1, of="quick benchmarks")
-def test_the_study_runs_over_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_study_runs_with_a_fake_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     library, out, copy = str(fake_library()), tmp_path / "out", tmp_path / "copy.json"
     assert main(library, out, copy, 0.05, quick=True, force=False) == 0
     said = capsys.readouterr().out
@@ -90,14 +90,14 @@ def test_the_study_runs_over_a_library(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.slow
-def test_without_a_device_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_device_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     library = str(fake_library())
     monkeypatch.setenv("FAKE_LIBHD_UNPLUGGED", "1")
     with pytest.raises(NetboardError, match="there is no haptic device at all"):
         measure(library, C, 0.05, busy=False)
 
 
-def test_without_the_library_it_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_is_reported_and_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["bench", "servo", "--quick", "--library", "nothing/libHD.so"])
     assert result.exit_code == 1

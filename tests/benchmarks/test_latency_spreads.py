@@ -29,7 +29,7 @@ def test_percentiles_are_in_milliseconds() -> None:
     assert found == pytest.approx([0.5005, 0.99001, 0.999001, 1.0])
 
 
-def test_nothing_has_no_percentiles() -> None:
+def test_empty_durations_have_no_percentiles() -> None:
     ((_, count, *found),) = spread_rows({"loop": np.empty(0, np.int64)})
     assert count == 0
     assert all(isinstance(value, float) and math.isnan(value) for value in found)
@@ -40,24 +40,24 @@ def test_ratios_are_of_equal_percentiles() -> None:
     assert ratio_row("ratio", 3 * below, below) == ("ratio", *[pytest.approx(3.0)] * 4)
 
 
-def test_a_ratio_to_nothing_is_not_a_number() -> None:
+def test_ratio_to_zero_is_nan() -> None:
     _, *found = ratio_row("ratio", np.array([5]), np.array([0]))
     assert all(isinstance(value, float) and math.isnan(value) for value in found)
 
 
 @given(DURATIONS)
-def test_every_duration_is_counted_once(times: np.ndarray) -> None:
+def test_histogram_counts_every_duration_once(times: np.ndarray) -> None:
     assert histogram(times).sum() == times.size
 
 
-def test_durations_go_where_they_belong() -> None:
+def test_durations_fall_into_their_bins() -> None:
     middle = np.sqrt(EDGES_NS[:-1] * EDGES_NS[1:]).astype(np.int64)
     assert histogram(middle).tolist() == [1] * (len(EDGES_NS) - 1)
     ends = histogram(np.array([-5, 0, MIN_NS, MAX_NS, 100 * MAX_NS]))
     assert (ends[0], ends[-1], ends.sum()) == (3, 2, 5)
 
 
-def test_bins_that_nobody_fills_are_left_out() -> None:
+def test_empty_bins_are_left_out() -> None:
     part = histogram_part({"loop": np.array([51_000, 52_000]), "echo": np.array([2_000_000])})
     assert len(part.rows) == 2
     assert [row[2:] for row in part.rows] == [(2, 0), (0, 1)]
@@ -67,7 +67,7 @@ def test_bins_that_nobody_fills_are_left_out() -> None:
         assert low < high
 
 
-def test_histograms_are_drawn_over_a_logarithmic_axis() -> None:
+def test_histograms_have_logarithmic_axes() -> None:
     pytest.importorskip("matplotlib")
     loops = {"loop": np.arange(1, 1001) * 1000, "nothing": np.empty(0, np.int64)}
     figure = draw_histograms([loops, {"timer": np.array([5_000])}], "title")

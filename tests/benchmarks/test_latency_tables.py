@@ -40,7 +40,7 @@ def cost(loop: float, transport: float = 0.0, seconds: float = 1.0) -> Cost:
 
 
 def ticks_of(loops_ns: Sequence[int], late_ns: int = 0) -> NDArray[Any]:
-    """Ticks of a trial, each of which closes a loop; the durations differ, because an agent repeats the newest one."""
+    """Ticks of a trial, each closing a loop; durations differ, because a repeated duration is not counted."""
     ticks = np.zeros(COUNT * len(loops_ns), TICK)
     ticks["time_ns"] = np.arange(len(ticks)) * TICK_NS
     ticks["phase"], ticks["late_ns"] = Phase.RUNNING, late_ns
@@ -64,7 +64,7 @@ def verdicts(part: Part) -> list[bool]:
     return [verdict.holds for verdict in part.verdicts]
 
 
-def test_the_loop_is_held_against_its_baselines_by_the_median_of_the_rounds() -> None:
+def test_loop_is_compared_with_baselines_by_the_median_of_rounds() -> None:
     part = ratios_part(measured(400_000, 220_000, 238_000, agent=0.06))
     names, medians, least, largest, _ = zip(*part.rows, strict=True)
     assert medians[:3] == tuple(pytest.approx(1.19, rel=1e-4) for _ in range(3))
@@ -78,7 +78,7 @@ def test_the_loop_is_held_against_its_baselines_by_the_median_of_the_rounds() ->
     assert verdicts(late) == [False, True, False, False, False, False]
 
 
-def test_the_loop_takes_less_than_a_tick() -> None:
+def test_loop_must_take_less_than_a_tick_in_real_time() -> None:
     assert verdicts(latency_part(measured(290_000), real_time=True)) == [True]
     assert verdicts(latency_part(measured(1_400_000), real_time=True)) == [False]
     part = latency_part(measured(300_000), real_time=False)
@@ -87,19 +87,19 @@ def test_the_loop_takes_less_than_a_tick() -> None:
     assert all(len(row) == len(part.columns) for row in part.rows)
 
 
-def test_ticks_are_tabled_beside_the_timer() -> None:
+def test_tick_lateness_is_tabulated_with_the_bare_timer() -> None:
     part = lateness_part(measured(300_000, late_ns=TICK_NS + 1))
     assert [row[0] for row in part.rows] == ["server's ticks", "timer alone"]
     assert [row[-3:] for row in part.rows] == [(COUNT, COUNT, pytest.approx(100_000.0)), (0, 0, 0.0)]
 
 
-def test_what_is_drawn_is_what_was_measured() -> None:
+def test_plotted_series_are_the_measured_durations() -> None:
     loops, ticks = loop_series(measured(300_000, late_ns=-5))
     assert [times.size for times in loops.values()] == [2 * COUNT, 2 * COUNT]
-    assert [times.size for times in ticks.values()] == [0, COUNT]  # what is early has no place on the axis
+    assert [times.size for times in ticks.values()] == [0, COUNT]  # early ticks are not on the logarithmic axis
 
 
-def test_costs_are_shares_of_a_core_and_of_a_tick() -> None:
+def test_costs_are_percentages_of_a_core_and_counts_per_tick() -> None:
     part = costs_part({"server": cost(0.2, 0.1, seconds=2.0)})
     ((name, loop, transport, other, whole, waits, sleeps, wakes, ousted),) = part.rows
     assert (name, other, waits) == ("server", 0.0, 0.0)
@@ -113,13 +113,13 @@ def served(share: float, late: int = 0, active: float = 1.0, **counts: float) ->
     return Served(cost(share), counts, punctuality(late_ns, 0), active, np.zeros(COUNT, np.int64))
 
 
-def test_a_server_holds_while_ticks_are_in_time_and_trials_go_on() -> None:
+def test_server_holds_while_ticks_are_on_time_and_trials_continue() -> None:
     assert holds(served(0.9, late=COUNT // 50))
     assert not holds(served(0.9, late=COUNT // 50 + 1))
     assert not holds(served(0.9, active=0.9))
 
 
-def test_cost_that_grows_linearly_and_cost_that_does_not() -> None:
+def test_scaling_verdict_requires_linear_cost_and_held_dyads() -> None:
     linear = scale_part({count: served(0.02 + 0.08 * count) for count in (1, 2, 4, 8)})
     assert verdicts(linear) == [True, True]
     assert "2.00 % + 8.00 % a dyad" in linear.verdicts[1].found
@@ -133,13 +133,13 @@ def test_cost_that_grows_linearly_and_cost_that_does_not() -> None:
     assert all(len(row) == len(linear.columns) for row in linear.rows)
 
 
-def test_dyads_that_wait_should_cost_nothing() -> None:
+def test_waiting_dyads_should_cost_little() -> None:
     found = {"agents, loggers, no trial": served(0.4), "nobody": served(0.02)}
     assert verdicts(waiting_part(8, found)) == [True]
     assert verdicts(waiting_part(2, found)) == [False]
 
 
-def test_the_table_of_skips_says_what_is_saved() -> None:
+def test_skips_table_reports_the_saved_work() -> None:
     found = {name: served(0.1, forces=2000.0, beats=0.0, views=222.0) for name in CASES}
     assert verdicts(skips_part(found)) == [False, False, False]
     found[NO_FORCES] = served(0.08, beats=500.0)
@@ -175,13 +175,13 @@ def kept(p99_ms: float = 0.3, **changes: object) -> Kept:
     return Kept(**(values | changes))  # type: ignore[arg-type]
 
 
-def test_nothing_may_be_lost() -> None:
+def test_records_verdict_fails_on_any_loss() -> None:
     assert verdicts(records_part([kept(), kept()])) == [True]
     for fault in ({"missing": 1}, {"lost": 1}, {"verified": False}):
         assert verdicts(records_part([kept(), kept(**fault)])) == [False]
 
 
-def test_the_end_is_held_against_the_beginning() -> None:
+def test_end_of_a_soak_is_compared_with_its_beginning() -> None:
     part = minutes_part([kept(p99_ms=0.4)])
     assert len(part.rows) == 10
     assert verdicts(part) == [True, True]
@@ -189,19 +189,19 @@ def test_the_end_is_held_against_the_beginning() -> None:
     assert all(len(row) == len(part.columns) for row in part.rows)
 
 
-def test_very_short_times_may_vary() -> None:
+def test_very_short_times_may_vary_within_a_tolerance() -> None:
     assert steady("ticks begin", [-0.2, -0.2, -0.12]).holds
     assert steady("ticks begin", [0.01, 0.01, 0.1]).holds
     assert not steady("ticks begin", [0.01, 0.01, 0.2]).holds
 
 
-def test_growth_is_that_of_a_straight_line() -> None:
+def test_growth_is_the_slope_of_a_linear_fit() -> None:
     at = np.arange(100.0) + 5e5
     assert growth(at, 1e8 + 2500.0 * at) == pytest.approx(2500.0, rel=1e-6)
     assert growth(at[:1], at[:1]) == 0.0
 
 
-def test_memory_may_grow_while_it_is_warming_up() -> None:
+def test_memory_may_grow_during_warm_up_only() -> None:
     def samples(held: np.ndarray, name: str = "server") -> list[dict[str, Usage]]:
         return [{name: Usage(k * 10**9, {}, int(value))} for k, value in enumerate(held)]
 
@@ -217,7 +217,7 @@ def test_memory_may_grow_while_it_is_warming_up() -> None:
 # --- settings ------------------------------------------------------------------------------------------------------
 
 
-def test_numbers_of_dyads() -> None:
+def test_dyad_counts_are_parsed_and_validated() -> None:
     assert read_dyads("1,2, 16") == (1, 2, 16)
     assert read_dyads(None) == ()
     for wrong in ("1,,2", "two", "0", "1;2", f"{MAX_DYADS + 1}", "-1"):
@@ -225,13 +225,13 @@ def test_numbers_of_dyads() -> None:
             read_dyads(wrong)
 
 
-def test_a_setting_is_a_configuration() -> None:
+def test_setting_is_converted_to_a_configuration() -> None:
     config = Setting("ipc", True, False, 2).config
     assert (config.network.transport, config.network.curve, config.realtime.scheduling) == ("ipc", "on", False)
     assert str(Setting("ipc", True, False, 2)) == "ipc, keys, usual scheduling, displays: 2"
 
 
-def test_dyads_have_ports_folders_and_keys_of_their_own(tmp_path: Path) -> None:
+def test_dyads_have_their_own_ports_folders_and_ids(tmp_path: Path) -> None:
     configs = own_configs(Setting(curve=True).config, tmp_path, 3)
     assert len({config.network.port for config in configs}) == 3
     assert len({config.recording.directory for config in configs}) == 3

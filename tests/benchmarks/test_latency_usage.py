@@ -26,27 +26,27 @@ STAT = "77 (ZMQbg/IO/0) S 1 77 77 0 -1 4194368 9 0 0 0 250 50 0 0 -66 0 2 0 9 1 
 STATUS = "Name:\tZMQbg/IO/0\nvoluntary_ctxt_switches:\t1200\nnonvoluntary_ctxt_switches:\t34\n"
 
 
-def test_times_are_those_of_the_scheduler() -> None:
+def test_thread_times_are_read_from_schedstat() -> None:
     name, spent = parse_thread(STAT, "1500000000 2000000 42\n", STATUS, 100)
     assert name == "ZMQbg/IO/0"
     assert spent == Spent(1.5, 0.002, 1200, 34)
 
 
-def test_without_them_its_clock_ticks_are_counted() -> None:
+def test_thread_times_fall_back_to_clock_ticks() -> None:
     assert parse_thread(STAT, "", STATUS, 100)[1] == Spent(3.0, 0.0, 1200, 34)
 
 
-def test_a_thread_may_have_any_name() -> None:
+def test_thread_names_may_contain_parentheses_and_spaces() -> None:
     assert parse_thread(STAT.replace("ZMQbg/IO/0", "a (b) c"), "", STATUS, 100)[0] == "a (b) c"
 
 
-def test_threads_are_told_apart() -> None:
+def test_threads_are_classified_by_name() -> None:
     assert kind_of(7, 7, "python") == LOOP
     assert kind_of(7, 8, "ZMQbg/IO/0") == TRANSPORT
     assert kind_of(7, 9, "ZMQbg/Reaper") == OTHER
 
 
-def test_what_was_spent_between_two_moments() -> None:
+def test_usage_between_two_readings_is_a_difference() -> None:
     before = Usage(1_000, {(7, LOOP): Spent(1.0, 0.5, 10, 1)}, 0)
     after = Usage(2_000_001_000, {(7, LOOP): Spent(1.5, 0.5, 30, 1), (8, TRANSPORT): Spent(0.25, 0.0, 5, 0)}, 0)
     found = after.since(before)
@@ -65,7 +65,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="there is no /proc")
 
 
 @linux
-def test_this_process_is_seen_with_its_threads() -> None:
+def test_usage_of_this_process_includes_its_threads() -> None:
     done = threading.Event()
     thread = threading.Thread(target=done.wait)
     thread.start()
@@ -80,6 +80,6 @@ def test_this_process_is_seen_with_its_threads() -> None:
 
 
 @linux
-def test_a_process_that_is_not_there_is_said_so() -> None:
+def test_missing_process_is_reported() -> None:
     with pytest.raises(NetboardError, match="process 999999999"):
         read_usage(999_999_999)

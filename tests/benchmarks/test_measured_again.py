@@ -42,7 +42,7 @@ def remeasured(run: Run, *settings: str, disturbances: tuple[Disturbance, ...] =
 
 
 @pytest.mark.slow
-def test_the_default_settings_give_the_same_tables(run: Run) -> None:
+def test_remeasuring_with_default_settings_gives_the_same_tables(run: Run) -> None:
     base, block = measure(run, Readings()), read_block(run, Readings())
     found = update_measures(base, list(block.takes()))
     for name, values in base.trials.items():
@@ -52,7 +52,7 @@ def test_the_default_settings_give_the_same_tables(run: Run) -> None:
 
 
 @pytest.mark.parametrize("setting", ["filters.order_of=each_pass", "filters.unit=trial", "segments.ends=trial"])
-def test_other_settings_give_the_same_values_as_a_separate_measurement(run: Run, setting: str) -> None:
+def test_other_settings_equal_a_separate_measurement(run: Run, setting: str) -> None:
     other = readings_of((setting,))
     alone = measure(run, other)
     found = remeasured(run, "peaks.window=whole", setting, "delays.search=inside").others[1]
@@ -61,7 +61,7 @@ def test_other_settings_give_the_same_values_as_a_separate_measurement(run: Run,
     assert np.array_equal(found.movements["delay_20"], alone.movements["delay_20"], equal_nan=True)
 
 
-def test_signals_are_filtered_again_only_if_filters_or_data_change(run: Run) -> None:
+def test_signals_are_refiltered_only_if_filters_or_data_change(run: Run) -> None:
     block = read_block(run, Readings())
     whole = block.whole
     assert block.again(readings_of(("peaks.window=whole",))).whole is whole
@@ -108,7 +108,7 @@ def test_noise_of_the_ball_adds_fewer_prominent_peaks(run: Run) -> None:
     assert more[0.01] < more[0.0]
 
 
-def test_noise_of_the_styluses_reduces_stillness_and_an_offset_changes_nothing(run: Run) -> None:
+def test_stylus_noise_reduces_stillness_and_offset_changes_nothing(run: Run) -> None:
     disturbances = (
         Disturbance("noise", "1 mm", partial(noise, names=HANDS, deviation=1e-3)),
         Disturbance("offset", "5 mm", partial(offset, names=HANDS[:1], by=5e-3)),
@@ -136,7 +136,7 @@ def test_search_inside_the_movement_shortens_delays_at_the_lowest_threshold(run:
     assert after < before
 
 
-def test_a_shared_threshold_biases_delays_by_amplitude_and_own_peaks_do_not(tmp_path: Path) -> None:
+def test_shared_threshold_biases_delays_and_own_peaks_do_not(tmp_path: Path) -> None:
     ticks = two_trials()
     after = np.clip((np.arange(len(ticks)) - 2000) / 500, 0, 1)
     done = after**3 * (10 - 15 * after + 6 * after**2)
@@ -153,7 +153,7 @@ def test_a_shared_threshold_biases_delays_by_amplitude_and_own_peaks_do_not(tmp_
 
 
 @pytest.mark.slow
-def test_short_gaps_are_filled_if_the_settings_say_so(run: Run) -> None:
+def test_short_gaps_are_filled_if_configured(run: Run) -> None:
     leaving, bridging = readings_of(("filters.bridge=0",)), readings_of(("filters.bridge=0.02",))
     base, block = measure(run, Readings()), read_block(run, Readings())
     gapped = lost(disturbable_columns(block), np.random.default_rng(1), share=0.01)

@@ -10,12 +10,12 @@ from netboard.benchmarks.analysis.open_questions import AMBIGUITIES, PAIRS, Alte
 ALTERNATIVES = [(one.name, other) for one in AMBIGUITIES for other in one.alternatives]
 
 
-def test_every_question_is_listed_once() -> None:
+def test_every_open_question_is_listed_once() -> None:
     names = [one.name for one in AMBIGUITIES]
     assert names == [f"A{number}" for number in range(1, 33)] + ["B5", "E4", "E5"]
 
 
-def test_a_question_has_alternatives_or_a_reason_for_none() -> None:
+def test_every_question_has_alternatives_or_a_reason() -> None:
     for one in AMBIGUITIES:
         assert bool(one.alternatives) != bool(one.reason), one.name
         assert one.question
@@ -24,13 +24,13 @@ def test_a_question_has_alternatives_or_a_reason_for_none() -> None:
 
 
 @pytest.mark.parametrize(("name", "other"), ALTERNATIVES, ids=[f"{name} {other.name}" for name, other in ALTERNATIVES])
-def test_an_alternative_differs_from_the_default(name: str, other: Alternative) -> None:
+def test_alternative_differs_from_the_default(name: str, other: Alternative) -> None:
     assert readings_of(other.settings) != Readings(), name
     for setting in other.settings:
         assert readings_of((setting,)) != Readings(), setting
 
 
-def test_no_two_alternatives_are_the_same() -> None:
+def test_alternatives_are_unique() -> None:
     found = [readings_of(other.settings) for _, other in ALTERNATIVES]
     assert len({repr(readings) for readings in found}) == len(found)
 
@@ -41,25 +41,25 @@ def test_settings_override_those_of_the_base() -> None:
     assert found.summaries.ends == 5
 
 
-def test_an_unknown_setting_is_refused() -> None:
+def test_unknown_setting_is_refused() -> None:
     with pytest.raises(ConfigError, match="peaks"):
         readings_of(("peaks.windows=whole",))
 
 
-def test_pairs_affect_the_same_numbers() -> None:
+def test_paired_questions_affect_the_same_numbers() -> None:
     for one, other in PAIRS:
         assert set(ambiguity(one).touches) & set(ambiguity(other).touches)
         assert ambiguity(one).alternatives
         assert ambiguity(other).alternatives
 
 
-def test_an_unknown_question_is_refused() -> None:
+def test_unknown_question_is_refused() -> None:
     with pytest.raises(KeyError, match="A33"):
         ambiguity("A33")
 
 
 @pytest.mark.slow
-def test_paths_cover_all_likely_answers_and_depend_on_the_seed_only() -> None:
+def test_random_paths_cover_likely_answers_and_depend_only_on_the_seed() -> None:
     paths = random_paths((), 10, 10, 4)
     assert paths == random_paths((), 10, 10, 4)
     assert paths != random_paths((), 10, 10, 4, seed=2)

@@ -61,7 +61,7 @@ def test_failed_attempts_are_left_out() -> None:
     assert named("completion time [s], bimanual, last 30").of(sample) < 10.0
 
 
-def test_a_study_has_a_dyad_of_each_starting_state() -> None:
+def test_study_draws_a_dyad_of_each_starting_condition() -> None:
     pool = [made(dyad) for dyad in range(1, 9)]
     drawn = studies(pool, 50)
     assert len(drawn) == 50
@@ -71,7 +71,7 @@ def test_a_study_has_a_dyad_of_each_starting_state() -> None:
         studies(pool[:6], 1)
 
 
-def test_a_prediction_reports_whether_the_result_is_reproduced() -> None:
+def test_prediction_reports_whether_the_result_is_reproduced() -> None:
     values = np.linspace(0.0, 100.0, 1001)
     low, high = (
         Prediction(Statement("", lambda _: 0.0, 2.4), values),
@@ -85,7 +85,7 @@ def test_a_prediction_reports_whether_the_result_is_reproduced() -> None:
         assert above.reproduced == word
 
 
-def test_each_ablation_leaves_out_one_part() -> None:
+def test_each_ablation_removes_one_part() -> None:
     usual = ABLATIONS["full model"]
     for name, person in ABLATIONS.items():
         changed = [key for key in person.__slots__ if getattr(person, key) != getattr(usual, key)]
@@ -107,7 +107,7 @@ def test_the_fit_uses_only_bimanual_blocks_without_haptic_feedback() -> None:
 
 
 @pytest.mark.slow
-def test_a_dyad_is_reproducible() -> None:
+def test_simulated_dyad_is_reproducible() -> None:
     jobs = Population(trials=1).jobs(1)[8:9]
     one, again = perform(jobs, 1), perform(jobs, 1)
     assert one.attempts.tobytes() == again.attempts.tobytes()
@@ -119,9 +119,7 @@ def test_a_dyad_is_reproducible() -> None:
 
 
 @pytest.mark.slow
-def test_the_study_writes_predictions_ablations_and_comparisons(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pools = iter([made(dyad) for dyad in range(1, 5)] * 2)
     monkeypatch.setattr(
         "netboard.benchmarks.participants.bench._performances",

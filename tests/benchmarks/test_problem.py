@@ -33,7 +33,7 @@ EVERY = [(model, start) for model in MODELS for start in STARTS]
 
 
 def by_rk4(problem: Problem, ball: tuple[float, float] | None = None) -> Array:
-    """Run the whole problem in short steps, with another ball if wanted."""
+    """Solve the problem by RK4 in short steps, optionally from another ball state."""
     h = 0.00025
     steps = round(problem.duration / h)
     grid = make_grid("rk4", np.full(steps, h), np.ones(steps, np.int64), problem.parts, 6, problem.scene)
@@ -42,7 +42,7 @@ def by_rk4(problem: Problem, ball: tuple[float, float] | None = None) -> Array:
     return run("rk4", first, hands, grid, problem.parts, problem.scene)
 
 
-def test_hands_stay_within_what_is_said_of_them() -> None:
+def test_hands_stay_within_their_documented_range() -> None:
     z, vz = styluses_at(multiples(10_001, 1e-3))
     assert 0.050 < np.abs(z).max() < 0.0525
     assert 0.42 < np.abs(vz).max() < 0.435
@@ -51,7 +51,7 @@ def test_hands_stay_within_what_is_said_of_them() -> None:
     assert 9.5 < tilt.max() < 9.7
 
 
-def test_rates_of_hands_are_rates() -> None:
+def test_velocities_of_hands_are_derivatives_of_their_positions() -> None:
     times = multiples(1000, 1e-2)
     _, vz = styluses_at(times)
     later, _ = styluses_at(times + 1e-6)
@@ -59,7 +59,7 @@ def test_rates_of_hands_are_rates() -> None:
     np.testing.assert_allclose((later - earlier) / 2e-6, vz, atol=1e-8)
 
 
-def test_waves_are_the_drives_of_the_hands() -> None:
+def test_waves_give_the_drives_of_the_hands() -> None:
     problem = Problem("paper", "cold")
     times = multiples(500, 0.02)
     z, vz = styluses_at(times)
@@ -69,13 +69,13 @@ def test_waves_are_the_drives_of_the_hands() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "start"), EVERY)
-def test_ball_stays(model: Model, start: Start) -> None:
+def test_ball_stays_near_the_centre_of_the_board(model: Model, start: Start) -> None:
     assert 0.069 < np.abs(by_rk4(Problem(model, start))[:, 4]).max() < 0.072
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
-def test_ball_of_a_cold_start_is_where_it_moves_least(model: Model) -> None:
+def test_cold_start_of_the_ball_minimises_its_motion(model: Model) -> None:
     problem = Problem(model, "cold")
     p, vp = BALL[model, "cold"]
     least = np.sum(by_rk4(problem)[:, 4] ** 2)
@@ -84,7 +84,7 @@ def test_ball_of_a_cold_start_is_where_it_moves_least(model: Model) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_settled_board_follows_the_hands_and_a_cold_one_is_thrown(model: Model) -> None:
+def test_settled_start_has_low_angular_acceleration_and_cold_start_high(model: Model) -> None:
     turning = {}
     for start in STARTS:
         problem = Problem(model, start)
@@ -99,9 +99,7 @@ REACH = st.floats(-0.5, 0.5)
 
 @pytest.mark.parametrize("model", MODELS)
 @given(x=st.tuples(REACH, REACH, REACH, REACH, REACH, REACH), left=st.floats(-20, 20), right=st.floats(-20, 20))
-def test_equations_written_out_are_those_of_the_kernels(
-    model: Model, x: tuple[float, ...], left: float, right: float
-) -> None:
+def test_explicit_equations_equal_the_kernels(model: Model, x: tuple[float, ...], left: float, right: float) -> None:
     problem = Problem(model, "cold")
     kernels = rates.__wrapped__ if hasattr(rates, "__wrapped__") else getattr(rates, "py_func", rates)
     found = kernels(x, left, right, problem.parts, problem.scene[0])
@@ -111,7 +109,7 @@ def test_equations_written_out_are_those_of_the_kernels(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "start"), EVERY)
-def test_reference_agrees_with_another_solver_on_the_equations_written_out(model: Model, start: Start) -> None:
+def test_reference_agrees_with_radau_on_the_explicit_equations(model: Model, start: Start) -> None:
     problem = Problem(model, start, duration=0.5)
     waves = problem.waves.tolist()
 
@@ -124,14 +122,14 @@ def test_reference_agrees_with_another_solver_on_the_equations_written_out(model
     assert (apart < 1e-7 * reference.scales).all()
 
 
-def test_reference_tells_its_own_forces() -> None:
+def test_reference_reproduces_its_own_forces() -> None:
     problem = Problem("paper", "cold", duration=0.1)
     reference = make_reference(problem, "tight", tight(problem))
     assert (errors_of(problem, reference, reference.states, 1) < 1e-13).all()
     assert reference.scales[3] == np.abs(reference.forces).max()
 
 
-def test_what_is_not_finite_is_infinitely_wrong() -> None:
+def test_non_finite_states_have_infinite_error() -> None:
     problem = Problem("paper", "cold", duration=0.1)
     reference = make_reference(problem, "tight", tight(problem))
     states = reference.states.copy()

@@ -24,7 +24,7 @@ class Line:
         self.relay = stack.enter_context(Relay([self.listener.getsockname()]))
 
     def connect(self) -> tuple[socket.socket, socket.socket]:
-        """A client, and the server's end of it."""
+        """Connect a client; return it and the server's end of the connection."""
         client = self._stack.enter_context(socket.create_connection(("127.0.0.1", self.relay.port), TIMEOUT))
         return client, self.accept()
 
@@ -34,8 +34,8 @@ class Line:
         return self._stack.enter_context(server)
 
 
-def turned_away(port: int) -> None:
-    """Connect, and be reset, at once or a moment later."""
+def assert_reset(port: int) -> None:
+    """Check that a new connection is reset, at once or shortly after."""
     with pytest.raises(ConnectionResetError), socket.create_connection(("127.0.0.1", port), TIMEOUT) as peer:
         peer.recv(1)
 
@@ -54,7 +54,7 @@ def test_bytes_pass_both_ways_in_order(line: Line) -> None:
     assert client.recv(100) == b"and back"
 
 
-def test_more_than_any_buffer_holds_passes_whole(line: Line) -> None:
+def test_data_larger_than_any_buffer_passes_complete(line: Line) -> None:
     client, server = line.connect()
     sent = bytes(range(256)) * 4096
     client.sendall(sent)
@@ -65,7 +65,7 @@ def test_more_than_any_buffer_holds_passes_whole(line: Line) -> None:
     assert received == sent
 
 
-def test_bad_weather_loses_nothing(line: Line) -> None:
+def test_delay_jitter_and_stalls_lose_no_data(line: Line) -> None:
     line.relay.weather(Weather(delay=0.001, jitter=0.005, stalls=20.0, rate=1e6), Weather(delay=0.002))
     client, server = line.connect()
     client.sendall(b"".join(b"%04d" % k for k in range(1000)))
@@ -75,7 +75,7 @@ def test_bad_weather_loses_nothing(line: Line) -> None:
     assert received == b"".join(b"%04d" % k for k in range(1000))
 
 
-def test_what_is_held_comes_later(line: Line) -> None:
+def test_held_data_arrives_after_mending(line: Line) -> None:
     client, server = line.connect()
     client.sendall(b"a")
     assert server.recv(1) == b"a"
@@ -89,21 +89,21 @@ def test_what_is_held_comes_later(line: Line) -> None:
     assert server.recv(1) == b"b"
 
 
-def test_a_cut_resets_connections_until_it_is_mended(line: Line) -> None:
+def test_cut_resets_connections_until_mended(line: Line) -> None:
     client, server = line.connect()
     line.relay.cut()
     with pytest.raises(ConnectionResetError):
         client.recv(1)
     with pytest.raises(ConnectionResetError):
         server.recv(1)
-    turned_away(line.relay.port)
+    assert_reset(line.relay.port)
     line.relay.mend()
     client, server = line.connect()
     client.sendall(b"again")
     assert server.recv(100) == b"again"
 
 
-def test_a_doubled_connection_is_heard_twice_and_answered_once(line: Line) -> None:
+def test_doubled_connection_is_received_twice_and_answered_once(line: Line) -> None:
     line.relay.double(True)
     client, server = line.connect()
     copy = line.accept()
@@ -114,7 +114,7 @@ def test_a_doubled_connection_is_heard_twice_and_answered_once(line: Line) -> No
     assert client.recv(100) == b"once"
 
 
-def test_the_end_of_one_side_is_the_end_of_the_other_after_what_was_under_way(line: Line) -> None:
+def test_close_is_forwarded_after_data_in_flight(line: Line) -> None:
     line.relay.weather(up=Weather(delay=0.05))
     client, server = line.connect()
     client.sendall(b"last words")
@@ -123,11 +123,11 @@ def test_the_end_of_one_side_is_the_end_of_the_other_after_what_was_under_way(li
     assert server.recv(100) == b""
 
 
-def test_without_a_server_a_peer_is_turned_away() -> None:
+def test_peer_is_reset_without_a_server() -> None:
     with socket.create_server(("127.0.0.1", 0)) as gone:
         place = gone.getsockname()
     with Relay([place]) as relay:
-        turned_away(relay.port)
+        assert_reset(relay.port)
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def flow() -> Iterator[tuple[Flow, socket.socket, socket.socket]]:
         yield Flow(source, sink, None, 1), a, b
 
 
-def test_a_flow_lets_out_what_is_due_and_no_more(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
+def test_flow_releases_only_data_that_is_due(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
     line, a, b = flow
     a.sendall(b"first")
     line.take(Weather(delay=0.010), 0)
@@ -149,12 +149,12 @@ def test_a_flow_lets_out_what_is_due_and_no_more(flow: tuple[Flow, socket.socket
     b.setblocking(False)
     with pytest.raises(BlockingIOError):
         b.recv(100)
-    line.give(10 * MS)  # what is faster does not overtake
+    line.give(10 * MS)  # data with a shorter delay does not overtake
     assert b.recv(100) == b"firstsecond"
     assert line.due_ns == float("inf")
 
 
-def test_a_throttled_flow_takes_its_time(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
+def test_throttled_flow_limits_the_rate(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
     line, a, _ = flow
     for _ in range(3):
         a.sendall(bytes(1000))

@@ -124,19 +124,19 @@ def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str,
     assert parts["forms"].holds
 
 
-def test_windows_are_the_papers_or_as_large_as_fits() -> None:
+def test_windows_are_those_of_the_paper_or_fit_the_trials() -> None:
     assert window_settings(180) == ("summaries.ends=30", "summaries.group=30")
     assert window_settings(60) == ("summaries.ends=30", "summaries.group=30")
     assert window_settings(9) == ("summaries.ends=4", "summaries.group=3")
     assert window_settings(1) == ("summaries.ends=1", "summaries.group=3")
 
 
-def test_a_missing_condition_is_refused(recordings: list[Path]) -> None:
+def test_missing_condition_is_refused(recordings: list[Path]) -> None:
     with pytest.raises(RecordingError, match="found none of dyadic with force full, dyadic with force none"):
         variants_of(recordings[:2], quick=True)
 
 
-def test_a_recording_of_each_condition_is_disturbed(recordings: list[Path]) -> None:
+def test_one_recording_of_each_condition_is_disturbed(recordings: list[Path]) -> None:
     runs = variants_of(recordings, quick=True).runs
     disturbed = [run.config.block for run in runs if run.path in recordings_to_disturb(runs)]
     assert sorted((block.configuration, block.force) for block in disturbed) == [
@@ -173,7 +173,7 @@ def test_statements_are_counted_where_they_are_defined() -> None:
     assert count_holding(paths)[1] == (0, 0)
 
 
-def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
+def test_invalid_arguments_are_refused(tmp_path: Path) -> None:
     for words, message in (
         (("--sensitivity", str(tmp_path)), "folder with recordings"),
         (("--sensitivity", "--workers", "2"), "--workers"),

@@ -52,7 +52,7 @@ SCENES = [{}, {"k_h": 1000.0}, {"c_h": 100.0}, {"k_h": 31.6, "c_h": 31.6}, {"M":
 @pytest.mark.parametrize("factors", SCENES, ids=str)
 @pytest.mark.parametrize("method", LIMITED)
 @pytest.mark.daily(4)
-def test_theory_says_how_long_steps_may_be(method: str, factors: dict[str, float]) -> None:
+def test_measured_step_limits_agree_with_theory(method: str, factors: dict[str, float]) -> None:
     cell = measure_cell(scaled(Physics(), **factors), method)
     assert cell.counts
     assert cell.agrees, cell
@@ -61,25 +61,25 @@ def test_theory_says_how_long_steps_may_be(method: str, factors: dict[str, float
 @pytest.mark.slow
 @pytest.mark.parametrize("factors", [*SCENES, {"k_h": 1000.0, "c_h": 1000.0}, {"c_h": 1000.0}], ids=str)
 @pytest.mark.parametrize("method", ["midpoint", "etd2rk", "etdrk4"])
-def test_methods_without_a_limit_hold_every_scene_in_steps_of_a_tick(method: str, factors: dict[str, float]) -> None:
+def test_methods_without_a_step_limit_stay_bounded_at_tick_steps(method: str, factors: dict[str, float]) -> None:
     assert is_bounded(scaled(Physics(), **factors), method, TICK_SECONDS)
 
 
 @pytest.mark.slow
-def test_how_far_couplings_may_be_scaled_for_rk4() -> None:
+def test_rk4_limits_of_scaled_couplings_are_known() -> None:
     part = tick_limits(["rk4"])
     assert part.holds, part.verdicts
     _, stiffer, more_damped, alike = part.rows[0]
     assert (stiffer, more_damped, alike) == pytest.approx((139, 4.49, 31.0), rel=0.01)
 
 
-def test_a_scale_is_looked_for_from_below() -> None:
+def test_largest_scale_is_searched_from_below() -> None:
     assert largest_scale(lambda scale: scale < 5.0 or scale > 7.0) == pytest.approx(5.0, rel=2e-3)
     assert largest_scale(lambda scale: True) == math.inf
     assert largest_scale(lambda scale: False) == 0.0
 
 
-def test_polynomials_meet_the_hands_at_both_ends() -> None:
+def test_polynomials_match_the_hands_at_both_ends() -> None:
     physics, times = Physics(), np.linspace(0.0, 0.1, 11)
     z, vz = styluses_at(times)
     drives = physics.k_h * z + physics.c_h * vz
@@ -89,46 +89,46 @@ def test_polynomials_meet_the_hands_at_both_ends() -> None:
 
 
 @pytest.mark.slow
-def test_forces_in_a_stiff_scene() -> None:
+def test_forces_in_stiff_scenes_are_accurate() -> None:
     part = stiff_forces([(10.0, 3.2), (100.0, 10.0)])
     assert part.holds, part.verdicts
 
 
 @pytest.mark.slow
-def test_forces_where_the_board_tilts_far() -> None:
+def test_forces_at_large_tilts_are_accurate() -> None:
     part = large_tilts([17.0, 49.0])
     assert part.holds, part.verdicts
 
 
 @pytest.mark.slow
 @pytest.mark.daily(1, of="quick benchmarks")
-def test_energy_of_an_undamped_board() -> None:
+def test_energy_drift_of_an_undamped_board_depends_on_the_method() -> None:
     part = energy_drift(20_000, ["euler", "rk4", "midpoint", "etdrk4"])
     assert part.holds, part.verdicts
     assert [row[-1] for row in part.rows] == ["adds", "takes", "keeps", "keeps"]
 
 
-def test_energy_is_that_of_the_first_state_at_first() -> None:
+def test_energy_starts_at_that_of_the_initial_state() -> None:
     physics = Physics()
     found = energies("rk4", (0.005, 0.0, 0.0, 0.0), 100)
     assert found[0] == pytest.approx(0.5 * (2 * physics.k_h + physics.k_s) * 0.005**2)
 
 
 @pytest.mark.slow
-def test_a_ball_at_the_ends_of_the_board() -> None:
+def test_ball_at_the_ends_of_the_board_stays_valid() -> None:
     part = ball_at_ends()
     assert part.holds, part.verdicts
 
 
 @pytest.mark.slow
-def test_nothing_denormal_is_left_of_a_board_at_rest() -> None:
+def test_board_at_rest_reaches_zero_without_denormals() -> None:
     part = perfect_rest(10_000, ["rk4", "etdrk4"])
     assert part.verdicts[0].holds, part.verdicts
     assert all(row[1] == 0.0 for row in part.rows)
 
 
 @pytest.mark.slow
-def test_odd_hands_through_the_live_tick() -> None:
+def test_live_tick_survives_invalid_hand_samples() -> None:
     part = odd_hands(Config())
     assert part.holds, part.verdicts
 
@@ -139,7 +139,7 @@ def test_odd_hands_through_the_live_tick() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "lagrangian"])
 @pytest.mark.daily(1, of="quick benchmarks")
-def test_a_little_soaking(name: str) -> None:
+def test_short_soak_finds_no_energy_error(name: str) -> None:
     found = soak_kind(KINDS[name], 300_000, seed=5, scenes=16)
     assert found.steps >= 300_000
     assert found.within.checks + found.beyond.checks == found.steps // 100
@@ -149,7 +149,7 @@ def test_a_little_soaking(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_audit_finds_energy_that_comes_from_nowhere() -> None:
+def test_audit_detects_spurious_energy() -> None:
     physics = Physics()
     parts, scenes = parts_of(physics), scene_blocks(np.repeat(pack_scene(physics), LANES))
     step, audit = make_batch(parts, 6, True), make_audit(parts, 6)
@@ -166,7 +166,7 @@ def test_the_audit_finds_energy_that_comes_from_nowhere() -> None:
     assert np.median(np.abs(wrong[WRONG]) / wrong[THROUGH]) > 0.1
 
 
-def test_scenes_are_those_that_rk4_steps_once_a_tick() -> None:
+def test_drawn_scenes_need_one_rk4_step_per_tick() -> None:
     rng = np.random.default_rng(1)
     for kind in KINDS.values():
         choice = choose(draw_scene(rng, kind), TICK_SECONDS)
@@ -174,7 +174,7 @@ def test_scenes_are_those_that_rk4_steps_once_a_tick() -> None:
 
 
 @pytest.mark.slow
-def test_hands_do_all_sorts_of_things_within_their_range() -> None:
+def test_random_hands_rest_move_and_jump_within_their_range() -> None:
     scenes = scene_blocks(np.repeat(pack_scene(Physics(k_h=1.0, c_h=0.0)), DYADS))
     hand, rng = np.zeros((DYADS // LANES, HAND, LANES)), np.random.default_rng(1)
     draw_hands(rng, hand, 1.0)
@@ -200,7 +200,7 @@ def part_of(holds: bool) -> Part:
     )
 
 
-def test_a_folder_is_not_written_to_twice(tmp_path: Path) -> None:
+def test_results_folder_is_overwritten_only_with_force(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "study")
     folder.write([part_of(True)], {"quick": True})
     with pytest.raises(ConfigError, match="--force"):
@@ -214,14 +214,14 @@ def test_a_folder_is_not_written_to_twice(tmp_path: Path) -> None:
         assert list(csv.reader(file)) == [["what", "length [m]"], ["one", "0.5"], ["none", "inf"]]
 
 
-def test_new_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_result_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     first = Folder(new_folder("stability")).path
     assert (str(first), str(new_folder("stability"))) == ("stability-1", "stability-2")
 
 
 @pytest.mark.parametrize(("holds", "word"), [(True, "holds"), (False, "FAILS")])
-def test_verdicts_are_shown_with_their_table(holds: bool, word: str) -> None:
+def test_verdicts_are_printed_with_their_table(holds: bool, word: str) -> None:
     console = Console(width=100)
     with console.capture() as said:
         show(console, part_of(holds))
@@ -230,7 +230,7 @@ def test_verdicts_are_shown_with_their_table(holds: bool, word: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_map_is_summed_up_and_drawn(tmp_path: Path) -> None:
+def test_stability_map_is_summarised_and_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     plane = PLANES[0]
     cells = [
@@ -247,7 +247,7 @@ def test_a_map_is_summed_up_and_drawn(tmp_path: Path) -> None:
     assert "theory" in (tmp_path / "map" / "map.svg").read_text()
 
 
-def test_the_machine_is_described() -> None:
+def test_machine_description_names_libraries() -> None:
     machine = describe()
     assert machine.as_dict()["libraries"]
     assert len(machine.lines()) == 3

@@ -34,7 +34,7 @@ def test_setting_the_wall_clock_of_a_process_keeps_its_monotonic_clock(tmp_path:
 
 
 @pytest.mark.skipif(bool(links.refusal()), reason=links.refusal())
-def test_a_pulled_cable_delays_messages_until_it_is_plugged_in() -> None:
+def test_disconnected_link_delays_messages_until_reconnected() -> None:
     before = Path("/proc/thread-self/ns/net").readlink()
     with links.Spaces() as spaces, socket.create_server((links.SERVER, 0)) as server:
         assert Path("/proc/thread-self/ns/net").readlink() != before

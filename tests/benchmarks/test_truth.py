@@ -24,7 +24,7 @@ def test_measures_of_synthetic_trials_equal_their_known_values(tmp_path: Path) -
     assert list(found.trials["completion_source"]).count("recording") == 1
 
 
-def test_a_synthetic_trial_ends_with_the_hold_after_its_completion() -> None:
+def test_synthetic_trial_ends_with_the_hold_after_completion() -> None:
     for short in (False, True):
         one = ground_truth.trial(np.random.default_rng(3), side=-1, short=short)
         p = one.columns["p"]

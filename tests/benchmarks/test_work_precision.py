@@ -62,7 +62,7 @@ def row(error: float, cost: float, library: str = OURS, method: str = "rk4", pro
 
 
 @given(st.lists(st.tuples(st.floats(1e-12, 1.0), st.floats(1.0, 1e6)), max_size=30))
-def test_frontier_is_what_nothing_beats(points: list[tuple[float, float]]) -> None:
+def test_frontier_contains_exactly_the_undominated_runs(points: list[tuple[float, float]]) -> None:
     rows = [row(*point) for point in points]
     best = frontier(rows)
     for one in rows:
@@ -78,34 +78,34 @@ def test_frontier_is_what_nothing_beats(points: list[tuple[float, float]]) -> No
     assert [one.physics for one in best] == sorted(one.physics for one in best)
 
 
-def test_costs_between_settings_lie_on_a_line_of_logarithms() -> None:
+def test_costs_are_interpolated_on_a_log_log_line() -> None:
     curve = [row(1e-2, 10.0), row(1e-4, 1000.0)]
     assert cost_at(curve, 1e-3) == pytest.approx(100.0)
     assert cost_at(curve, 1e-4) == pytest.approx(1000.0)
 
 
-def test_an_error_that_the_cheapest_run_betters_costs_what_that_costs() -> None:
+def test_large_error_costs_as_much_as_the_cheapest_run() -> None:
     assert cost_at([row(1e-2, 10.0), row(1e-4, 1000.0)], 0.1) == 10.0
 
 
-def test_an_error_that_no_run_reaches_has_no_price() -> None:
+def test_unreached_error_has_infinite_cost() -> None:
     assert cost_at([row(1e-2, 10.0), row(1e-4, 1000.0)], 1e-5) == inf
     assert cost_at([], 1e-5) == inf
     assert cost_at([row(inf, 1.0)], 1e-5) == inf
 
 
-def test_a_dearer_run_that_is_worse_is_not_on_the_curve() -> None:
+def test_dominated_run_is_not_on_the_curve() -> None:
     assert cost_at([row(1e-2, 10.0), row(1e-1, 50.0), row(1e-4, 1000.0)], 1e-3) == pytest.approx(100.0)
 
 
-def test_least_cost_is_of_the_best_method_and_methods_are_not_mixed() -> None:
+def test_least_cost_is_that_of_a_single_best_method() -> None:
     rows = [row(1e-2, 10.0), row(1e-6, 1e5), row(1e-4, 2000.0, method="dop853"), row(1e-8, 4000.0, method="dop853")]
     assert least_cost(rows, 1e-3) == pytest.approx(100.0)
     assert least_cost(rows, 1e-4) == pytest.approx(1000.0)
     assert least_cost(rows, 1e-6) == pytest.approx(8e6**0.5)
 
 
-def test_ratios_tell_who_is_ahead() -> None:
+def test_cost_ratios_compare_solvers_at_equal_error() -> None:
     rows = [row(1e-2, 10.0), row(1e-6, 100.0), row(1e-2, 20.0, "peer"), row(1e-8, 50.0, "peer")]
     comparison = next(one for one in compare(rows) if one.what == "physics")
     ratios = dict(zip(comparison.errors, comparison.ratios, strict=True))
@@ -117,7 +117,7 @@ def test_ratios_tell_who_is_ahead() -> None:
     assert not ratios_parts(compare(rows))[0].holds
 
 
-def test_what_only_we_reach_is_infinitely_cheaper() -> None:
+def test_error_reached_by_netboard_only_has_infinite_ratio() -> None:
     comparison = Comparison("paper, settled", "peer", "physics", (1e-2, 1e-3), (1.0, 2.0), (3.0, inf))
     assert comparison.ratios == (3.0, inf)
     assert comparison.beaten
@@ -127,14 +127,14 @@ def test_what_only_we_reach_is_infinitely_cheaper() -> None:
 @pytest.mark.parametrize(
     ("h", "expected"), [(0.001, (2, 1)), (0.000125, (16, 1)), (0.002, (1, 1)), (0.004, (1, 2)), (0.005, (2, 5))]
 )
-def test_steps_meet_points_of_the_grid(h: float, expected: tuple[int, int]) -> None:
+def test_steps_coincide_with_grid_points(h: float, expected: tuple[int, int]) -> None:
     assert meeting(h) == expected
 
 
 # --- measuring ---------------------------------------------------------------------------------------------------
 
 
-def test_everybody_has_a_turn_before_anybody_has_the_next() -> None:
+def test_runs_are_timed_in_turns() -> None:
     called: list[str] = []
     times = in_turns([lambda: called.append("a"), lambda: called.append("b")], 3, inf)
     changes = [name for i, name in enumerate(called) if i == 0 or called[i - 1] != name]
@@ -142,7 +142,7 @@ def test_everybody_has_a_turn_before_anybody_has_the_next() -> None:
     assert [len(taken) for taken in times] == [called.count("a"), called.count("b")]
 
 
-def test_who_has_spent_the_budget_has_no_further_turn() -> None:
+def test_run_over_budget_gets_no_further_turn() -> None:
     called: list[str] = []
     in_turns([lambda: called.append("a"), lambda: called.append("b")], 10, 0.0)
     changes = [name for i, name in enumerate(called) if i == 0 or called[i - 1] != name]
@@ -151,7 +151,7 @@ def test_who_has_spent_the_budget_has_no_further_turn() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("heun", 2), ("rk4", 4)])
-def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
+def test_error_of_a_run_follows_the_order_of_its_method(method: str, order: int) -> None:
     reference = make_reference(SHORT, "tight", tight(SHORT))
     solvers = [one for one in one_step_solvers(SHORT, quick=False) if one.method == method]
     rows = measure(SHORT, reference, solvers, 1, 0.0)
@@ -167,7 +167,7 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
 
 
 @pytest.mark.slow
-def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
+def test_collocation_is_accurate_in_long_steps() -> None:
     problem = Problem("paper", "cold", duration=0.3)
     reference = make_reference(problem, "tight", tight(problem))
     rows = measure(problem, reference, collocation_solvers(problem, quick=True), 1, 0.0)
@@ -178,7 +178,7 @@ def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
     assert opened < 1e-9 < found["collocation 8", "50 ms, tol 1e-14"]
 
 
-def test_the_exact_method_is_for_level_boards_only() -> None:
+def test_exact_method_is_offered_for_level_boards_only() -> None:
     assert "exact" not in {one.method for one in one_step_solvers(SHORT, quick=False)}
 
 
@@ -188,7 +188,7 @@ def test_the_exact_method_is_for_level_boards_only() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.daily(1)
-def test_a_better_hold_is_better_in_every_signal(model: Model) -> None:
+def test_higher_order_extrapolation_reduces_the_error_of_every_signal(model: Model) -> None:
     problem = Problem(model, "settled", duration=1.0)
     rows = {
         (one.hold, one.run): np.array(one.errors)
@@ -202,7 +202,7 @@ def test_a_better_hold_is_better_in_every_signal(model: Model) -> None:
 
 
 @pytest.mark.slow
-def test_sampling_is_within_what_is_claimed() -> None:
+def test_extrapolation_errors_are_within_the_claims() -> None:
     problem = Problem("paper", "settled", duration=1.0)
     assert holds_part(hold_rows(problem, make_reference(problem, "tight", tight(problem)))).holds
 
@@ -211,13 +211,13 @@ def test_sampling_is_within_what_is_claimed() -> None:
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("skip", SKIPS, ids=lambda skip: f"{skip.name}, {skip.method}")
 @pytest.mark.daily(4)
-def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
+def test_skipped_work_changes_no_result(model: Model, skip: Skip) -> None:
     assert difference(model, replace(skip, ticks=min(skip.ticks, 1000))) <= SAME
 
 
 @pytest.mark.slow
 @pytest.mark.daily(1, of="quick benchmarks")
-def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
+def test_quick_study_has_all_its_parts(tmp_path: Path) -> None:
     folder = Folder(tmp_path / "results")
     wanted = Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0)
     parts = list(study(wanted, folder, lambda text, share: None))
@@ -246,7 +246,7 @@ def test_figures_are_written(tmp_path: Path) -> None:
     assert "peer Taylor" in drawn
 
 
-def test_peers_are_known_by_name() -> None:
+def test_peer_libraries_are_chosen_by_name() -> None:
     with pytest.raises(ConfigError, match="heyoka, mujoco, scipy"):
         choose_peers(["octave"], quick=False)
     assert choose_peers([], quick=False) == ()
