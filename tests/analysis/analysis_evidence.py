@@ -147,8 +147,8 @@ def _evidence_in(path: Path) -> list[Evidence]:
             if isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.evidence":
                 kind, *functions = mark.args
                 of = ast.literal_eval(kind)
-                said = [ast.literal_eval(keyword.value) for keyword in mark.keywords if keyword.arg == DETAILS.get(of)]
-                words = tuple(word for one in said for word in ([one] if isinstance(one, str) else one))
+                given = [ast.literal_eval(keyword.value) for keyword in mark.keywords if keyword.arg == DETAILS.get(of)]
+                words = tuple(word for one in given for word in ([one] if isinstance(one, str) else one))
                 found += [Evidence(modules[ast.unparse(one)], of, words, path.name, node.name) for one in functions]
     return found
 

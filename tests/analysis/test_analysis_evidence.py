@@ -1,4 +1,4 @@
-"""Every public function of the analysis has a mark with its evidence, and every mark is valid."""
+"""Every public function of the analysis has tests marked as its evidence, and every mark is valid."""
 
 from collections import Counter
 

@@ -32,7 +32,7 @@ def test_every_choice_of_every_setting_survives_a_round_trip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("word", "message"),
     [
         ("peaks.window=sometimes", '"to_completion" or "whole"'),
         ("filters.fast=-1", "> 0"),
@@ -40,8 +40,8 @@ def test_every_choice_of_every_setting_survives_a_round_trip() -> None:
         ("peaks.height=1", "unknown"),
     ],
 )
-def test_invalid_setting_error_states_the_expected_values(word: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_invalid_setting_error_states_the_expected_values(word: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         parse("", overrides=[word])
 
 

@@ -1,4 +1,4 @@
-"""The hold is that of the trial state machine, sample by sample; recorded successes are used or reported."""
+"""Completion times: the hold equals that of the trial state machine; recorded successes are used or reported."""
 
 from dataclasses import replace
 from pathlib import Path

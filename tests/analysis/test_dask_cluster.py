@@ -1,4 +1,4 @@
-"""A real Dask cluster computes the same tables, and missing libraries are reported before it starts."""
+"""A real Dask cluster computes the same tables, and unsuitable workers are refused."""
 
 from collections.abc import Iterator
 from importlib import import_module

@@ -8,12 +8,12 @@ from netboard.analysis.topics.delay import APART, RISE, Delay, delay
 from netboard.analysis.topics.result import Result
 
 
-def moves(*delays: float, own: float = 0.0, rise: float = 0.0, **said: float) -> list[dict[str, float]]:
+def moves(*delays: float, own: float = 0.0, rise: float = 0.0, **columns: float) -> list[dict[str, float]]:
     return [
         {
             **{f"delay_{q}": value + k * rise for k, q in enumerate((10, 20, 30, 40))},
             **{f"own_delay_{q}": own for q in (10, 20, 30, 40)},
-            **said,
+            **columns,
         }
         for value in delays
     ]

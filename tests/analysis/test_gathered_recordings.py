@@ -35,14 +35,14 @@ def alone(recordings: tuple[Path, ...]) -> Study:
 
 
 def test_tables_do_not_depend_on_file_order_or_processes(recordings: tuple[Path, ...], alone: Study) -> None:
-    told: list[tuple[str, int, int]] = []
-    found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: told.append(words))
+    reports: list[tuple[str, int, int]] = []
+    found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: reports.append(words))
     assert [source.run.path for source in found.sources] == list(recordings)
     assert found.left_out == ()
     assert found.peak > 1e7
-    assert [done for _, done, _ in told] == [1, 2, 3, 4]
+    assert [done for _, done, _ in reports] == [1, 2, 3, 4]
     seconds = alone.blocks["duration"].sum()
-    assert told[-1] == (f"4 of 4 recordings, {seconds:.0f} s of data", 4, 4)
+    assert reports[-1] == (f"4 of 4 recordings, {seconds:.0f} s of data", 4, 4)
     assert_same(studied(found), alone)
 
 

@@ -1,4 +1,4 @@
-"""Studies with missing parts: tables, figures and report exist, and every attempt is check_attempts for."""
+"""Studies with missing parts: tables, figures and report exist, and every attempt is accounted for."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -68,10 +68,10 @@ def test_influence_is_invariant_to_mirrored_trials() -> None:
     study = study_with_a_leader(0.7)
     left = study.trials["trial"] % 2 == 0
     trials = study.trials.assign(target=np.where(left, -1, 1))
-    told = trials[["recording", "trial", "attempt", "target"]]
+    targets = trials[["recording", "trial", "attempt", "target"]]
 
     def turn(paths: pd.DataFrame) -> pd.DataFrame:
-        signs = pd.merge(paths, told)["target"].to_numpy()
+        signs = pd.merge(paths, targets)["target"].to_numpy()
         return paths.assign(**{name: paths[name] * signs for name in ("left_vz", "right_vz", "p")})
 
     turned = replace(study, trials=trials, paths=changed_paths(study, turn))

@@ -599,9 +599,9 @@ def test_zero_variances_of_random_effects_are_fitted_and_noted() -> None:
         assert found.fitted
         assert found.converged
         assert np.isfinite(numbers(found)).all()
-        said = {note.partition(":")[0] for note in found.notes if note.endswith("its variance is estimated as 0")}
-        assert said == {name for name, variance in variances(found).items() if variance == 0.0}
-        without += bool(said)
+        noted = {note.partition(":")[0] for note in found.notes if note.endswith("its variance is estimated as 0")}
+        assert noted == {name for name, variance in variances(found).items() if variance == 0.0}
+        without += bool(noted)
     assert without > 36
 
 
@@ -650,7 +650,7 @@ def test_values_that_are_no_counts_are_named(family: Any, count: float) -> None:
 
 
 @pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
-def test_the_largest_counts_are_modelled(family: Any) -> None:
+def test_largest_counts_are_modelled(family: Any) -> None:
     labels = plan(4, 3)
     found = count_model(np.full(len(labels["order"]), MOST), **given(labels), family=family)
     assert found.fitted

@@ -1,4 +1,4 @@
-"""The figures of the further measures show the results, read back from the drawn artists."""
+"""The figures of the additional measures show the results, read back from the drawn artists."""
 
 import re
 from collections.abc import Callable
@@ -233,9 +233,9 @@ def test_passive_figure_shows_effect_and_passive_partner(study: Study, drawn: di
         expected = [found[0].effect[k], *(one.passive[k] for one in found)]
         np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
     assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
-    told = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
-    assert all(part in picture.caption for part in told or ["cannot be told"])
-    assert ("95 % bootstrap intervals" in picture.caption) == bool(told)
+    shown_shares = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
+    assert all(part in picture.caption for part in shown_shares or ["cannot be told"])
+    assert ("95 % bootstrap intervals" in picture.caption) == bool(shown_shares)
 
 
 def test_paths_figure_shows_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:

@@ -1,4 +1,4 @@
-"""Classes of movement: every case by hand, and invariances."""
+"""Classes of movement: every case against the definition, and invariances."""
 
 from itertools import product
 

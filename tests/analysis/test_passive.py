@@ -150,9 +150,9 @@ def test_active_partners_leave_a_small_passive_share() -> None:
     interval = bootstrap([found.passive, found.effect], ratio_of_sums, np.random.default_rng(1))
     assert interval.value == pytest.approx(found.share)
     assert interval.low < found.share < interval.high
-    nobody = passive_control(off, off, lambda active, p, side: np.zeros_like(active), opposed)
-    assert np.isnan(nobody.share)
-    assert nobody.passive.tolist() == [0.0] * 5
+    without_effect = passive_control(off, off, lambda active, p, side: np.zeros_like(active), opposed)
+    assert np.isnan(without_effect.share)
+    assert without_effect.passive.tolist() == [0.0] * 5
 
 
 def test_invalid_arguments_are_refused() -> None:

@@ -89,9 +89,9 @@ def test_uncertain_effect_has_no_passive_share() -> None:
     found = controls(modern_study(modern_blocks(change=nothing)))
     assert not any(one.has_effect for one in found.controls)
     results = table_of(found.results)
-    told = results[results["quantity"].str.startswith("passive share of the effect")]
-    assert told["value"].isna().all()
-    assert told["note"].str.contains("interval has 0").all()
+    shown_shares = results[results["quantity"].str.startswith("passive share of the effect")]
+    assert shown_shares["value"].isna().all()
+    assert shown_shares["note"].str.contains("interval has 0").all()
     assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
 
 
@@ -101,9 +101,9 @@ def test_single_dyad_has_no_passive_share() -> None:
     assert one.share.value == pytest.approx(0.5)
     assert np.isnan(one.share.low)
     assert not one.has_effect
-    told = table_of(controls(modern_study(modern_blocks(change=shares, dyads=1))).results).set_index("quantity")
-    assert np.isnan(told.loc["passive share of the effect, 150 N/m, no friction", "value"])
-    assert "or there is none" in told.loc["passive share of the effect, 150 N/m, no friction", "note"]
+    results = table_of(controls(modern_study(modern_blocks(change=shares, dyads=1))).results).set_index("quantity")
+    assert np.isnan(results.loc["passive share of the effect, 150 N/m, no friction", "value"])
+    assert "or there is none" in results.loc["passive share of the effect, 150 N/m, no friction", "note"]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Numbers of peaks: known ones, scipy's, and invariances."""
+"""Velocity peaks, compared with known peaks and with scipy, and their invariances."""
 
 import numpy as np
 import pytest

@@ -86,9 +86,9 @@ def test_fewer_trials_use_the_first_groups() -> None:
 
 def test_results_state_their_assumptions(tmp_path: Path) -> None:
     found = list(powers([drawn()], [4, 24]))[::2]
-    said = sentence(found, ASSUMED)
-    assert said.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g})")
-    assert "400 virtual studies of the plan short with 24 simulated dyads each" in said
+    text = sentence(found, ASSUMED)
+    assert text.startswith(f"With 24 dyads, a paired t test of peaks (on vs off; difference {found[1].effect:.3g})")
+    assert "400 virtual studies of the plan short with 24 simulated dyads each" in text
     assert "below 0.8" in sentence(found[:1], ASSUMED)
     write(tmp_path, found, ASSUMED)
     table = pd.read_csv(tmp_path / "power.csv")

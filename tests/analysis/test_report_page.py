@@ -188,8 +188,8 @@ def test_page_lists_block_orders_and_participants(whole: Element) -> None:
 def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Element) -> None:
     assert "more than one study" not in section(whole, "design").text
     study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
-    said = "1 dyad of the same pseudonym in more than one study (another, made up): taken for the same people"
-    assert said in section(written(tmp_path, study), "design").text
+    note = "1 dyad of the same pseudonym in more than one study (another, made up): taken for the same people"
+    assert note in section(written(tmp_path, study), "design").text
 
 
 def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
@@ -243,9 +243,9 @@ HOSTILE = "<script>alert(1)</script>\"'&amp;\u202egnp.exe\u200f</td></style>"
 
 
 def test_hostile_names_are_escaped(tmp_path: Path) -> None:
-    said = {"study": HOSTILE, "dyad": HOSTILE, "performer": HOSTILE, "left_by": HOSTILE, "right_by": HOSTILE}
+    names = {"study": HOSTILE, "dyad": HOSTILE, "performer": HOSTILE, "left_by": HOSTILE, "right_by": HOSTILE}
     readings = Readings(exclusions=Exclusions(trials=(f"{HOSTILE}/1: {HOSTILE}",)))
-    study = study_of([block(HOSTILE, **said)], readings)
+    study = study_of([block(HOSTILE, **names)], readings)
     origin = provenance_of(study, left_out=[{"file": HOSTILE, "why": HOSTILE}], command=HOSTILE)
     evil = Picture("learning", HOSTILE, HOSTILE, picture().figure)
     path = write_report(tmp_path, study, few_results().assign(group=HOSTILE, note=HOSTILE), [evil], origin)
@@ -287,11 +287,11 @@ def test_large_figure_is_a_png_with_alternative_text(tmp_path: Path) -> None:
     assert image["alt"] == "The learning. What learning is; n = 4 dyads."
 
 
-@pytest.mark.parametrize(("simulated", "said"), [(1, "Nothing here is evidence about people."), (0, "")])
-def test_simulated_participants_are_announced(tmp_path: Path, simulated: int, said: str) -> None:
+@pytest.mark.parametrize(("simulated", "warning"), [(1, "Nothing here is evidence about people."), (0, "")])
+def test_simulated_participants_are_announced(tmp_path: Path, simulated: int, warning: str) -> None:
     page = written(tmp_path, study_of([block("only", simulated=simulated)], Readings()))
     warnings = " ".join(one.text for one in page.all("p") if one.attributes.get("class") == "warning")
-    assert (said in warnings) if said else (warnings == "")
+    assert (warning in warnings) if warning else (warnings == "")
 
 
 def test_partly_simulated_or_pilot_study_states_how_much(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ NAN = float("nan")
 PAIRS = [(theme.topic, quantity) for theme in THEMES for quantity in theme.quantities]
 
 
-def row(value: float, low: float = NAN, high: float = NAN, **said: object) -> Result:
+def row(value: float, low: float = NAN, high: float = NAN, **columns: object) -> Result:
     usual: dict[str, object] = {
         "topic": "contrasts",
         "quantity": "completion time: ratio",
@@ -30,7 +30,7 @@ def row(value: float, low: float = NAN, high: float = NAN, **said: object) -> Re
         "n": 4,
         "of": "dyad",
     }
-    return Result(value=value, low=low, high=high, **(usual | said))  # type: ignore[arg-type]
+    return Result(value=value, low=low, high=high, **(usual | columns))  # type: ignore[arg-type]
 
 
 def summary_of(*results: Result) -> Main:
@@ -164,5 +164,5 @@ def test_units_are_converted_for_readers(unit: str, quantity: str, group: str, s
 )
 def test_number_and_interval_have_the_same_decimals(result: Result, text: str) -> None:
     (mapping,) = table_of([result]).to_dict("records")
-    said = f"{written(mapping)[0]}{after(unit_of(mapping))}, {between(mapping)}"
-    assert said.replace("\u00a0", " ") == text
+    shown = f"{written(mapping)[0]}{after(unit_of(mapping))}, {between(mapping)}"
+    assert shown.replace("\u00a0", " ") == text

@@ -1,4 +1,4 @@
-"""Known movements of the board are found with their limits; invariances."""
+"""Movements of the board: known movements are found with their limits, and invariances hold."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A study is its recordings in the order of its plan without the excluded ones, and every exclusion is listed."""
+"""The tables of a study: recordings in the order of the plan, trials counted or excluded, exclusions listed."""
 
 from pathlib import Path
 
@@ -103,8 +103,8 @@ def test_each_rule_excludes_its_trials_with_a_reason(
 
 
 def test_paused_and_aborted_attempts_are_listed() -> None:
-    told = blocks(not_measured=["2.1 pause; 4.3 abort"])
-    found = excluded(told, trials(), Exclusions())
+    interrupted = blocks(not_measured=["2.1 pause; 4.3 abort"])
+    found = excluded(interrupted, trials(), Exclusions())
     assert list(found[["trial", "attempt"]].itertuples(index=False, name=None)) == [(2, 1), (4, 3)]
     assert [why.rpartition(": ")[2] for why in found["why"]] == ["pause", "abort"]
 
@@ -141,8 +141,8 @@ def test_nan_is_not_a_quality_flag() -> None:
 def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = "") -> Measured:
     """Tables of a recording of one trial."""
     one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
-    said = {"recording": name, "opened_utc": opened, "part": part, "study": study}
-    for column, value in said.items():
+    columns = {"recording": name, "opened_utc": opened, "part": part, "study": study}
+    for column, value in columns.items():
         one.blocks[column][:] = value
     for table in (one.trials, one.movements, one.paths):
         table["recording"][:] = name

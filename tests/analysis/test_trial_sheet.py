@@ -58,15 +58,15 @@ def test_every_axis_has_a_unit_and_every_panel_a_title(takes: list[Take]) -> Non
 
 def test_titles_state_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
     for row, take in enumerate(takes):
-        said = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
+        titles = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
         number = {name: column[row] for name, column in tables.trials.items()}
         if np.isfinite(number["completion"]):
-            assert f"{number['completion']:.3f} s" in said["completion"]
-        assert f"{number['peaks']:.0f} to the completion, {number['peaks_whole']:.0f} with" in said["peaks"]
+            assert f"{number['completion']:.3f} s" in titles["completion"]
+        assert f"{number['peaks']:.0f} to the completion, {number['peaks_whole']:.0f} with" in titles["peaks"]
         total = sum(number[name] for name in ("cooperative", "competitive", "single", "still"))
-        assert f"cooperative {number['cooperative'] / total:.0%}" in said["classes"]
+        assert f"cooperative {number['cooperative'] / total:.0%}" in titles["classes"]
         if np.isfinite(number["braking_onset"]):
-            assert f"at {number['braking_onset']:.3f} s" in said["braking"]
+            assert f"at {number['braking_onset']:.3f} s" in titles["braking"]
 
 
 @pytest.mark.parametrize("threshold", ["slower_side", "own_peak"])
@@ -113,7 +113,7 @@ def test_command_refuses_to_overwrite_a_sheet(folder: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("trial", "attempt", "name", "said"),
+    ("trial", "attempt", "name", "message"),
     [
         (99, None, "a.png", "trials 1 to 3 are there"),
         (1, 9, "a.png", "attempt 9 at trial 1"),
@@ -122,9 +122,9 @@ def test_command_refuses_to_overwrite_a_sheet(folder: Path, tmp_path: Path) -> N
     ],
 )
 def test_missing_trials_and_invalid_outputs_are_refused(
-    folder: Path, tmp_path: Path, trial: int, attempt: int | None, name: str, said: str
+    folder: Path, tmp_path: Path, trial: int, attempt: int | None, name: str, message: str
 ) -> None:
     (path,) = folder.glob("*.mcap")
-    with pytest.raises(NetboardError, match=said):
+    with pytest.raises(NetboardError, match=message):
         explain.draw(path, trial, attempt, Readings(), tmp_path / name)
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Batches of simulations: the results of the strict step to rounding, for every kind of scene."""
+"""Batches of simulations equal the strict step up to rounding, for every kind of scene."""
 
 import os
 import subprocess

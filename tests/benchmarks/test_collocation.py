@@ -1,4 +1,4 @@
-"""Exponential collocation against the equations written independently, solved to 13 digits."""
+"""Exponential collocation against an independent implementation of the equations, solved to 13 digits."""
 
 import json
 import os

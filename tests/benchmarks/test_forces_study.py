@@ -1,4 +1,4 @@
-"""The short form of the study of force conditions, in which all claims hold."""
+"""The quick study of the force conditions, in which all claims hold."""
 
 import json
 from pathlib import Path

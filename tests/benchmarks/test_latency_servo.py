@@ -1,4 +1,4 @@
-"""The study of the servo callback: its statistics, and a run over any libHD."""
+"""The study of the servo callback: its statistics, and a run with a fake libHD."""
 
 import json
 import re
@@ -80,9 +80,9 @@ def test_busy_thread_stops_on_request() -> None:
 def test_study_runs_with_a_fake_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     library, out, copy = str(fake_library()), tmp_path / "out", tmp_path / "copy.json"
     assert main(library, out, copy, 0.05, quick=True, force=False) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"\d+ cores", said)
-    assert "python / bare tick, busy thread" in said
+    output = capsys.readouterr().out
+    assert re.search(r"\d+ cores", output)
+    assert "python / bare tick, busy thread" in output
     results = json.loads(copy.read_text(encoding="utf-8"))
     assert results["machine"]["cores"] > 0
     assert [part["name"] for part in results["parts"]] == ["lateness", "duration"]

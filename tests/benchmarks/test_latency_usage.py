@@ -1,4 +1,4 @@
-"""Resource use from /proc, parsed from texts and read from this process."""
+"""Resource usage from /proc, parsed from samples and read from this process."""
 
 import os
 import sys

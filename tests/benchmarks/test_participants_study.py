@@ -92,7 +92,7 @@ def test_each_ablation_removes_one_part() -> None:
         assert len(changed) == (name != "full model")
 
 
-def test_the_fit_uses_only_bimanual_blocks_without_haptic_feedback() -> None:
+def test_fit_uses_only_bimanual_blocks_without_haptic_feedback() -> None:
     for job in fit.ends_of(Population(), 1):
         block = job.config.block
         assert (block.configuration, block.force, block.trials) == ("bimanual", "none", 30)

@@ -1,4 +1,4 @@
-"""The short form of the stability study: theory against runs, hard scenes, invalid samples, soak, and files."""
+"""The quick stability study: theory against runs, stiff scenes, invalid samples, soak tests, and files."""
 
 import csv
 import json
@@ -223,10 +223,10 @@ def test_new_result_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(("holds", "word"), [(True, "holds"), (False, "FAILS")])
 def test_verdicts_are_printed_with_their_table(holds: bool, word: str) -> None:
     console = Console(width=100)
-    with console.capture() as said:
+    with console.capture() as captured:
         show(console, part_of(holds))
-    assert f"{word}  a: b" in said.get()
-    assert "length [m]" in said.get()
+    assert f"{word}  a: b" in captured.get()
+    assert "length [m]" in captured.get()
 
 
 @pytest.mark.slow

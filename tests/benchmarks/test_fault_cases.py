@@ -1,4 +1,4 @@
-"""The table of faults, and the tables of their outcomes."""
+"""The list of fault cases, and the tables of their outcomes."""
 
 from dataclasses import replace
 

@@ -60,7 +60,7 @@ class Server:
             assert isinstance(message, Hello)
         raise AssertionError(f"no {kind.__name__} came")
 
-    def say(self, message: Message | bytes) -> None:
+    def send(self, message: Message | bytes) -> None:
         assert self.router.send(self.peer, message if isinstance(message, bytes) else encode(message))
 
 
@@ -92,8 +92,8 @@ def test_light_agent_follows_the_agent_protocol(config: Config) -> None:
                 hello = motion.receive_kind(Hello)
         assert (hello.role, hello.side, hello.protocol) == ("agent", "left", PROTOCOL_VERSION)
         assert motion.peer.startswith(b"agent.left@")
-        motion.say(WELCOME)
-        motion.say(Heartbeat(4, 111, -1, 250_000, True))
+        motion.send(WELCOME)
+        motion.send(Heartbeat(4, 111, -1, 250_000, True))
         take_until(agent, counts, "beats")
         assert agent.welcome
         agent.send(0.01, 0.2)
@@ -106,7 +106,7 @@ def test_light_agent_follows_the_agent_protocol(config: Config) -> None:
         force = np.zeros(fixed.FORCE.size, np.uint8)
         fixed.write(force, *fixed.FORCE[:2], words)
         assert decode(force.tobytes()) == Force(5, 222, 0, 0.0, 310_000)
-        motion.say(force.tobytes())
+        motion.send(force.tobytes())
         take_until(agent, counts, "forces")
         assert (agent.lead_ns, counts["beats"], counts["forces"]) == (310_000, 1, 1)
         agent.send(0.0, 0.0)
@@ -138,18 +138,18 @@ def test_light_logger_acknowledges_and_keeps_only_tick_lateness(config: Config) 
             now += 500 * TICK_NS
             if server.wait(0.1):
                 server.receive_kind(Hello)
-        server.say(WELCOME)
+        server.send(WELCOME)
         rows, running = np.zeros(3, TICK), Phase.RUNNING
         rows["time_ns"], rows["late_ns"], rows["phase"] = (10, 20, 30), (1, 2, -3), running
         event = encode(EventRecord(0, 0, 0, "start", {}))
         records = tuple(encode(TickRecord(row.tobytes())) for row in rows)
-        server.say(LogBatch(40, 0, (*records, event)))
+        server.send(LogBatch(40, 0, (*records, event)))
         while counts["records"] == 0:
             logger.poll(now, counts)
         logger.poll(now, counts)
         assert server.receive_kind(LogRequest) == LogRequest(-1)
         assert server.receive_kind(LogAck).durable == 44
-        server.say(Ping(77))
+        server.send(Ping(77))
         while not server.wait(0.01):
             logger.poll(now, counts)
         assert server.receive_kind(Pong).ping_ns == 77

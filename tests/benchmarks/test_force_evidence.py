@@ -1,4 +1,4 @@
-"""Measurements on traces of device forces, with synthetic forces."""
+"""Fades, steps and pauses measured on synthetic traces of device forces."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The requirements after a fault, on synthetic evidence."""
+"""Checks of the requirements after a fault, on synthetic evidence."""
 
 from dataclasses import replace
 from pathlib import Path
