@@ -93,11 +93,11 @@ def test_failed_results_and_figures_are_replaced_by_the_reason() -> None:
     assert replace(picture, figure=None).shown is not None
 
 
-@pytest.mark.parametrize(("trials", "ends", "group"), [(180, 30, 30), (60, 30, 30), (12, 6, 6), (5, 2, 5), (1, 1, 3)])
+@pytest.mark.parametrize(("trials", "ends", "group"), [(180, 30, 30), (60, 30, 30), (12, 6, 6), (5, 2, 3), (1, 1, 3)])
 def test_windows_are_those_of_the_paper_or_fit_the_trials(trials: int, ends: int, group: int) -> None:
     study = made_study(random_blocks(dyads=1, trials=trials, forces=("full",)))
     found = windows_of(study)
-    assert (found.ends, found.group) == (ends, max(group, 3) if trials != 5 else found.group)
+    assert (found.ends, found.group) == (ends, group)
     assert bool(found.note) == (trials < 60)
     assert 2 * found.ends <= max(trials, 2)
     asked = windows_of(made_study(random_blocks(dyads=1, trials=trials, forces=("full",)), *SMALL))
