@@ -39,7 +39,7 @@ def summary_of(*results: Result) -> Main:
 
 
 @pytest.fixture(scope="module")
-def made() -> dict[str, pd.DataFrame]:
+def study_results() -> dict[str, pd.DataFrame]:
     """All results of a made-up study, by the setting of its variance."""
     return {
         kind: results_of(made_study(random_blocks(), *SMALL, f'summaries.variance="{kind}"'))
@@ -49,14 +49,16 @@ def made() -> dict[str, pd.DataFrame]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("topic", "quantity"), PAIRS)
-def test_study_has_all_quantities_of_the_summary(topic: str, quantity: str, made: Mapping[str, pd.DataFrame]) -> None:
-    found = made["generalised" if "generalised" in quantity else "each"]
+def test_study_has_all_quantities_of_the_summary(
+    topic: str, quantity: str, study_results: Mapping[str, pd.DataFrame]
+) -> None:
+    found = study_results["generalised" if "generalised" in quantity else "each"]
     mine = found[(found["topic"] == topic) & (found["quantity"] == quantity)]
     assert mine["value"].notna().any()
 
 
-def test_every_sentence_and_column_of_the_summary_is_used(made: Mapping[str, pd.DataFrame]) -> None:
-    for found in made.values():
+def test_every_sentence_and_column_of_the_summary_is_used(study_results: Mapping[str, pd.DataFrame]) -> None:
+    for found in study_results.values():
         shown = {one.picture: one for one in summary(found, {})}
         assert list(shown) == [theme.picture for theme in THEMES]
         for theme in THEMES:

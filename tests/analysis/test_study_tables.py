@@ -138,7 +138,9 @@ def test_nan_is_not_a_quality_flag() -> None:
     assert excluded(blocks(), trials(flags=np.nan), Exclusions()).empty
 
 
-def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = "") -> Measured:
+def one_trial_recording(
+    name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = ""
+) -> Measured:
     """Tables of a recording of one trial."""
     one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
     columns = {"recording": name, "opened_utc": opened, "part": part, "study": study}
@@ -151,7 +153,11 @@ def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "ful
 
 def test_resumed_block_continues_its_trial_numbers() -> None:
     """The parts of a block are ordered by when they were opened, and their trials are numbered through."""
-    parts = [made("x_ff", 1, "10:00"), made("x_ff_part2", 1, "10:05", part=2), made("x_00", 1, "10:10")]
+    parts = [
+        one_trial_recording("x_ff", 1, "10:00"),
+        one_trial_recording("x_ff_part2", 1, "10:05", part=2),
+        one_trial_recording("x_00", 1, "10:10"),
+    ]
     found = study_of(parts, Readings())
     assert list(found.blocks["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
     assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
@@ -160,10 +166,20 @@ def test_resumed_block_continues_its_trial_numbers() -> None:
 
 
 def test_blocks_of_several_plans_are_numbered_consecutively() -> None:
-    one = [made("a1", 1, "09:00", study="a"), made("a2", 2, "09:10", study="a", force="none")]
-    other = [made("b1", 1, "08:00", study="b", force="none"), made("b2", 2, "08:10", study="b")]
+    one = [
+        one_trial_recording("a1", 1, "09:00", study="a"),
+        one_trial_recording("a2", 2, "09:10", study="a", force="none"),
+    ]
+    other = [
+        one_trial_recording("b1", 1, "08:00", study="b", force="none"),
+        one_trial_recording("b2", 2, "08:10", study="b"),
+    ]
     found = study_of([*one, *other], Readings())
     assert list(found.blocks["recording"]) == ["b1", "b2", "a1", "a2"]
     assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 4]
-    imported = [made("i1", 1, "09:00"), made("i2", 1, "09:10", force="none"), made("i3", 1, "09:20")]
+    imported = [
+        one_trial_recording("i1", 1, "09:00"),
+        one_trial_recording("i2", 1, "09:10", force="none"),
+        one_trial_recording("i3", 1, "09:20"),
+    ]
     assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]

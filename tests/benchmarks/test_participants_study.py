@@ -15,7 +15,7 @@ from netboard.benchmarks.participants.trials import ATTEMPT, Performance, Popula
 from netboard.benchmarks.participants.validation import ABLATIONS, Prediction, studies
 
 
-def made(dyad: int = 1, trials: int = 18) -> np.ndarray:
+def attempts_of_dyad(dyad: int = 1, trials: int = 18) -> np.ndarray:
     """Make attempts of a dyad: each participant alone, then both; first without and then with haptic feedback."""
     parts, rng = [], np.random.default_rng(dyad)
     for performer, level in (("A", 5.0), ("B", 3.0), ("dyad", 3.5)):
@@ -38,7 +38,7 @@ def named(text: str) -> Statement:
 
 
 def test_statements_recover_the_effects_of_synthetic_trials() -> None:
-    sample = Sample(np.concatenate([made(1), made(2)]))
+    sample = Sample(np.concatenate([attempts_of_dyad(1), attempts_of_dyad(2)]))
     # The first three of eighteen trials have 1.7, 1.6 and 1.5 s more than the last, averaged over A and B.
     assert named("completion time [s], bimanual, first 30").of(sample) == pytest.approx(4.0 + 1.6)
     assert named("completion time [s], bimanual, last 30").of(sample) == pytest.approx(4.0 + 0.1)
@@ -53,7 +53,7 @@ def test_statements_recover_the_effects_of_synthetic_trials() -> None:
 
 
 def test_failed_attempts_are_left_out() -> None:
-    rows = made()
+    rows = attempts_of_dyad()
     rows["success"][::3] = False
     rows["completion"][::3] = 1e6
     sample = Sample(rows)
@@ -62,7 +62,7 @@ def test_failed_attempts_are_left_out() -> None:
 
 
 def test_study_draws_a_dyad_of_each_starting_condition() -> None:
-    pool = [made(dyad) for dyad in range(1, 9)]
+    pool = [attempts_of_dyad(dyad) for dyad in range(1, 9)]
     drawn = studies(pool, 50)
     assert len(drawn) == 50
     assert {tuple(sorted((one.dyads - 1) % 4)) for one in drawn} == {(0, 1, 2, 3)}
@@ -120,7 +120,7 @@ def test_simulated_dyad_is_reproducible() -> None:
 
 @pytest.mark.slow
 def test_study_writes_predictions_ablations_and_comparisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pools = iter([made(dyad) for dyad in range(1, 5)] * 2)
+    pools = iter([attempts_of_dyad(dyad) for dyad in range(1, 5)] * 2)
     monkeypatch.setattr(
         "netboard.benchmarks.participants.bench._performances",
         lambda *_: (Performance(next(pools), given_up=0) for _ in range(4)),
