@@ -18,7 +18,7 @@ def app():
 
 @pytest.fixture
 def board(app):
-    """The board of an open window, and the pictures it has been painted with so far."""
+    """The board view of an open window, and the list of pictures painted so far."""
     from netboard.base.tables.rig import Display
     from netboard.windows.participant.window import BoardWindow
 
@@ -26,7 +26,7 @@ def board(app):
     window.present(Display(width=840, height=480))
     paints = []
     window.board.painted.connect(lambda: paints.append(window.board.picture))
-    for _ in range(20):  # until the window system has said all it says about a new window
+    for _ in range(20):  # until the window system has delivered all events of a new window
         app.processEvents()
     yield window.board, paints
     window.close()

@@ -1,4 +1,4 @@
-"""A server as a console knows it, on a real socket: it answers from a made-up state, and does as it is told.
+"""A fake server for the console, on a real socket: it answers from a scripted state and obeys commands.
 
 Run by itself it stays in one state, for screenshots:
 ``PYTHONPATH=tests python tests/windows/console_server.py running --port 5550``, and then
@@ -64,13 +64,13 @@ RUNNING = replace(
     recordings=(("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
     stations=(("left", 0.0009, ARMED, 0.31, 0, 0), ("right", 0.0011, ARMED, -0.12, 0, 0)),
 )
-"""All is well."""
+"""No fault."""
 
 IDLE = replace(
     RUNNING, phase="idle", trial=1, successes=0, failures=0, armed=False, block=1, condition="dyadic, no force",
     stations=(("left", 0.0009, 0, 0.0, 0, 0), ("right", 0.0011, 0, 0.0, 0, 0)),
 )  # fmt: skip
-"""Open, and ready for F1 and F2."""
+"""The session is open and ready for F1 and F2."""
 
 UNARMED_LINK = ("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
 
@@ -115,13 +115,13 @@ STATES: dict[str, Status] = {
     "finished": replace(RUNNING, phase="finished", block=18, trial=60, successes=60, armed=False),
     "pilot": replace(RUNNING, pilot=True, consent=False, name="P01", dyad="D00"),
 }
-"""States to be in."""
+"""The server states that a test can select."""
 
 FATES = ("success", "success", "fell", "success", "success", "success", "timed_out", "success", "aborted", "success")
 
 
 def attempts(count: int) -> list[tuple[int, int, int, str, float, str, int]]:
-    """Made-up attempts of the third block."""
+    """Synthetic attempts of the third block."""
     made, trial, number = [], 1, 1
     for k in range(count):
         fate = FATES[k % len(FATES)]
@@ -133,7 +133,7 @@ def attempts(count: int) -> list[tuple[int, int, int, str, float, str, int]]:
 
 
 def point(tick: int) -> tuple[int, float, float, float, float, float, float, float]:
-    """One made-up point of the trace."""
+    """One synthetic point of the trace."""
     t = tick * 1e-3
     left, right = 0.02 * math.sin(2.1 * t), 0.018 * math.sin(2.1 * t + 0.7) + 0.004 * math.sin(9 * t)
     ball = 0.15 * math.sin(0.8 * t)
@@ -142,11 +142,11 @@ def point(tick: int) -> tuple[int, float, float, float, float, float, float, flo
 
 
 class ConsoleServer:
-    """The server; `turn` answers what has come, and must be called often."""
+    """The fake server; call `turn` often: it answers the pending messages."""
 
     def __init__(self, port: int | None = None, state: str = "running", attempted: int = 0) -> None:
         self.network = replace(Network(), port=port or free_port())
-        self.heard: list[Command] = []
+        self.received: list[Command] = []
         self.refuse: dict[str, str] = {}
         self.silent = self.forgetful = False
         self.attempts = attempts(attempted)
@@ -167,18 +167,18 @@ class ConsoleServer:
         self._opened.__exit__(None, None, None)
 
     def turn(self) -> None:
-        """Hear and answer everything that has come."""
+        """Receive and answer all pending messages."""
         while (received := self.router.receive()) is not None:
             peer, frame = received
             message = decode(frame)
             if isinstance(message, Command) and not self.silent:
-                self.heard.append(message)
+                self.received.append(message)
             for answer in () if self.silent else self._answers(peer, message):
                 self.router.send(peer, encode(answer))
 
-    def said(self, *but: str) -> list[tuple[str, str]]:
-        """Commands that have come."""
-        return [(command.name, command.argument) for command in self.heard if command.name not in but]
+    def commands(self, *excluded: str) -> list[tuple[str, str]]:
+        """Name and argument of the commands received, except those named."""
+        return [(command.name, command.argument) for command in self.received if command.name not in excluded]
 
     def _answers(self, peer: bytes, message: Message) -> list[Message]:
         match message:
@@ -222,7 +222,7 @@ class ConsoleServer:
 
 
 def main() -> None:
-    """Stay in one state."""
+    """Serve one state."""
     parser = argparse.ArgumentParser()
     parser.add_argument("state", choices=STATES)
     parser.add_argument("--port", type=int, default=5550)

@@ -1,4 +1,4 @@
-"""Views, ticks, a waiting loop and a small server for the tests of the display."""
+"""Views, a Qt waiting loop and a small server for the display tests."""
 
 import os
 from collections.abc import Callable
@@ -39,11 +39,11 @@ VIEW = View(
 
 
 TIMEOUT = 60.0
-"""What is waited for is there long before, on a busy machine too [s]."""
+"""Upper limit of a wait; the condition holds long before, even on a busy machine [s]."""
 
 
 def until(app, true: Callable[[], bool], seconds: float = TIMEOUT) -> bool:
-    """Let Qt work until something is true; tell whether it became so."""
+    """Run the Qt event loop until a condition holds or the time is up; return whether it holds."""
     from PySide6.QtCore import QEventLoop, QTimer
 
     loop, look, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
@@ -57,7 +57,7 @@ def until(app, true: Callable[[], bool], seconds: float = TIMEOUT) -> bool:
 
 
 def bytes_from(terminal: int, count: int) -> list[int]:
-    """Read so many bytes from a terminal, which hands them on when it gets to it."""
+    """Read `count` bytes from a pseudo-terminal, which may deliver them in several pieces."""
     came = b""
     while len(came) < count:
         came += os.read(terminal, count)
@@ -71,29 +71,29 @@ def local_config(port: int, link_timeout_ms: float = 60_000.0) -> Config:
 
 
 class SmallServer:
-    """The server as a display knows it: publishes views, hears and answers on the control channel."""
+    """A minimal server for a display: it publishes views and exchanges messages on the control channel."""
 
     def __init__(self, port: int) -> None:
         self.context = context = sockets.Context()
         where = channels.Addresses("127.0.0.1", "127.0.0.1", port)
         self.views = sockets.view_publisher(context, where.listen(channels.VIEW["left"]))
         self.control = sockets.control_server(context, where.listen(channels.CONTROL))
-        self.heard = []
+        self.messages = []
         self.peer = b""
         self._seq = 0
 
-    def hear(self, kind: type) -> bool:
-        """Whether a message of a kind has come by now."""
+    def has_received(self, kind: type) -> bool:
+        """Return whether a message of this kind has arrived so far."""
         while (received := self.control.receive()) is not None:
             self.peer, frame = received
-            self.heard.append(decode(frame))
-        return any(isinstance(message, kind) for message in self.heard)
+            self.messages.append(decode(frame))
+        return any(isinstance(message, kind) for message in self.messages)
 
-    def tell(self, message) -> None:
+    def send(self, message) -> None:
         assert self.control.send(self.peer, encode(message))
 
     def show(self, **changes) -> bool:
-        """Publish a view; always true, so that it can be repeated in a waiting loop."""
+        """Publish a view; return True, so that a waiting loop can repeat it."""
         self.views.send(encode(replace(VIEW, **{"seq": self._seq, "sent_ns": now_ns(), **changes})))
         self._seq += 1
         return True

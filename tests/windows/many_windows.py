@@ -1,4 +1,4 @@
-"""Makes, shows, paints and closes many windows in this process, with Python's collector at its most eager.
+"""Create, show, paint and close many windows in this process, with the most eager garbage collection.
 
 Run by `test_many_windows.py` in a process of its own: ``python -X dev many_windows.py KIND COUNT``.
 """
@@ -53,19 +53,19 @@ KINDS: dict[str, Callable[[], QWidget]] = {"participant": participant, "console"
 
 def main(kind: str, count: int) -> None:
     app = application()
-    KINDS[kind]().close()  # loads what is loaded once
+    KINDS[kind]().close()  # loads the modules once, before the count
     gc.set_threshold(1, 1, 1)
     made = []
     for _ in range(count):
         window = KINDS[kind]()
-        window.cycle = window.close  # type: ignore[attr-defined]  # only the collector can free it
+        window.cycle = window.close  # type: ignore[attr-defined]  # a reference cycle: only the collector can free it
         made.append(weakref.ref(window))
         app.processEvents()
         assert not window.grab().isNull()
         window.close()
         del window
     gc.collect()
-    if kind != "console":  # the process has one console, and its parts keep it until the end
+    if kind != "console":  # the process has one console, and its parts keep it alive until exit
         assert not any(one() for one in made), "a window was never freed"
     sys.stdout.write(f"{count} windows\n")
 

@@ -1,4 +1,4 @@
-"""The widget paints the right colours in the right places, and only new pictures."""
+"""The board view paints the right colours in the right places, and repaints only for new pictures."""
 
 import gc
 import sys
@@ -23,7 +23,7 @@ def compose(view, config=CONFIG, **more):
 
 
 def colour_at(view, point):
-    """Colour of the pixel at a place in metres, by the size of the widget alone."""
+    """Colour of the pixel at a position in metres, computed from the widget's size alone."""
     width, height = extent(CONFIG)
     scale = min(view.width() / width, view.height() / height)
     x, y = view.width() / 2 + point[0] * scale, view.height() / 2 - point[1] * scale
@@ -31,7 +31,7 @@ def colour_at(view, point):
 
 
 @pytest.mark.parametrize("size", [(840, 480), (1200, 400), (500, 700)])
-def test_colours_are_where_the_view_says(app, board, size):
+def test_board_view_paints_each_part_in_its_colour_and_place(app, board, size):
     view, _ = board
     view.window().resize(*size)
     app.processEvents()
@@ -50,14 +50,14 @@ def test_colours_are_where_the_view_says(app, board, size):
 
 
 @pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])
-def test_the_picture_state_colours_the_target(app, board, phase):
+def test_target_colour_follows_the_picture_state(app, board, phase):
     view, _ = board
     view.show_picture(compose(replace(VIEW, phase=phase)))
     app.processEvents()
     assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[PictureState.RUN].target
 
 
-def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
+def test_each_new_picture_is_painted_once_and_an_equal_one_never(app, board):
     view, paints = board
     view.show_picture(compose(VIEW))
     for _ in range(20):
@@ -73,8 +73,8 @@ def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
         assert len(paints) == step
 
 
-def test_what_a_sequence_of_pictures_leaves_is_what_the_last_one_paints(app, board):
-    """Only what changes is painted anew, and that leaves nothing of an older picture and misses nothing of the new."""
+def test_partial_repaints_match_a_full_repaint(app, board):
+    """Only changed regions are repainted; no part of an older picture remains and no part of the new one is missing."""
     view, _ = board
     pilot = replace(CONFIG, session=Session(pilot=True), display=Display(patch=True))
     tilted = replace(VIEW, theta=0.1, z=0.02, p=0.1, left=0.03)
@@ -93,11 +93,11 @@ def test_what_a_sequence_of_pictures_leaves_is_what_the_last_one_paints(app, boa
     for picture in sequence:
         view.show_picture(picture)
         app.processEvents()
-        left_by_parts = app.primaryScreen().grabWindow(view.window().winId()).toImage()
-        assert left_by_parts == view.window().grab().toImage().convertToFormat(left_by_parts.format())
+        repainted_in_parts = app.primaryScreen().grabWindow(view.window().winId()).toImage()
+        assert repainted_in_parts == view.window().grab().toImage().convertToFormat(repainted_in_parts.format())
 
 
-def test_blank_leaves_nothing_of_the_board(app, board):
+def test_blank_picture_removes_the_board(app, board):
     view, _ = board
     view.show_picture(compose(replace(VIEW, phase="levelling", right=0.02)))
     app.processEvents()
@@ -108,7 +108,7 @@ def test_blank_leaves_nothing_of_the_board(app, board):
     assert colours == {COLOURS[PictureState.LOST].background}
 
 
-def test_a_screenshot_is_written_once(app, board, tmp_path):
+def test_screenshot_never_overwrites_a_file(app, board, tmp_path):
     from PySide6.QtGui import QImage
 
     from netboard.windows.participant.window import screenshot
@@ -124,7 +124,7 @@ def test_a_screenshot_is_written_once(app, board, tmp_path):
     assert path.read_bytes() == before
 
 
-def test_keys_of_the_window(app):
+def test_f11_toggles_full_screen_and_escape_closes_the_window(app):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
@@ -146,7 +146,7 @@ def test_keys_of_the_window(app):
 
 
 @pytest.mark.slow
-def test_the_screen_outlives_the_window(app):
+def test_screen_object_outlives_the_window(app):
     from netboard.windows.participant.window import BoardWindow, screen_of
 
     for _ in range(3):
@@ -160,7 +160,7 @@ def test_the_screen_outlives_the_window(app):
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="None is immortal here and cannot be lost")
-def test_the_qt_binding_does_not_give_none_away(app):
+def test_qt_binding_does_not_drop_references_to_none(app):
     """PySide6 6.12.0 drops a reference to None in every call, until Python 3.11 aborts after some thousand of them."""
     before = sys.getrefcount(None)
     for _ in range(1000):

@@ -1,4 +1,4 @@
-"""The session's form: accepted answers."""
+"""The session form: which answers it accepts."""
 
 import json
 from dataclasses import fields, replace
@@ -12,18 +12,18 @@ from netboard.windows.operator.form_fields import Entry, as_json, first_entry, p
 GOOD = Entry("S03", "P05", "P06", "right", "left", "left", consent=True, pilot=False)
 
 
-def test_answers_fit_the_configuration() -> None:
+def test_form_answers_are_valid_session_settings() -> None:
     assert {field.name for field in fields(Entry)} <= {field.name for field in fields(Session)}
     answers = json.loads(as_json(GOOD))
     text = "[session]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in answers.items())
     assert parse(text).session == replace(Config().session, **answers)
 
 
-def test_consent_is_never_taken_from_the_configuration() -> None:
+def test_consent_is_never_prefilled_from_the_configuration() -> None:
     assert not first_entry(replace(Session(), consent=True)).consent
 
 
-def test_good_answers_have_no_problems() -> None:
+def test_valid_answers_have_no_problems() -> None:
     assert problems(GOOD) == {}
     assert problems(replace(GOOD, consent=False, pilot=True)) == {}
 
@@ -34,9 +34,9 @@ def test_labels_are_pseudonyms(name: str, wrong: str) -> None:
     assert set(problems(replace(GOOD, **{name: wrong}))) == {name}
 
 
-def test_two_people_have_two_ids() -> None:
+def test_both_participants_must_have_different_ids() -> None:
     assert "both" in problems(replace(GOOD, participant_b="P05"))["participant_b"]
 
 
-def test_without_consent_there_is_no_real_session() -> None:
+def test_real_session_requires_consent() -> None:
     assert set(problems(replace(GOOD, consent=False))) == {"consent"}

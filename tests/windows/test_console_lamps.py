@@ -27,7 +27,7 @@ def of(lamps, name):
 
 
 def left(**changes: object):
-    """Lamps of a left station where something is different."""
+    """Lamps of the left station, with some fields of its status changed."""
     names = ("what", "name", "version", "heard", "trip", "bound", "drift", "rate", "lost")
     link = dict(zip(names, RUNNING.links[0], strict=True))
     station = dict(zip(("side", "age", "bits", "rendered", "missed", "clamped"), RUNNING.stations[0], strict=True))
@@ -38,7 +38,7 @@ def left(**changes: object):
 
 
 @pytest.mark.parametrize("status", STATES.values(), ids=STATES)
-def test_the_lamps_are_always_the_same(status: Status) -> None:
+def test_every_status_has_the_same_lamps_with_tips_and_texts(status: Status) -> None:
     for side in SIDES:
         lamps = station_lamps(status, NONE, side, LIMITS)
         assert tuple(lamp.name for lamp in lamps) == STATION_LAMPS
@@ -48,7 +48,7 @@ def test_the_lamps_are_always_the_same(status: Status) -> None:
     assert tuple(lamp.name for lamp in lamps) == SESSION_LAMPS
 
 
-def test_where_all_is_well_all_lamps_are_good() -> None:
+def test_all_lamps_are_good_without_a_fault() -> None:
     lamps = [*(lamp for side in SIDES for lamp in station_lamps(RUNNING, NONE, side, LIMITS))]
     lamps += session_lamps(RUNNING, 0.1, NONE, LIMITS)
     assert {lamp.level for lamp in lamps} == {Level.GOOD}
@@ -56,7 +56,7 @@ def test_where_all_is_well_all_lamps_are_good() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "level", "said", "changes"),
+    ("name", "level", "text", "changes"),
     [
         ("Device", Level.BAD, "lost", {"bits": int(Safeguard.DEVICE_LOST)}),
         ("Device", Level.WATCH, "not ready", {"bits": int(Safeguard.NOT_READY)}),
@@ -82,25 +82,27 @@ def test_where_all_is_well_all_lamps_are_good() -> None:
         ("Safety", Level.WATCH, "not armed", {"bits": 0}),
     ],
 )
-def test_what_is_wrong_at_a_station_is_said(name: str, level: Level, said: str, changes: dict[str, object]) -> None:
+def test_station_lamp_shows_the_level_and_text_of_a_fault(
+    name: str, level: Level, text: str, changes: dict[str, object]
+) -> None:
     lamp = of(left(**changes), name)
-    assert (lamp.level, lamp.words) == (level, said)
+    assert (lamp.level, lamp.words) == (level, text)
 
 
-def test_loops_are_judged_by_what_is_stable() -> None:
+def test_latency_lamp_compares_the_loop_latency_with_its_stable_limit() -> None:
     for late, level in ((0.002, Level.GOOD), (0.005, Level.WATCH), (0.009, Level.BAD), (math.nan, Level.OFF)):
         status = replace(RUNNING, loops=(("agent.left", late, 0.0085),))
         assert of(station_lamps(status, NONE, "left", LIMITS), "Latency").level is level
 
 
-def test_a_side_that_is_awaited_is_missing_and_another_is_not_needed() -> None:
+def test_absent_device_is_bad_only_if_the_server_waits_for_it() -> None:
     status = STATES["waiting"]
     assert of(station_lamps(status, NONE, "right", LIMITS), "Device").level is Level.BAD
     unneeded = replace(status, waiting_for=())
     assert of(station_lamps(unneeded, NONE, "right", LIMITS), "Device").level is Level.OFF
 
 
-def test_lost_messages_of_late_count_and_old_ones_do_not() -> None:
+def test_drops_and_deadline_misses_count_recent_ones_only() -> None:
     history = StatusHistory()
     now = replace(RUNNING, links=(RUNNING.links[0], UNARMED_LINK))
     recent = history.add(100.0, now)
@@ -115,7 +117,7 @@ def test_lost_messages_of_late_count_and_old_ones_do_not() -> None:
     assert history.add(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
 
 
-def test_minutes_left_on_the_disk() -> None:
+def test_minutes_left_on_the_disk_follow_the_growth_of_the_recording() -> None:
     assert minutes_left([(0.0, 0), (60.0, 6_000_000)], 60_000_000) == pytest.approx(10.0)
     assert minutes_left([(0.0, 9_000_000), (30.0, 1_000_000), (60.0, 2_000_000)], 2_000_000) == pytest.approx(1.0)
     assert math.isinf(minutes_left([(0.0, 5), (60.0, 5)], 10**9))
@@ -123,7 +125,7 @@ def test_minutes_left_on_the_disk() -> None:
     assert math.isnan(minutes_left([], 10**9))
 
 
-def test_the_growth_of_a_recording_is_remembered() -> None:
+def test_status_history_estimates_the_minutes_left_from_growth() -> None:
     history = StatusHistory()
     for second in range(11):
         grown = (("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
@@ -134,7 +136,7 @@ def test_the_growth_of_a_recording_is_remembered() -> None:
     assert math.isnan(history.add(12.0, replace(RUNNING, recordings=())).minutes)
 
 
-def test_running_but_not_recording_is_shouted() -> None:
+def test_alarm_when_a_trial_runs_without_a_recording() -> None:
     stalled = (("file", 4.0, 1000, 10**11),)
     for phase in ("levelling", "running", "holding", "succeeded", "failed"):
         for recordings in ((), stalled):
@@ -148,7 +150,7 @@ def test_running_but_not_recording_is_shouted() -> None:
     assert of(session_lamps(two, 0.0, NONE, LIMITS), "Recording").level is Level.WATCH
 
 
-def test_what_else_is_shouted() -> None:
+def test_alarms_for_lost_server_full_disk_and_emergency_stop() -> None:
     assert "NO REPLY" in alarm(RUNNING, 0.9, NONE, False)
     assert "FULL IN 4" in alarm(RUNNING, 0.0, RecentCounts(minutes=4.2), False)
     assert "EMERGENCY STOP" in alarm(STATES["stopped"], 0.0, NONE, False)
@@ -159,7 +161,7 @@ def test_what_else_is_shouted() -> None:
     assert words.headline(ended, 5.0).words == "SESSION OVER"
 
 
-def test_the_server_is_silent_within_a_second() -> None:
+def test_server_silent_for_almost_a_second_is_link_lost() -> None:
     assert of(session_lamps(RUNNING, 0.99, NONE, LIMITS), "Server").level is Level.BAD
     assert of(session_lamps(RUNNING, 0.2, NONE, LIMITS), "Server").level is Level.GOOD
     assert words.headline(RUNNING, 0.99).words == "LINK LOST"
@@ -167,20 +169,20 @@ def test_the_server_is_silent_within_a_second() -> None:
     assert of(session_lamps(None, math.inf, NONE, LIMITS), "Server").words == "not found"
 
 
-def test_late_ticks_of_now_count() -> None:
+def test_deadline_miss_lamp_uses_recent_misses() -> None:
     for recently, level in ((0, Level.GOOD), (3, Level.WATCH), (21, Level.BAD)):
         assert (
             of(session_lamps(RUNNING, 0.0, RecentCounts(late_ticks=recently), LIMITS), "Deadline misses").level is level
         )
 
 
-def test_no_consent_is_wrong_except_in_a_pilot() -> None:
+def test_missing_consent_is_bad_except_in_a_pilot() -> None:
     unasked = replace(RUNNING, consent=False)
     assert of(session_lamps(unasked, 0.0, NONE, LIMITS), "Session").level is Level.BAD
     assert of(session_lamps(STATES["pilot"], 0.0, NONE, LIMITS), "Session").words == "pilot"
 
 
-def test_a_pilot_cannot_be_taken_for_a_real_session() -> None:
+def test_banner_distinguishes_pilot_real_and_unopened_sessions() -> None:
     pilot, real = words.banner(STATES["pilot"]), words.banner(RUNNING)
     assert pilot.words.startswith("PILOT")
     assert "REAL" not in pilot.words
@@ -191,7 +193,7 @@ def test_a_pilot_cannot_be_taken_for_a_real_session() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "said"),
+    ("state", "headline"),
     [
         ("unopened", "NOT OPENED"),
         ("ready", "READY"),
@@ -204,11 +206,11 @@ def test_a_pilot_cannot_be_taken_for_a_real_session() -> None:
         ("finished", "SESSION FINISHED"),
     ],
 )
-def test_headlines(state: str, said: str) -> None:
-    assert words.headline(STATES[state], 0.0).words == said
+def test_headline_names_the_state(state: str, headline: str) -> None:
+    assert words.headline(STATES[state], 0.0).words == headline
 
 
-def test_what_to_do_next() -> None:
+def test_advice_names_the_next_key_or_the_missing_peer() -> None:
     assert "F3" in words.advice(STATES["unopened"], "").words
     assert "F1" in words.advice(IDLE, "").words
     assert "agent.right, the logger" in words.advice(STATES["waiting"], "").words
@@ -218,7 +220,7 @@ def test_what_to_do_next() -> None:
     assert "lab0:5550" in words.advice(None, "lab0:5550").words
 
 
-def test_attempts_in_words() -> None:
+def test_attempt_row_shows_outcome_flags_and_repeated_trial() -> None:
     cells = [words.attempt_cells(attempt) for attempt in attempts(10)]
     assert cells[2][3] == "ball fell"
     assert cells[7][5] == "late ticks, lost"
@@ -229,7 +231,7 @@ def test_attempts_in_words() -> None:
 # --- commands -----------------------------------------------------------------------------------------------------
 
 
-def test_every_key_is_there_once_and_every_command_exists() -> None:
+def test_keys_are_unique_and_the_commands_are_those_of_the_protocol() -> None:
     rows = [*COMMANDS, RELEASING]
     keys = [command.key for command in rows] + [*STOP_KEYS]
     assert len(set(keys)) == len(keys)
@@ -240,7 +242,7 @@ def possible(status: Status | None, own: str = "me") -> set[str]:
     return {command.name for command in (*COMMANDS, RELEASING) if not refusal(command, status, own)}
 
 
-def test_what_makes_sense_when() -> None:
+def test_possible_commands_depend_on_the_state() -> None:
     assert possible(None) == set()
     assert possible(STATES["unopened"]) == {"open", "note", "arm", "take"}
     assert {"start", "arm", "next", "end"} <= possible(IDLE)
@@ -254,7 +256,7 @@ def test_what_makes_sense_when() -> None:
     assert "repeat" in possible(replace(RUNNING, outcomes=1))
 
 
-def test_who_watches_may_take_and_note() -> None:
+def test_observer_may_take_over_and_add_notes() -> None:
     assert possible(STATES["watched"], "me") == {"take", "note"}
     reason = refusal(COMMANDS[0], STATES["watched"], "me")
     assert "lab2:4711" in reason
@@ -262,10 +264,10 @@ def test_who_watches_may_take_and_note() -> None:
     assert "take" not in possible(STATES["watched"], "lab2:4711")
 
 
-def test_a_replay_cannot_be_taken_for_a_live_session_and_alarms_nobody() -> None:
+def test_replay_has_its_own_banner_and_raises_only_the_no_reply_alarm() -> None:
     replay = replace(RUNNING, notice=f"{REPLAY_OF}S01.mcap: playing at 0:03.0", recordings=(), consent=False)
     assert words.banner(replay).words.startswith("REPLAY")
-    assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "the looks of real sessions and pilots"
+    assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "a replay looks like a real session or a pilot"
     assert words.advice(replay, "lab0:5550").words == replay.notice
     assert "may control a replay" in words.commander(replay, "me").words
     assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {Level.OFF}
@@ -274,7 +276,7 @@ def test_a_replay_cannot_be_taken_for_a_live_session_and_alarms_nobody() -> None
     assert possible(replay) == possible(replace(replay, phase="idle")) == {"pause", "resume", "next", "end"}
 
 
-def test_a_logger_that_has_not_begun_its_file_is_ready_and_nothing_is_wrong_with_its_disk():
+def test_logger_without_a_file_yet_is_ready_and_its_disk_lamp_is_off():
     waiting = replace(IDLE, opened=False, recordings=(("", math.nan, 0, 0),))
     lamps = session_lamps(waiting, 0.0, NONE, LIMITS)
     assert (of(lamps, "Recording").level, of(lamps, "Recording").words) == (Level.GOOD, "ready")

@@ -1,4 +1,4 @@
-"""The console with a server on a real socket: keys, refusals, emergency stop, notes, form, silence."""
+"""The console with a fake server on a real socket: keys, refusals, emergency stop, notes, form, lost link."""
 
 import json
 from collections.abc import Callable
@@ -18,11 +18,11 @@ pytestmark = pytest.mark.slow
 
 
 TIMEOUT = 60.0
-"""What is waited for is there long before, on a busy machine too [s]."""
+"""Upper limit of a wait; the condition holds long before, even on a busy machine [s]."""
 
 
 def until(app, true: Callable[[], object], seconds: float = TIMEOUT) -> None:
-    """Let Qt work until something is true."""
+    """Run the Qt event loop until a condition holds; fail after the timeout."""
     from PySide6.QtCore import QEventLoop, QTimer
 
     loop, timer, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
@@ -42,8 +42,8 @@ def until(app, true: Callable[[], object], seconds: float = TIMEOUT) -> None:
     assert met or true()
 
 
-class Table:
-    """A window, its client, and the server, all turned by Qt."""
+class ConsoleRig:
+    """A console window, its client and the fake server, all driven by the Qt event loop."""
 
     def __init__(self, app, server: ConsoleServer, context: sockets.Context) -> None:
         from PySide6.QtCore import QTimer
@@ -65,12 +65,12 @@ class Table:
         until(self.app, true)
 
     def show(self, state: str) -> None:
-        """Have the server in a state, and wait until that is seen."""
+        """Put the server into a state, and wait until the window has it."""
         self.server.show(state)
-        self.until(lambda: repr(self.window.state.status) == repr(self.server.status))  # NaN is in some
+        self.until(lambda: repr(self.window.state.status) == repr(self.server.status))  # repr, because some hold NaN
 
     def press(self, key: str) -> None:
-        """Press a key of the window, wherever its focus is."""
+        """Press a key in the widget that has the focus."""
         from PySide6.QtGui import QKeySequence
         from PySide6.QtTest import QTest
 
@@ -82,18 +82,18 @@ class Table:
 
         QTest.keyClicks(self.app.focusWidget(), words)
 
-    def heard(self, name: str, argument: str = "") -> None:
-        """Wait until the server has heard a command."""
-        self.until(lambda: (name, argument) in self.server.said())
+    def wait_for_command(self, name: str, argument: str = "") -> None:
+        """Wait until the server has received a command."""
+        self.until(lambda: (name, argument) in self.server.commands())
 
-    def replied(self, words: str) -> None:
+    def wait_for_reply(self, words: str) -> None:
         self.until(lambda: words in self.window.reply.text())
 
 
 @pytest.fixture
-def table(app, server: ConsoleServer):
+def console(app, server: ConsoleServer):
     with sockets.open_context() as context:
-        made = Table(app, server, context)
+        made = ConsoleRig(app, server, context)
         made.until(lambda: made.window.state.status is not None and app.focusWindow() is not None)
         yield made
         made.turns.stop()
@@ -115,170 +115,172 @@ KEYS = [
 
 @pytest.mark.parametrize(("key", "name", "state"), KEYS, ids=[name for _, name, _ in KEYS])
 @pytest.mark.daily(5)
-def test_a_key_sends_its_command(
-    table: Table, key: str, name: str, state: str, monkeypatch: pytest.MonkeyPatch
+def test_key_sends_its_command(
+    console: ConsoleRig, key: str, name: str, state: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
-    table.server.attempts = attempts(1)
-    table.show(state)
-    table.window.show_form(False)
-    table.press(key)
+    console.server.attempts = attempts(1)
+    console.show(state)
+    console.window.show_form(False)
+    console.press(key)
     if next(command for command in (*COMMANDS, RELEASING) if command.name == name).twice:
-        table.replied("once more")
-        assert table.server.said() == []
-        table.press(key)
-    table.heard(name)
-    table.replied("done")
+        console.wait_for_reply("once more")
+        assert console.server.commands() == []
+        console.press(key)
+    console.wait_for_command(name)
+    console.wait_for_reply("done")
 
 
-def test_a_button_does_what_its_key_does(table: Table) -> None:
-    button = next(button for button in table.window.bar.buttons if button.command.name == "pause")
+def test_button_sends_the_same_command_as_its_key(console: ConsoleRig) -> None:
+    button = next(button for button in console.window.bar.buttons if button.command.name == "pause")
     button.click()
-    table.heard("pause")
-    assert table.server.said() == [("pause", "")]
+    console.wait_for_command("pause")
+    assert console.server.commands() == [("pause", "")]
 
 
-def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 2**62)  # however slow this machine is
-    end = next(button for button in table.window.bar.buttons if button.command.name == "end")
+def test_too_quick_a_second_press_does_not_confirm_a_command(
+    console: ConsoleRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 2**62)  # too quick on a slow machine, too
+    end = next(button for button in console.window.bar.buttons if button.command.name == "end")
     end.click()
     end.click()
-    table.replied("once more")
+    console.wait_for_reply("once more")
     assert "again" in end.text()
-    table.press("F5")
-    table.heard("pause")
+    console.press("F5")
+    console.wait_for_command("pause")
     assert "again" not in end.text()
-    assert table.server.said() == [("pause", "")]
+    assert console.server.commands() == [("pause", "")]
 
 
-def test_what_makes_no_sense_is_not_sent_and_said(table: Table) -> None:
-    table.press("F7")
-    assert table.window.reply.text() == "Resume: not possible while running"
-    table.show("watched")
-    table.press("F7")
-    assert "lab2:4711 is in command: press T" in table.window.reply.text()
-    table.press("T")
-    table.until(lambda: table.window.commander.text() == "You are in command")
-    table.press("F7")
-    table.heard("resume")
+def test_impossible_command_is_explained_and_not_sent(console: ConsoleRig) -> None:
+    console.press("F7")
+    assert console.window.reply.text() == "Resume: not possible while running"
+    console.show("watched")
+    console.press("F7")
+    assert "lab2:4711 is in command: press T" in console.window.reply.text()
+    console.press("T")
+    console.until(lambda: console.window.commander.text() == "You are in command")
+    console.press("F7")
+    console.wait_for_command("resume")
 
 
-def test_a_refusal_is_shown_with_its_reason(table: Table) -> None:
-    table.server.refuse["pause"] = "the trial is over already"
-    table.press("F5")
-    table.replied("Pause now REFUSED: the trial is over already")
-    assert table.window.headline.text() == "RUNNING"
+def test_refusal_is_shown_with_its_reason(console: ConsoleRig) -> None:
+    console.server.refuse["pause"] = "the trial is over already"
+    console.press("F5")
+    console.wait_for_reply("Pause now REFUSED: the trial is over already")
+    assert console.window.headline.text() == "RUNNING"
 
 
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("key", ["Esc", "Space"])
 @pytest.mark.daily(8)
-def test_the_emergency_stop_works_in_every_state(table: Table, state: str, key: str) -> None:
-    table.show(state)
-    table.window.show_form(False)
-    table.press(key)
-    table.heard(STOP)
-    table.until(lambda: table.window.headline.text() == "STOPPED")
+def test_emergency_stop_works_in_every_state(console: ConsoleRig, state: str, key: str) -> None:
+    console.show(state)
+    console.window.show_form(False)
+    console.press(key)
+    console.wait_for_command(STOP)
+    console.until(lambda: console.window.headline.text() == "STOPPED")
 
 
-def test_it_works_while_a_note_is_written(table: Table) -> None:
-    table.press("F4")
-    table.until(table.window.note.text.hasFocus)
-    table.write("a b T")
-    assert table.window.note.text.text() == "a b T"
-    assert table.server.said() == []
-    table.press("Esc")
-    table.heard(STOP)
+def test_emergency_stop_works_while_a_note_is_written(console: ConsoleRig) -> None:
+    console.press("F4")
+    console.until(console.window.note.text.hasFocus)
+    console.write("a b T")
+    assert console.window.note.text.text() == "a b T"
+    assert console.server.commands() == []
+    console.press("Esc")
+    console.wait_for_command(STOP)
 
 
-def test_it_works_while_the_form_is_filled_in(table: Table) -> None:
-    table.show("unopened")
-    table.press("F3")
-    for field in (*table.window.form.texts.values(), table.window.form.consent):
+def test_emergency_stop_works_while_the_form_is_filled_in(console: ConsoleRig) -> None:
+    console.show("unopened")
+    console.press("F3")
+    for field in (*console.window.form.texts.values(), console.window.form.consent):
         field.setFocus()
-        table.server.heard.clear()
-        table.server.show("unopened")
-        table.press("Esc")
-        table.heard(STOP)
-    table.window.form.consent.setFocus()
-    table.server.heard.clear()
-    table.press("Space")
-    assert table.window.form.consent.isChecked()
-    assert table.server.said() == []
+        console.server.received.clear()
+        console.server.show("unopened")
+        console.press("Esc")
+        console.wait_for_command(STOP)
+    console.window.form.consent.setFocus()
+    console.server.received.clear()
+    console.press("Space")
+    assert console.window.form.consent.isChecked()
+    assert console.server.commands() == []
 
 
-def test_its_button_stops_when_it_is_pressed_and_before_it_is_let_go(table: Table) -> None:
+def test_stop_button_acts_on_press_not_on_release(console: ConsoleRig) -> None:
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
-    QTest.mousePress(table.window.stop.button, Qt.MouseButton.LeftButton)
-    table.heard(STOP)
-    assert table.window.stop.button.isDown()
-    QTest.mouseRelease(table.window.stop.button, Qt.MouseButton.LeftButton)
+    QTest.mousePress(console.window.stop.button, Qt.MouseButton.LeftButton)
+    console.wait_for_command(STOP)
+    assert console.window.stop.button.isDown()
+    QTest.mouseRelease(console.window.stop.button, Qt.MouseButton.LeftButton)
 
 
-def test_a_stop_that_is_not_confirmed_is_shouted_and_sent_again(table: Table) -> None:
-    table.server.silent = True
-    table.press("Esc")
-    table.until(lambda: "LET GO" in table.window.alarm.text())
-    table.server.silent = False
-    table.heard(STOP)
-    table.until(lambda: "LET GO" not in table.window.alarm.text())
+def test_unconfirmed_stop_raises_an_alarm_and_is_sent_again(console: ConsoleRig) -> None:
+    console.server.silent = True
+    console.press("Esc")
+    console.until(lambda: "LET GO" in console.window.alarm.text())
+    console.server.silent = False
+    console.wait_for_command(STOP)
+    console.until(lambda: "LET GO" not in console.window.alarm.text())
 
 
-def test_a_stop_is_released_by_who_presses_twice(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pressing_ctrl_r_twice_releases_the_stop(console: ConsoleRig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.windows.operator.window.SOON_NS", 0)
-    table.press("Esc")
-    table.until(lambda: table.window.headline.text() == "STOPPED")
-    table.press("Ctrl+R")
-    table.press("Ctrl+R")
-    table.heard(RELEASE)
-    table.until(lambda: table.window.headline.text() == "PAUSED")
+    console.press("Esc")
+    console.until(lambda: console.window.headline.text() == "STOPPED")
+    console.press("Ctrl+R")
+    console.press("Ctrl+R")
+    console.wait_for_command(RELEASE)
+    console.until(lambda: console.window.headline.text() == "PAUSED")
 
 
-def test_a_note_has_the_time_of_its_first_letter(table: Table) -> None:
-    table.press("F4")
-    table.until(table.window.note.text.hasFocus)
-    first = table.window.note.tick
-    table.write("w")
-    table.server.change(tick=first + 5000)
-    table.until(lambda: table.window.note.tick >= first + 5000)
-    table.write("as loud")
-    table.press("Return")
-    table.until(table.server.said)
-    name, argument = table.server.said()[0]
+def test_note_is_stamped_with_the_tick_of_its_first_letter(console: ConsoleRig) -> None:
+    console.press("F4")
+    console.until(console.window.note.text.hasFocus)
+    first = console.window.note.tick
+    console.write("w")
+    console.server.change(tick=first + 5000)
+    console.until(lambda: console.window.note.tick >= first + 5000)
+    console.write("as loud")
+    console.press("Return")
+    console.until(console.server.commands)
+    name, argument = console.server.commands()[0]
     assert (name, json.loads(argument)) == ("note", {"text": "was loud", "tick": first})
-    assert not table.window.note.text.hasFocus()
-    table.press("F4")
-    table.write(" ")
-    table.press("Return")
-    table.write("")
-    assert len(table.server.said()) == 1
+    assert not console.window.note.text.hasFocus()
+    console.press("F4")
+    console.write(" ")
+    console.press("Return")
+    console.write("")
+    assert len(console.server.commands()) == 1
 
 
-def test_the_form_opens_the_session(table: Table) -> None:
-    form = table.window.form
-    table.server.change(opened=False, consent=False, phase="idle", session="another")
-    table.until(lambda: table.window.middle.currentWidget() is form)
+def test_form_opens_the_session_once_its_answers_are_valid(console: ConsoleRig) -> None:
+    form = console.window.form
+    console.server.change(opened=False, consent=False, phase="idle", session="another")
+    console.until(lambda: console.window.middle.currentWidget() is form)
     assert form.texts["name"].text() == "S03"
-    table.press("Return")
+    console.press("Return")
     assert "Consent" in form.trouble.text()
     form.texts["participant_a"].setText("Anna Bauer")
     form.consent.setChecked(True)
-    table.press("Return")
+    console.press("Return")
     assert "Anna Bauer" in form.trouble.text()
-    assert table.server.said() == []
+    assert console.server.commands() == []
     form.texts["participant_a"].setText("P05")
     form.texts["participant_b"].setText("P06")
-    table.server.refuse["open"] = "S03 of dyad D03 is there already: resume it, or take another name"
-    table.press("Return")
-    table.until(lambda: "there already" in form.trouble.text())
-    table.server.refuse.clear()
+    console.server.refuse["open"] = "S03 of dyad D03 is there already: resume it, or take another name"
+    console.press("Return")
+    console.until(lambda: "there already" in form.trouble.text())
+    console.server.refuse.clear()
     form.texts["name"].setText("S04")
     form.kind.buttons["pilot"].click()
-    table.press("Return")
-    table.until(lambda: table.window.middle.currentWidget() is table.window.live)
-    sent = json.loads(table.server.said()[-1][1])
+    console.press("Return")
+    console.until(lambda: console.window.middle.currentWidget() is console.window.live)
+    sent = json.loads(console.server.commands()[-1][1])
     assert sent == {
         "name": "S04",
         "participant_a": "P05",
@@ -289,55 +291,55 @@ def test_the_form_opens_the_session(table: Table) -> None:
         "consent": True,
         "pilot": True,
     }
-    table.until(lambda: table.window.banner.text().startswith("PILOT"))
+    console.until(lambda: console.window.banner.text().startswith("PILOT"))
 
 
-def test_a_repeat_names_the_trial_that_is_marked(table: Table) -> None:
-    table.server.attempts = attempts(6)
-    table.show("running")
-    table.until(lambda: table.window.table.attempts.rowCount() == 6)
+def test_repeat_names_the_selected_trial(console: ConsoleRig) -> None:
+    console.server.attempts = attempts(6)
+    console.show("running")
+    console.until(lambda: console.window.table.attempts.rowCount() == 6)
     for _ in range(3):
-        table.press("Up")
-    marked = table.window.table.marked
+        console.press("Up")
+    marked = console.window.table.marked
     assert marked == attempts(6)[3]
-    table.press("F9")
-    table.heard("repeat", "3")
+    console.press("F9")
+    console.wait_for_command("repeat", "3")
     for _ in range(3):
-        table.press("Down")
-    assert table.window.table.marked is None
-    table.press("Shift+F9")
-    table.heard("veto")
-    table.press("Up")
-    table.server.change(block=4)
-    table.until(lambda: table.window.state.status.block == 4)
-    table.press("F9")
-    assert "block 3" in table.window.reply.text()
+        console.press("Down")
+    assert console.window.table.marked is None
+    console.press("Shift+F9")
+    console.wait_for_command("veto")
+    console.press("Up")
+    console.server.change(block=4)
+    console.until(lambda: console.window.state.status.block == 4)
+    console.press("F9")
+    assert "block 3" in console.window.reply.text()
 
 
-def test_a_silent_server_is_red_within_a_second(table: Table) -> None:
-    lamp = table.window.session.widgets[0]
-    table.until(lambda: lamp.lamp.level is Level.GOOD)
-    table.server.silent = True
-    table.until(lambda: lamp.lamp.level is Level.BAD)
-    assert table.window.headline.text() == "LINK LOST"
-    assert "NO REPLY" in table.window.alarm.text()
-    assert {widget.lamp.level for widget in table.window.stations.columns["left"]} == {Level.OFF}
-    table.server.silent = False
-    table.until(lambda: lamp.lamp.level is Level.GOOD)
-    assert table.window.headline.text() == "RUNNING"
+def test_silent_server_turns_the_server_lamp_red_until_it_answers(console: ConsoleRig) -> None:
+    lamp = console.window.session.widgets[0]
+    console.until(lambda: lamp.lamp.level is Level.GOOD)
+    console.server.silent = True
+    console.until(lambda: lamp.lamp.level is Level.BAD)
+    assert console.window.headline.text() == "LINK LOST"
+    assert "NO REPLY" in console.window.alarm.text()
+    assert {widget.lamp.level for widget in console.window.stations.columns["left"]} == {Level.OFF}
+    console.server.silent = False
+    console.until(lambda: lamp.lamp.level is Level.GOOD)
+    assert console.window.headline.text() == "RUNNING"
 
 
-def test_a_server_that_does_not_know_it_any_more_is_greeted_anew(table: Table) -> None:
-    table.server._peers.clear()
-    table.server.change(tick=RUNNING.tick + 77)
-    table.until(lambda: table.window.state.status.tick == RUNNING.tick + 77)
-    assert table.server.said() == []
-    table.press("F5")
-    table.heard("pause")
-    assert table.server.said() == [("pause", "")]
+def test_console_rejoins_a_server_that_has_forgotten_it(console: ConsoleRig) -> None:
+    console.server._peers.clear()
+    console.server.change(tick=RUNNING.tick + 77)
+    console.until(lambda: console.window.state.status.tick == RUNNING.tick + 77)
+    assert console.server.commands() == []
+    console.press("F5")
+    console.wait_for_command("pause")
+    assert console.server.commands() == [("pause", "")]
 
 
-def test_the_strips_show_the_last_ten_seconds(app) -> None:
+def test_strip_charts_show_the_last_ten_seconds(app) -> None:
     import numpy as np
 
     from netboard.windows.operator.strips import StripCharts
@@ -361,16 +363,16 @@ def test_the_strips_show_the_last_ten_seconds(app) -> None:
     strips.take([point(5_000)])
     strips.take([point(1_000), point(1_005)])
     strips.redraw()
-    assert len(strips._lines[0][0].getData()[0]) == 2, "a replay has gone back"
+    assert len(strips._lines[0][0].getData()[0]) == 2, "an older tick restarts the chart: a replay was rewound"
 
 
-def test_a_window_is_not_closed_by_accident_while_a_block_is_on(table: Table) -> None:
-    assert not table.window.close()
-    assert "once more" in table.window.reply.text()
-    assert table.window.close()
+def test_closing_the_window_during_a_block_needs_confirmation(console: ConsoleRig) -> None:
+    assert not console.window.close()
+    assert "once more" in console.window.reply.text()
+    assert console.window.close()
 
 
-def test_a_picture_is_taken_at_the_first_word(app, server: ConsoleServer, tmp_path) -> None:
+def test_screenshot_is_taken_at_the_first_status(app, server: ConsoleServer, tmp_path) -> None:
     from PySide6.QtCore import QTimer
 
     from netboard.base.errors import NetboardError

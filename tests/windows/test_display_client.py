@@ -1,4 +1,4 @@
-"""The display's client with a small server over real sockets."""
+"""The display client with a small server over real sockets."""
 
 from dataclasses import replace
 
@@ -43,12 +43,12 @@ class Rig:
         return self.server
 
     def welcome(self, config=None, session="s1"):
-        assert until(self.app, lambda: self.server.hear(Hello))
-        self.server.tell(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
+        assert until(self.app, lambda: self.server.has_received(Hello))
+        self.server.send(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
         assert until(self.app, lambda: self.client.session == session)
 
     def shows(self, state, **view):
-        """Whether the window shows a state in the end, while a view is published if one is given."""
+        """Return whether the window reaches a state; meanwhile publish the view, if one is given."""
         return until(
             self.app,
             lambda: (not view or self.server.show(**view)) and self.window.board.picture.state is state,
@@ -70,43 +70,43 @@ def rig(app):
 
 
 @pytest.fixture
-def hasty(app):
-    """A rig that misses its views soon."""
+def impatient_rig(app):
+    """A rig with a short link timeout."""
     made = Rig(app, link_timeout_ms=150.0)
     yield made
     made.close()
 
 
-def test_it_waits_in_words_then_greets_then_shows_and_reports(rig):
+def test_display_waits_joins_shows_views_and_reports_frames(rig):
     picture = rig.window.board.picture
     assert picture.headline == "Waiting for the experiment"
     assert str(rig.port) in picture.detail
     server = rig.serve()
     rig.welcome()
-    hello = next(message for message in server.heard if isinstance(message, Hello))
+    hello = next(message for message in server.messages if isinstance(message, Hello))
     assert (hello.role, hello.side, hello.protocol) == ("display", "left", PROTOCOL_VERSION)
     assert server.peer.startswith(b"display.left@")
     assert rig.shows(PictureState.RUN, tick=77)
-    assert until(rig.app, lambda: server.hear(Frames))
-    frames = next(message for message in server.heard if isinstance(message, Frames))
+    assert until(rig.app, lambda: server.has_received(Frames))
+    frames = next(message for message in server.messages if isinstance(message, Frames))
     ((tick, received_ns, painted_ns),) = frames.shown
     assert (frames.station, tick) == ("left", 77)
     assert 0 < received_ns <= painted_ns
 
 
-def test_the_servers_configuration_says_what_the_board_looks_like(rig):
+def test_board_geometry_comes_from_the_servers_configuration(rig):
     rig.serve()
     rig.welcome(replace(Config(), geometry=Geometry(ball_radius=0.04)))
     assert rig.shows(PictureState.RUN, tick=5)
     assert rig.window.board.picture.ball_radius == 0.04
 
 
-def test_another_block_is_taken_over_without_a_restart(rig):
+def test_next_block_applies_without_a_restart(rig):
     rig.serve()
     rig.welcome()
     assert rig.shows(PictureState.RUN, tick=5)
     block = Block(number=2, blocks=18, instructions="Now the other way round.")
-    rig.server.tell(Welcome("s1", PROTOCOL_VERSION, 0, resolve(replace(Config(), block=block, geometry=WIDE))))
+    rig.server.send(Welcome("s1", PROTOCOL_VERSION, 0, resolve(replace(Config(), block=block, geometry=WIDE))))
     assert until(rig.app, lambda: rig.client.config.block == block)
     assert rig.shows(PictureState.WAIT, phase="idle", block=2, blocks=18)
     assert until(rig.app, lambda: rig.window.board.picture.text == "Now the other way round.")
@@ -115,7 +115,7 @@ def test_another_block_is_taken_over_without_a_restart(rig):
     assert rig.window.board.picture.extent[0] > 0.9
 
 
-def test_the_screen_is_the_displays_own(rig):
+def test_screen_settings_come_from_the_displays_own_configuration(rig):
     rig.serve()
     theirs = Display(language="de", patch=True, mm_per_pixel=0.3)
     rig.welcome(replace(Config(), display=theirs))
@@ -125,7 +125,7 @@ def test_the_screen_is_the_displays_own(rig):
     assert rig.window.board.picture.patch is None
 
 
-def test_a_board_that_does_not_fit_is_said(rig, caplog):
+def test_board_wider_than_the_window_is_logged(rig, caplog):
     rig.window.board.mm_per_pixel = 0.3
     rig.client.own = replace(rig.client.own, mm_per_pixel=0.3)
     rig.serve()
@@ -133,7 +133,7 @@ def test_a_board_that_does_not_fit_is_said(rig, caplog):
     assert "the window is 252 mm wide but the board needs 920 mm" in caplog.text
 
 
-def test_views_that_show_nothing_new_are_not_painted(rig):
+def test_unchanged_views_are_not_painted(rig):
     server = rig.serve()
     assert rig.shows(PictureState.RUN, tick=0)
     ticks = iter(range(8, 10_000, 8))
@@ -143,60 +143,60 @@ def test_views_that_show_nothing_new_are_not_painted(rig):
     assert until(rig.app, lambda: rig.client.tally.painted == 2)
 
 
-def test_a_lost_link_is_said_and_heals_by_itself(hasty):
-    server = hasty.serve()
-    hasty.welcome()
-    assert hasty.shows(PictureState.RUN, tick=1)
-    assert hasty.shows(PictureState.LOST)
-    assert hasty.window.board.picture.headline == "Connection lost"
-    assert not hasty.window.board.picture.board
+def test_lost_link_is_shown_and_recovers_when_views_return(impatient_rig):
+    server = impatient_rig.serve()
+    impatient_rig.welcome()
+    assert impatient_rig.shows(PictureState.RUN, tick=1)
+    assert impatient_rig.shows(PictureState.LOST)
+    assert impatient_rig.window.board.picture.headline == "Connection lost"
+    assert not impatient_rig.window.board.picture.board
     server.close()
-    hasty.serve()
-    assert hasty.shows(PictureState.RUN, tick=3)
-    hasty.welcome(session="s2")
+    impatient_rig.serve()
+    assert impatient_rig.shows(PictureState.RUN, tick=3)
+    impatient_rig.welcome(session="s2")
 
 
-def test_it_greets_again_when_the_server_does_not_know_it(rig):
+def test_display_rejoins_when_the_server_asks_for_a_hello(rig):
     server = rig.serve()
     rig.welcome()
-    server.heard.clear()
-    server.tell(Refusal("say hello first"))
+    server.messages.clear()
+    server.send(Refusal("say hello first"))
     rig.welcome(session="s2")
-    assert any(isinstance(message, Hello) for message in server.heard)
+    assert any(isinstance(message, Hello) for message in server.messages)
     assert rig.client.session == "s2"
 
 
-def test_a_refusal_is_shown_while_there_is_nothing_else(rig):
+def test_refusal_is_shown_before_the_first_view(rig):
     server = rig.serve()
-    assert until(rig.app, lambda: server.hear(Hello))
-    server.tell(Refusal("the server speaks protocol 9, the display 1"))
+    assert until(rig.app, lambda: server.has_received(Hello))
+    server.send(Refusal("the server speaks protocol 9, the display 1"))
     assert until(rig.app, lambda: "protocol 9" in rig.window.board.picture.detail)
 
 
-def test_the_end_of_the_session_is_no_lost_link(hasty):
-    server = hasty.serve()
-    hasty.welcome()
-    assert hasty.shows(PictureState.FINISHED, phase="finished")
-    server.tell(Goodbye("the session is over"))
-    assert until(hasty.app, lambda: hasty.window.board.picture.headline == "The session is over")
+def test_end_of_session_is_not_shown_as_a_lost_link(impatient_rig):
+    server = impatient_rig.serve()
+    impatient_rig.welcome()
+    assert impatient_rig.shows(PictureState.FINISHED, phase="finished")
+    server.send(Goodbye("the session is over"))
+    assert until(impatient_rig.app, lambda: impatient_rig.window.board.picture.headline == "The session is over")
 
 
-def test_what_breaks_the_protocol_is_left_out(rig, caplog):
+def test_malformed_view_is_logged_and_skipped(rig, caplog):
     server = rig.serve()
     assert rig.shows(PictureState.RUN, tick=1)
-    assert until(rig.app, lambda: server.views.send(b"\xc1 no message at all") and bool(caplog.records))
+    assert until(rig.app, lambda: server.views.send(b"\xc1 not a message") and bool(caplog.records))
     assert rig.shows(PictureState.LEVEL, phase="levelling")
 
 
-def test_it_says_goodbye(rig):
+def test_closing_display_sends_goodbye(rig):
     server = rig.serve()
     rig.welcome()
     rig.client.close()
-    assert until(rig.app, lambda: server.hear(Goodbye))
+    assert until(rig.app, lambda: server.has_received(Goodbye))
 
 
 def run_display(port, picture, stopping=lambda _: False, after=None):
-    """Run a whole display while a server shows it views; tell how often it asked whether to stop."""
+    """Run a whole display while a server publishes views; return how often it asked whether to stop."""
     from PySide6.QtCore import QTimer
 
     from netboard.windows.participant.client import run
@@ -212,7 +212,7 @@ def run_display(port, picture, stopping=lambda _: False, after=None):
     return len(asked)
 
 
-def test_the_first_picture_is_taken_and_the_display_stops(app, tmp_path):
+def test_screenshot_of_the_first_picture_ends_the_display(app, tmp_path):
     picture = tmp_path / "left.png"
     run_display(free_port(), picture)
     assert picture.stat().st_size > 1000
@@ -220,7 +220,7 @@ def test_the_first_picture_is_taken_and_the_display_stops(app, tmp_path):
         run_display(free_port(), picture)
 
 
-def test_a_picture_for_later_is_taken_at_the_end_and_the_display_goes_on(app, tmp_path):
+def test_delayed_screenshot_is_taken_at_the_latest_when_the_display_stops(app, tmp_path):
     picture = tmp_path / "left.png"
     asked = run_display(free_port(), picture, stopping=lambda times: times >= 8, after=3600.0)
     assert asked == 8

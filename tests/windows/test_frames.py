@@ -1,4 +1,4 @@
-"""The frame counts add up."""
+"""Counts of painted and dropped frames."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +10,7 @@ MS = 1_000_000
 PERIOD = 16 * MS
 
 
-def test_steady_views_that_are_painted_in_time_lose_nothing():
+def test_views_painted_in_time_are_no_drops():
     tally = FrameTally("left", PERIOD)
     for seq in range(63):
         at = 16 * seq * MS
@@ -20,28 +20,28 @@ def test_steady_views_that_are_painted_in_time_lose_nothing():
     assert (tally.painted, tally.dropped) == (63, 0)
 
 
-def test_more_views_than_the_screen_can_show_are_no_drops():
+def test_views_faster_than_the_screen_are_no_drops():
     tally = FrameTally("left", PERIOD)
     for seq in range(125):
         tally.receive(seq, 8 * seq * MS)
-    for seq in range(125, 250, 2):  # every other one was replaced on its way
+    for seq in range(125, 250, 2):  # every other one was replaced before it arrived
         tally.receive(seq, 8 * seq * MS)
     assert tally.dropped == 0
 
 
-def test_views_that_were_never_sent_are_no_drops():
+def test_views_slower_than_the_screen_are_no_drops():
     tally = FrameTally("left", PERIOD)
     for seq in range(20):
         tally.receive(seq, 50 * seq * MS)
     assert tally.dropped == 0
 
 
-def test_a_hole_of_three_frames_is_three_drops_and_a_new_count_is_none():
+def test_gap_of_three_frames_is_three_drops_and_a_restarted_count_is_none():
     tally = FrameTally("left", PERIOD)
     tally.receive(1000, 0)
     tally.receive(1004, 4 * PERIOD)
     assert tally.dropped == 3
-    tally.receive(1006, 14 * PERIOD)  # one view was sent in ten periods, and did not come
+    tally.receive(1006, 14 * PERIOD)  # one view was sent in ten periods, and was lost
     assert tally.dropped == 4
     tally.receive(5, 15 * PERIOD)
     assert tally.dropped == 4
@@ -59,7 +59,7 @@ def test_replaced_and_late_frames_are_drops():
     assert tally.dropped == 5
 
 
-def test_a_paint_without_a_waiting_view_is_no_frame():
+def test_paint_without_a_waiting_view_is_not_a_frame():
     tally = FrameTally("left", PERIOD)
     assert not tally.paint(5)
     assert tally.painted == 0
@@ -87,7 +87,7 @@ def test_every_painted_frame_is_reported_once(steps):
     assert waited - tally.painted - tally.dropped in (0, 1)
 
 
-def test_what_nobody_has_taken_for_long_still_fits_a_report():
+def test_unreported_frames_stay_within_the_size_of_a_report():
     tally = FrameTally("left", PERIOD)
     for number in range(2 * MAX_KEPT):
         tally.receive(number, number)
@@ -95,10 +95,10 @@ def test_what_nobody_has_taken_for_long_still_fits_a_report():
         tally.paint(2**62)
     for far in (2**63 - 1, -(2**63)) * 100:
         tally.receive(far, far)
-    told: list[int] = []
+    reported_ticks: list[int] = []
     while (report := tally.report()) is not None:
         assert decode(encode(report)) == report
         assert tally.report() == report
-        told += [tick for tick, _, _ in report.shown]
+        reported_ticks += [tick for tick, _, _ in report.shown]
         tally.clear()
-    assert told == list(range(MAX_KEPT, 2 * MAX_KEPT))
+    assert reported_ticks == list(range(MAX_KEPT, 2 * MAX_KEPT))

@@ -1,4 +1,4 @@
-"""A player's view of the own hand depends on the own stylus, pointer and force only."""
+"""The player's grip picture depends only on the player's own stylus, pointer and force."""
 
 from dataclasses import replace
 
@@ -22,13 +22,13 @@ def grip(view=VIEW, station="left", pointer=0.0, force=None, keys=False):
 
 
 @given(HEIGHTS, HEIGHTS, HEIGHTS, FORCES)
-def test_the_partner_is_not_in_it(own, one, another, force):
+def test_grip_does_not_show_the_partner(own, one, another, force):
     seen = [grip(replace(VIEW, left=own, right=right), "left", 0.01, force) for right in (one, another, None)]
     assert seen[0] == seen[1] == seen[2]
 
 
 @given(HEIGHTS, HEIGHTS, FORCES)
-def test_the_right_hand_is_the_mirror_of_the_left(own, pointer, force):
+def test_right_grip_mirrors_the_left(own, pointer, force):
     left = grip(replace(VIEW, left=own, right=None), "left", pointer, force)
     right = grip(replace(VIEW, left=None, right=own), "right", pointer, force)
     for name in ("mark", "arrow"):
@@ -41,7 +41,7 @@ def test_the_right_hand_is_the_mirror_of_the_left(own, pointer, force):
 
 
 @given(HEIGHTS, HEIGHTS)
-def test_the_spring_goes_from_the_pointer_to_the_stylus(own, pointer):
+def test_spring_runs_from_the_pointer_to_the_stylus(own, pointer):
     seen = grip(replace(VIEW, left=own), "left", pointer)
     assert [y for _, y in seen.mark] == pytest.approx([pointer, pointer], abs=GRAIN)
     if seen.spring:
@@ -55,7 +55,7 @@ def test_the_spring_goes_from_the_pointer_to_the_stylus(own, pointer):
 
 
 @pytest.mark.parametrize("force", [-3.0, -0.3, 0.05, 2.0])
-def test_the_arrow_points_where_the_force_does_and_is_as_long(force):
+def test_arrow_has_the_direction_and_length_of_the_force(force):
     seen = grip(replace(VIEW, left=0.01), force=force)
     heights = [y for _, y in seen.arrow]
     tip = max(heights) if force > 0 else min(heights)
@@ -66,21 +66,21 @@ def test_the_arrow_points_where_the_force_does_and_is_as_long(force):
 
 
 @pytest.mark.parametrize("force", [None, 0.0, SMALLEST_FORCE / 2, -SMALLEST_FORCE / 2])
-def test_where_nothing_is_felt_there_is_no_arrow(force):
+def test_no_arrow_below_the_smallest_force(force):
     seen = grip(force=force)
     assert (seen.arrow, seen.label) == ((), "")
     assert seen.mark
 
 
 @pytest.mark.parametrize(("view", "pointer"), [(None, 0.01), (VIEW, None), (replace(VIEW, left=None), 0.01)])
-def test_without_a_stylus_or_a_pointer_there_are_words_alone(view, pointer):
+def test_only_the_hint_is_shown_without_a_stylus_or_a_pointer(view, pointer):
     seen = grip(view, pointer=pointer, force=1.0)
     assert (seen.mark, seen.spring, seen.arrow, seen.label) == ((), (), (), "")
     assert len(seen.hint) == 2
     assert all(seen.hint)
 
 
-def test_the_hint_says_what_moves_the_stylus():
+def test_hint_names_the_input_that_moves_the_stylus():
     assert "mouse" in grip().hint[0]
     assert "key" in grip(keys=True).hint[0]
     assert "begin" in grip(pointer=None).hint[0]

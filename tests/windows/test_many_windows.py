@@ -1,4 +1,4 @@
-"""Windows come and go under an eager collector, and the process outlives them.
+"""Many windows open and close under an eager garbage collector, and the process survives.
 
 More of them by hand: ``NETBOARD_WINDOWS=2000 python -m pytest tests/windows/test_many_windows.py``.
 """
@@ -17,7 +17,7 @@ COUNTS = {"participant": 100, "console": 3, "monitor": 10}
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", COUNTS)
 @pytest.mark.daily(1)
-def test_the_process_outlives_its_windows(app, kind: str) -> None:
+def test_process_survives_many_windows(app, kind: str) -> None:
     count = os.environ.get("NETBOARD_WINDOWS", str(COUNTS[kind]))
     command = [sys.executable, "-X", "dev", "-W", "ignore", str(SCRIPT), kind, count]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)

@@ -1,4 +1,4 @@
-"""Markers: a byte for each event on a serial port (here a pseudo-terminal), and words where there is no outlet."""
+"""Markers: one byte per event on a serial port (here a pseudo-terminal), and errors for a missing outlet."""
 
 import os
 import sys
@@ -13,13 +13,13 @@ from netboard.windows.participant.markers import CODES, NoMarkers, open_markers
 needs_serial = pytest.mark.skipif(sys.platform == "win32", reason="serial ports are POSIX's here")
 
 
-def test_every_phase_has_a_code_of_its_own():
+def test_every_phase_has_a_unique_code():
     assert {phase.name.lower() for phase in Phase} | {"away", "blank"} == set(CODES)
     assert len(set(CODES.values())) == len(CODES)
     assert all(0 < code < 256 for code in CODES.values())
 
 
-def test_no_outlet_takes_anything():
+def test_outlet_none_ignores_events():
     markers = open_markers("none", "left")
     assert isinstance(markers, NoMarkers)
     markers.mark("running")
@@ -27,7 +27,7 @@ def test_no_outlet_takes_anything():
 
 
 @needs_serial
-def test_a_serial_port_gets_one_byte_for_each_event():
+def test_serial_port_gets_one_byte_per_event():
     ours, theirs = os.openpty()
     markers = open_markers(os.ttyname(theirs), "left")
     for event in CODES:
@@ -39,7 +39,7 @@ def test_a_serial_port_gets_one_byte_for_each_event():
 
 
 @needs_serial
-def test_a_port_that_is_gone_is_said():
+def test_lost_serial_port_raises_an_error_with_the_event():
     ours, theirs = os.openpty()
     markers = open_markers(os.ttyname(theirs), "left")
     os.close(theirs)
@@ -50,7 +50,7 @@ def test_a_port_that_is_gone_is_said():
 
 
 @needs_serial
-def test_what_is_no_port_is_said(tmp_path):
+def test_missing_path_or_plain_file_is_refused_as_a_port(tmp_path):
     with pytest.raises(ConfigError, match=r"\[display\] markers: found .*nowhere"):
         open_markers(str(tmp_path / "nowhere"), "left")
     file = tmp_path / "file"
@@ -59,13 +59,13 @@ def test_what_is_no_port_is_said(tmp_path):
         open_markers(str(file), "left")
 
 
-def test_a_missing_library_is_said(monkeypatch):
+def test_missing_lsl_library_is_refused_with_the_install_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "pylsl", None)
     with pytest.raises(ConfigError, match=r"pip install .netboard\[lsl\]"):
         open_markers("lsl", "left")
 
 
-def test_the_lab_streaming_layer_gets_the_events_name(monkeypatch):
+def test_lsl_outlet_gets_the_name_of_the_event(monkeypatch):
     class Library:
         IRREGULAR_RATE, cf_string = 0.0, 3
 

@@ -1,4 +1,4 @@
-"""The live window of a device."""
+"""The monitor window of a device."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ AT_REST = Reading(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True)
 
 
 def moving():
-    """Readings of a stylus that swings."""
+    """Readings of an oscillating stylus."""
     k = 0
     while True:
         t = k * 0.004
@@ -33,7 +33,7 @@ def window(app):
     app.processEvents()
 
 
-def test_it_shows_the_last_seconds(window) -> None:
+def test_monitor_plots_the_last_seconds_of_the_stylus(window) -> None:
     from netboard.windows.monitor import KEPT, SECONDS
 
     for _ in range(KEPT + 700):
@@ -50,7 +50,7 @@ def test_it_shows_the_last_seconds(window) -> None:
     assert "buttons: 0, 2" in window.words.text()
 
 
-def test_a_device_that_is_lost_closes_it(app) -> None:
+def test_lost_device_ends_the_monitor_with_its_error(app) -> None:
     from netboard.windows.monitor import run
 
     def lost() -> Reading:
@@ -60,7 +60,7 @@ def test_a_device_that_is_lost_closes_it(app) -> None:
         run(lost, "a test", lambda: False)
 
 
-def test_it_ends_when_asked_and_leaves_a_picture(app, tmp_path: Path) -> None:
+def test_monitor_stops_on_request_and_saves_a_screenshot_once(app, tmp_path: Path) -> None:
     from netboard.windows.monitor import run
 
     picture = tmp_path / "monitor.png"
@@ -71,7 +71,7 @@ def test_it_ends_when_asked_and_leaves_a_picture(app, tmp_path: Path) -> None:
         run(lambda: next(readings), "a test", lambda: True, picture)
 
 
-def test_a_reading_in_words() -> None:
+def test_reading_text_has_position_buttons_and_readiness() -> None:
     from netboard.windows.monitor import in_words
 
     words = in_words(AT_REST._replace(z=0.0123, buttons=2, ready=False))

@@ -1,4 +1,4 @@
-"""Pictures between views: extrapolation from the newest views, never beyond a phase."""
+"""Extrapolation between views, from the newest two, never across a change of phase."""
 
 from dataclasses import replace
 
@@ -13,11 +13,11 @@ from netboard.windows.participant.motion import MAX_TICKS, motion_after
 CONFIG = Config()
 MS = 1_000_000
 TRAVEL = 300_000
-"""How long the quickest view is on its way, with the two clocks apart [ns]."""
+"""Transit time of the fastest view plus the offset between the two clocks [ns]."""
 
 
 def moved(*views, travel=TRAVEL):
-    """The motion after some views, each sent at its tick."""
+    """The motion estimate after some views, each sent at its tick."""
     motion = None
     for changes in views:
         view = replace(VIEW, **changes)
@@ -30,13 +30,13 @@ def at(motion, ms):
     return motion.at(round(ms * MS) + TRAVEL, CONFIG)
 
 
-def test_a_single_view_is_shown_as_it_is():
+def test_single_view_is_not_extrapolated():
     motion = moved({"tick": 100, "z": 0.01})
     assert motion.settled(0)
     assert at(motion, 105) == motion.view
 
 
-def test_what_moves_is_carried_on_for_one_interval_and_then_taken_back():
+def test_motion_is_extrapolated_for_one_interval_and_then_settles_on_the_view():
     motion = moved({"tick": 100, "z": 0.00, "left": 0.01}, {"tick": 108, "z": 0.008, "left": 0.01})
     assert at(motion, 108).z == pytest.approx(0.008)
     assert at(motion, 112).z == pytest.approx(0.012)
@@ -47,32 +47,32 @@ def test_what_moves_is_carried_on_for_one_interval_and_then_taken_back():
     assert at(motion, 130).z == 0.008
 
 
-def test_a_view_that_was_held_up_is_not_taken_for_a_slow_hand():
+def test_delayed_view_does_not_slow_the_extrapolation():
     motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
     late = replace(VIEW, tick=116, z=0.016, sent_ns=116 * MS)
     motion = motion_after(motion, late, 121 * MS + TRAVEL)
     assert at(motion, 121).z == pytest.approx(0.021, abs=1e-5)
 
 
-def test_the_clock_of_another_server_is_taken_over():
+def test_clock_offset_restarts_for_another_server():
     motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
     other = replace(VIEW, tick=116, z=0.016, sent_ns=10**15)
     assert motion_after(motion, other, 130 * MS).origin_ns == 130 * MS - 10**15
 
 
 @pytest.mark.parametrize("change", [{"phase": "levelling"}, {"trial": 5}, {"target": -0.15}, {"failures": 2}])
-def test_nothing_is_carried_across_a_change(change):
+def test_motion_is_not_extrapolated_across_a_change_of_trial_or_phase(change):
     motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008, **change})
     assert motion.settled(109 * MS)
     assert at(motion, 112).z == 0.008
 
 
-def test_views_far_apart_say_nothing_of_rates():
+def test_no_rates_from_distant_or_equal_views():
     assert moved({"tick": 100, "z": 0.0}, {"tick": 101 + MAX_TICKS, "z": 0.008}).rates is None
     assert moved({"tick": 100, "z": 0.01}, {"tick": 108, "z": 0.01}).rates is None
 
 
-def test_a_hidden_hand_stays_hidden():
+def test_hidden_hand_stays_hidden():
     motion = moved({"tick": 100, "z": 0.0, "right": None}, {"tick": 108, "z": 0.008, "right": None})
     assert at(motion, 112).right is None
 
@@ -84,7 +84,7 @@ def test_a_hidden_hand_stays_hidden():
     st.floats(0, 1),
     st.floats(-10, 40),
 )
-def test_the_ball_stays_where_its_phase_has_it(phase, before, now, share, ms):
+def test_extrapolated_ball_stays_where_its_phase_allows(phase, before, now, share, ms):
     target, half = 0.15, 0.035
     inside = abs(now - target) <= half
     phase = "holding" if inside and phase == "running" else "running" if phase == "holding" and not inside else phase

@@ -1,4 +1,4 @@
-"""The picture as a function of the view: geometry, symmetry, texts, and absent content."""
+"""The picture as a function of the view: geometry, symmetry, states, and hidden content."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def flipped(points):
 
 
 @given(views())
-def test_a_mirrored_view_gives_the_mirrored_picture(view):
+def test_mirrored_view_gives_the_mirrored_picture(view):
     p = None if view.p is None else -view.p
     mirrored = replace(view, theta=-view.theta, p=p, target=-view.target, left=view.right, right=view.left)
     a, b = shown(view), shown(mirrored)
@@ -66,12 +66,12 @@ def test_a_mirrored_view_gives_the_mirrored_picture(view):
 
 
 @given(views(), st.integers(0, 10**9), st.integers(0, 10**18))
-def test_what_is_not_shown_does_not_change_the_picture(view, tick, sent_ns):
+def test_tick_and_send_time_do_not_change_the_picture(view, tick, sent_ns):
     assert shown(view) == shown(replace(view, tick=tick, sent_ns=sent_ns))
 
 
 @given(views())
-def test_the_board_keeps_its_shape_and_its_control_points(view):
+def test_board_target_and_handles_keep_their_dimensions(view):
     picture = shown(view)
     a, b, c, _ = picture.board
     assert math.dist(a, b) == pytest.approx(0.700, abs=SLACK)
@@ -88,7 +88,7 @@ def test_the_board_keeps_its_shape_and_its_control_points(view):
 
 
 @given(views().filter(lambda view: view.p is not None))
-def test_the_ball_lies_on_the_board(view):
+def test_ball_lies_on_the_board(view):
     picture = shown(view)
     (ax, ay), (bx, by) = picture.board[3], picture.board[2]
     x, y = picture.ball
@@ -99,7 +99,7 @@ def test_the_ball_lies_on_the_board(view):
 
 
 @given(HEIGHTS, HEIGHTS, st.floats(-0.35, 0.35), st.sampled_from(ON_BOARD))
-def test_everything_within_reach_of_the_styluses_is_seen_and_leaves_room_for_words(left, right, p, phase):
+def test_board_within_stylus_reach_stays_visible_below_the_text(left, right, p, phase):
     theta = math.asin((right - left) / 0.5)
     view = replace(VIEW, phase=phase, z=(left + right) / 2, theta=theta, p=p, left=left, right=right)
     picture = shown(view)
@@ -111,7 +111,7 @@ def test_everything_within_reach_of_the_styluses_is_seen_and_leaves_room_for_wor
 
 
 @pytest.mark.parametrize(("station", "partner", "x"), [("left", "right", -0.25), ("right", "left", 0.25)])
-def test_the_partners_hand_is_not_in_the_picture(station, partner, x):
+def test_partners_hand_is_not_in_the_picture(station, partner, x):
     curtain = make_curtain(CONFIG)
     row = two_trials()[2000]
     other = row.copy()
@@ -123,24 +123,24 @@ def test_the_partners_hand_is_not_in_the_picture(station, partner, x):
     assert cursor_y == pytest.approx(row[f"{station}_used_z"])
 
 
-def test_one_person_with_two_hands_sees_both():
+def test_bimanual_picture_shows_both_hands():
     picture = shown(replace(VIEW, left=0.01, right=-0.02))
     assert picture.cursors == (pytest.approx((-0.25, 0.01)), pytest.approx((0.25, -0.02)))
 
 
 @pytest.mark.parametrize("phase", PHASES)
-def test_every_phase_has_its_picture_state(phase):
+def test_every_phase_has_the_colours_of_its_picture_state(phase):
     picture = shown(replace(VIEW, phase=phase))
     assert picture.colours == COLOURS[picture.state]
 
 
 @pytest.mark.parametrize("change", [{"phase": "dancing"}, {"z": math.nan}, {"p": math.inf}, {"left": math.nan}])
-def test_what_cannot_be_drawn_is_refused(change):
+def test_unknown_phase_or_non_finite_value_is_refused(change):
     with pytest.raises(WireError):
         shown(replace(VIEW, **change))
 
 
-def test_colours_of_things_that_touch_differ_in_brightness():
+def test_adjacent_parts_differ_in_brightness():
     def brightness(colour):
         red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
         return 0.2126 * red + 0.7152 * green + 0.0722 * blue

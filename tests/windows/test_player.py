@@ -1,4 +1,4 @@
-"""The replay window shows the participant's views, and reacts to keys, clicks and drags."""
+"""The replay window shows the participant's views and reacts to keys, clicks and drags."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from netboard.windows.participant.screens import compose
 
 
 class Clock:
-    """A clock that stands still until it is moved."""
+    """A clock that a test advances by hand."""
 
     def __init__(self):
         self.time = 50.0
@@ -33,7 +33,7 @@ def player(app):
     window.close()
 
 
-def test_what_is_not_known_is_drawn_at_zero():
+def test_non_finite_values_are_drawn_at_zero():
     ticks = two_trials()
     assert drawable(ticks) is ticks
     ticks["theta"][3:] = np.nan
@@ -52,7 +52,7 @@ def expected(position):
     return compose(view, CONFIG, WORDS)
 
 
-def test_it_begins_where_the_block_does_and_plays_with_the_clock(player):
+def test_player_starts_at_the_block_and_follows_the_clock_to_the_end(player):
     window, clock = player
     assert window.playback.position == pytest.approx(0.5)
     window.toggle()
@@ -66,7 +66,7 @@ def test_it_begins_where_the_block_does_and_plays_with_the_clock(player):
     assert window.board.picture == expected(9.999)
 
 
-def test_keys(player):
+def test_keys_seek_step_loop_and_change_the_speed(player):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
@@ -88,7 +88,7 @@ def test_keys(player):
     assert press(Qt.Key.Key_Comma).position == pytest.approx(0.5)
     assert press(Qt.Key.Key_PageDown).position == pytest.approx(0.501)
     assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001)
-    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001), "it is the last"
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001), "there is no later trial"
     assert press(Qt.Key.Key_L, Qt.KeyboardModifier.ShiftModifier).loop == pytest.approx((4.001, 9.999))
     assert "0:04.0" in window.line.text()
     assert press(Qt.Key.Key_L).loop is None
@@ -96,7 +96,7 @@ def test_keys(player):
     assert press(Qt.Key.Key_PageUp).position == pytest.approx(0.501)
 
 
-def test_a_loop_goes_round(player):
+def test_loop_wraps_around_and_keeps_playing(player):
     window, clock = player
     window.seek(8.0)
     window.loop(trial=True)
@@ -108,7 +108,7 @@ def test_a_loop_goes_round(player):
 
 
 @pytest.mark.slow
-def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
+def test_missing_ticks_are_named_and_the_last_view_before_them_is_shown(app):
     from netboard.windows.replay.player import PlayerWindow
 
     window = PlayerWindow([loaded_recording(np.delete(two_trials(), slice(3000, 3200)))], "left", now=Clock())
@@ -118,7 +118,7 @@ def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
     window.close()
 
 
-def test_two_recordings_are_side_by_side_on_one_time_line(app):
+def test_two_recordings_play_side_by_side_on_one_timeline(app):
     from netboard.windows.replay.player import PlayerWindow
 
     later = loaded_recording(two_trials()[400:], name="later.mcap")
@@ -133,7 +133,7 @@ def test_two_recordings_are_side_by_side_on_one_time_line(app):
     window.close()
 
 
-def test_dragging_and_clicking_the_time_line_seek(app, player):
+def test_dragging_or_clicking_the_timeline_seeks(app, player):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
@@ -149,7 +149,7 @@ def test_dragging_and_clicking_the_time_line_seek(app, player):
     assert window.playback.position == pytest.approx(5.0, abs=0.1)
 
 
-def test_a_recording_is_played_until_stopped_or_photographed(app, tmp_path):
+def test_player_runs_until_stopped_or_until_its_screenshot(app, tmp_path):
     from netboard.windows.replay.player import run
 
     recordings = [loaded_recording(two_trials()[:1000])]

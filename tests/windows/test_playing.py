@@ -1,4 +1,4 @@
-"""A played display with its agent's ends of the two channels, over real sockets, and its pictures."""
+"""A display that plays with the mouse or keys: its two channels to the agent, over real sockets, and its pictures."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ FORCE_COLOUR = "#cc79a7"
 
 
 class Rig:
-    """The left side's display, played; its server, and its agent's ends."""
+    """The left side's playing display, its server, and the agent's end of its two channels."""
 
     def __init__(self, app, **options):
         from netboard.windows.participant.client import DisplayClient
@@ -37,22 +37,22 @@ class Rig:
         player = Playing("left", config, self.context, self.window)
         self.client = DisplayClient("left", config, self.context, self.window, player)
 
-    def hears(self, height):
-        """Whether the agent hears of this height in the end; None for a window in which nobody has pointed."""
+    def agent_receives(self, height):
+        """Return whether the agent receives this height; None stands for a window without any input so far."""
 
-        self.heard = None
+        self.latest = None
 
-        def heard():
+        def received():
             frame = sockets.receive(self.pointer)
             if frame is not None:
-                self.heard = decode(frame)
-            return self.heard == Pointer("left", height if height is None else pytest.approx(height, abs=1e-3))
+                self.latest = decode(frame)
+            return self.latest == Pointer("left", height if height is None else pytest.approx(height, abs=1e-3))
 
-        return until(self.app, heard)
+        return until(self.app, received)
 
-    def shows(self, what, **view):
-        """Whether a view of this kind brings a grip of that kind to the screen."""
-        return until(self.app, lambda: self.server.show(**view) and what(self.grip))
+    def shows(self, condition, **view):
+        """Return whether these views bring a grip that meets a condition to the screen."""
+        return until(self.app, lambda: self.server.show(**view) and condition(self.grip))
 
     @property
     def grip(self):
@@ -84,28 +84,28 @@ def rig(app):
     made.close()
 
 
-def test_a_window_says_that_it_is_there_before_its_player_has_done_anything(app):
+def test_playing_window_reports_itself_before_the_first_input(app):
     rig = Rig(app, input="keys")
-    assert rig.hears(None)
+    assert rig.agent_receives(None)
     assert "Press" in rig.grip.hint[0]
     rig.close()
 
 
-def test_it_says_where_the_mouse_is_and_goes_on_saying_so(rig):
+def test_pointer_height_is_sent_repeatedly_and_follows_the_mouse(rig):
     rig.move_to(0.03)
-    assert rig.hears(0.03)
-    assert rig.hears(0.03)
+    assert rig.agent_receives(0.03)
+    assert rig.agent_receives(0.03)
     rig.move_to(-0.02)
-    assert rig.hears(-0.02)
+    assert rig.agent_receives(-0.02)
 
 
-def test_before_anything_is_seen_it_says_how_to_play(rig):
+def test_hint_explains_how_to_play_before_the_first_view(rig):
     assert len(rig.grip.hint) == 2
     rig.move_to(0.01)
     assert until(rig.app, lambda: "mouse" in rig.grip.hint[0])
 
 
-def test_the_force_of_the_own_agent_is_shown_and_forgotten(rig):
+def test_agents_force_is_shown_and_disappears_when_no_longer_received(rig):
     rig.move_to(0.02)
     assert rig.shows(lambda grip: bool(grip.mark), left=0.01)
 
@@ -117,10 +117,10 @@ def test_the_force_of_the_own_agent_is_shown_and_forgotten(rig):
     image = rig.window.board.grab().toImage()
     place = rig.window.board.pixel_at((-0.25, 0.01 - 0.03))
     assert image.pixelColor(place.toPoint()).name() == FORCE_COLOUR
-    assert rig.shows(lambda grip: not grip.label, left=0.01), "a force that is not heard any more"
+    assert rig.shows(lambda grip: not grip.label, left=0.01), "a force that is no longer received is still shown"
 
 
-def test_what_is_no_force_of_this_side_is_not_shown(rig):
+def test_other_sides_force_and_malformed_messages_are_not_shown(rig):
     rig.move_to(0.02)
     assert rig.shows(lambda grip: bool(grip.mark), left=0.01)
     for odd in (encode(Felt("right", 2.0)), b"", encode(Pointer("left", 0.0))):
@@ -129,7 +129,7 @@ def test_what_is_no_force_of_this_side_is_not_shown(rig):
             assert rig.shows(lambda grip: not grip.label, left=0.01)
 
 
-def test_an_unplayed_picture_is_as_it_was(app, board):
+def test_display_that_does_not_play_has_no_grip(app, board):
     from netboard.base.config import Config
     from netboard.windows.participant.screens import compose
 
@@ -139,14 +139,14 @@ def test_an_unplayed_picture_is_as_it_was(app, board):
     assert view.grab().toImage().pixelColor(view.pixel_at((-0.25, 0.0)).toPoint()).name() != FORCE_COLOUR
 
 
-def test_it_closes_twice(rig):
+def test_closing_twice_is_harmless(rig):
     rig.client.close()
     assert rig.client._views.closed
     rig.client.close()
     assert rig.client._views.closed
 
 
-def test_two_players_share_the_screen(app):
+def test_two_players_share_the_screen_in_halves(app):
     from netboard.windows.participant.window import BoardWindow, screen_of
 
     windows = {side: BoardWindow(side) for side in ("left", "right")}

@@ -1,4 +1,4 @@
-"""From mouse, finger and keys to a height in metres."""
+"""Conversion of mouse, touch and key input to a stylus height in metres."""
 
 import pytest
 from display_parts import WORDS
@@ -10,11 +10,11 @@ from netboard.windows.participant.screens import blank
 
 REACH = 0.075
 FRAME = 0.003
-"""The window's frame, which Qt without a screen counts in for fingers [m]."""
+"""The window frame, which offscreen Qt adds to touch positions [m]."""
 
 
-class Pointed:
-    """A window of a size, whose player's height is followed."""
+class PointingRig:
+    """A window of a given size that logs the player's height."""
 
     def __init__(self, app, size=(840, 480), keys=False):
         from netboard.windows.participant.playing import Pointing
@@ -38,13 +38,13 @@ class Pointed:
             self.app.processEvents()
 
     def metres_at(self, pixel):
-        """Height of a pixel by the size of the window alone."""
+        """Height of a pixel, computed from the size of the window alone."""
         board = self.window.board
         width, height = extent(Config())
         scale = min(board.width() / width, board.height() / height)
         return (board.height() / 2 - pixel) / scale
 
-    def mouse(self, x, y):
+    def move_mouse(self, x, y):
         from PySide6.QtCore import QEvent, QPointF, Qt
         from PySide6.QtGui import QMouseEvent
 
@@ -60,53 +60,53 @@ class Pointed:
 def make(app):
     made = []
 
-    def one(**how):
-        made.append(Pointed(app, **how))
+    def create(**options):
+        made.append(PointingRig(app, **options))
         return made[-1]
 
-    yield one
+    yield create
     for each in made:
         each.close()
 
 
 @pytest.mark.parametrize("size", [(840, 480), (1200, 400), (500, 700)])
-def test_a_pointer_s_height_is_that_of_the_scene(make, size):
+def test_pointer_height_is_converted_to_metres_of_the_scene(make, size):
     rig = make(size=size)
     assert rig.pointing.height is None
     middle = size[1] / 2
     for x, y in ((5, middle), (size[0] - 5, middle - 20.25), (size[0] / 2, middle + 30.5)):
-        rig.mouse(x, y)
+        rig.move_mouse(x, y)
         assert rig.pointing.height == pytest.approx(rig.metres_at(y), abs=1e-6)
     assert len(rig.heights) == 3
 
 
-def test_it_agrees_with_where_the_cursor_is_drawn(make):
+def test_pointer_height_agrees_with_the_drawn_position(make):
     rig = make()
     place = rig.window.board.pixel_at((-0.25, 0.03))
-    rig.mouse(place.x(), place.y())
+    rig.move_mouse(place.x(), place.y())
     assert rig.pointing.height == pytest.approx(0.03, abs=1e-9)
 
 
-def test_out_of_reach_is_the_end_of_the_reach(make):
+def test_pointer_height_is_clipped_to_the_reach(make):
     rig = make()
-    rig.mouse(10, 1)
+    rig.move_mouse(10, 1)
     assert rig.pointing.height == REACH
-    rig.mouse(10, 479)
+    rig.move_mouse(10, 479)
     assert rig.pointing.height == -REACH
 
 
-def test_a_pointer_that_leaves_the_window_leaves_the_stylus(make):
+def test_stylus_stays_when_the_pointer_leaves_the_window(make):
     from PySide6.QtCore import QEvent
 
     rig = make()
-    rig.mouse(100, 200)
+    rig.move_mouse(100, 200)
     before = rig.pointing.height
     rig.app.sendEvent(rig.window.board, QEvent(QEvent.Type.Leave))
     rig.settle()
     assert rig.pointing.height == before
 
 
-def test_a_finger_is_a_pointer(make):
+def test_touch_moves_the_stylus_like_a_mouse(make):
     from PySide6.QtCore import QPoint
     from PySide6.QtTest import QTest
 
@@ -122,7 +122,7 @@ def test_a_finger_is_a_pointer(make):
 
 
 @pytest.mark.parametrize(("up", "down"), [("Key_Up", "Key_Down"), ("Key_W", "Key_S")])
-def test_keys_lift_and_lower_and_let_it_stay(make, up, down):
+def test_keys_raise_and_lower_the_stylus_and_release_stops_it(make, up, down):
     from display_parts import until
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
@@ -144,7 +144,7 @@ def test_keys_lift_and_lower_and_let_it_stay(make, up, down):
     QTest.keyRelease(rig.window, getattr(Qt.Key, down))
 
 
-def test_a_window_that_is_left_holds_no_key(make):
+def test_losing_focus_releases_the_keys(make):
     from display_parts import until
     from PySide6.QtCore import QEvent, Qt
     from PySide6.QtTest import QTest
@@ -158,13 +158,13 @@ def test_a_window_that_is_left_holds_no_key(make):
     assert rig.pointing.height == left
 
 
-def test_where_keys_alone_play_the_pointer_does_nothing(make):
+def test_mouse_is_ignored_in_keys_mode(make):
     rig = make(keys=True)
-    rig.mouse(100, 100)
+    rig.move_mouse(100, 100)
     assert rig.pointing.height is None
 
 
-def test_q_beside_w_closes_no_played_window_and_escape_does(make):
+def test_escape_closes_a_playing_window_and_q_does_not(make):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 

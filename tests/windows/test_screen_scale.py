@@ -1,4 +1,4 @@
-"""True size, chosen screens, and the calibration with a card."""
+"""True scale, selection of a screen, and the calibration with a card."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ CONFIG = Config()
 
 @pytest.mark.parametrize("size", [(840, 480), (1300, 400), (500, 700)])
 @pytest.mark.parametrize("mm_per_pixel", [0.5, 1.25])
-def test_a_metre_is_as_many_pixels_as_it_should_be(app, size, mm_per_pixel):
+def test_board_is_drawn_at_true_scale(app, size, mm_per_pixel):
     from netboard.windows.participant.window import BoardWindow
 
     window = BoardWindow("a test")
@@ -35,7 +35,7 @@ def test_a_metre_is_as_many_pixels_as_it_should_be(app, size, mm_per_pixel):
     window.close()
 
 
-def test_a_screen_that_is_not_there_is_said_with_those_that_are(app):
+def test_unknown_screen_is_refused_with_a_list_of_screens(app):
     from netboard.windows.participant.window import BoardWindow, in_words, screens
 
     window = BoardWindow("a test")
@@ -52,7 +52,7 @@ def press(window, key, shift=False):
     QTest.keyClick(window, key, Qt.KeyboardModifier.ShiftModifier if shift else Qt.KeyboardModifier.NoModifier)
 
 
-def test_the_card_measures_a_pixel(app):
+def test_matching_the_card_measures_the_pixel_size(app):
     from PySide6.QtCore import Qt
 
     from netboard.windows.participant.screen_size import CalibrationWindow
@@ -75,7 +75,7 @@ def test_the_card_measures_a_pixel(app):
     assert (closed, window.done) == ([True], True)
 
 
-def test_who_leaves_has_not_calibrated(app):
+def test_escape_cancels_the_calibration(app):
     from PySide6.QtCore import Qt
 
     from netboard.windows.participant.screen_size import CalibrationWindow
@@ -86,7 +86,7 @@ def test_who_leaves_has_not_calibrated(app):
     assert not window.done
 
 
-def test_the_whole_calibration_ends_with_a_key(app):
+def test_return_key_completes_the_calibration(app):
     from PySide6.QtCore import Qt, QTimer
 
     from netboard.windows.participant.screen_size import CalibrationWindow, calibrate
@@ -102,7 +102,7 @@ def test_the_whole_calibration_ends_with_a_key(app):
     assert screen.startswith("0: ")
 
 
-def test_what_the_commands_print(app, capsys, monkeypatch):
+def test_screen_commands_print_the_screens_and_the_pixel_size(app, capsys, monkeypatch):
     from netboard.services import display
     from netboard.windows.participant import screen_size
 

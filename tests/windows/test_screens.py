@@ -20,7 +20,7 @@ def shown(config=CONFIG, words=WORDS, result="", **view):
     return compose(replace(VIEW, **view), config, words, result)
 
 
-def test_words_and_numbers_come_between_trials_only():
+def test_times_and_texts_appear_between_trials_only():
     times = {"completion": 3.416, "best": 2.9}
     assert shown(phase="levelling", **times).detail == "Last 3.42 s   (best 2.90 s)"
     assert shown(phase="levelling").detail == ""
@@ -29,12 +29,12 @@ def test_words_and_numbers_come_between_trials_only():
     assert shown(phase="paused", trial=61).counter == "Trial 60 of 60"
 
 
-def test_numbers_are_written_as_the_language_writes_them():
+def test_numbers_use_the_decimal_mark_of_the_language():
     german = shown(words=load_words("de"), phase="levelling", completion=3.416)
     assert (german.headline, german.detail) == ("Halten Sie das Brett waagerecht", "Zuletzt 3,42 s")
 
 
-def test_after_a_success_the_time_is_told_and_what_comes_next():
+def test_success_screen_shows_the_time_and_the_next_step():
     picture = shown(phase="levelling", result="succeeded", completion=3.4, best=2.9)
     assert (picture.headline, picture.detail) == ("Well done", "Last 3.40 s   (best 2.90 s)")
     assert picture.notice == "Hold the board level"
@@ -43,7 +43,7 @@ def test_after_a_success_the_time_is_told_and_what_comes_next():
     assert best.detail == "2.90 s   Your best time so far"
 
 
-def test_after_a_failure_the_same_target_comes_again():
+def test_failure_screen_announces_the_same_target():
     picture = shown(phase="levelling", result="failed", notice="again")
     assert (picture.headline, picture.detail) == ("The ball fell off", "Once more: same target")
     timed = replace(CONFIG, task=Task(time_limit=20.0))
@@ -51,7 +51,7 @@ def test_after_a_failure_the_same_target_comes_again():
     assert shown(phase="levelling", notice="again").notice == "Once more: same target"
 
 
-def test_before_a_block_there_are_instructions_and_no_board():
+def test_screen_before_a_block_shows_instructions_without_a_board():
     picture = shown(replace(CONFIG, block=Block(number=3, blocks=18)), phase="idle", block=3, blocks=18)
     assert picture.headline == "Block 3 of 18"
     assert WORDS.who_dyadic.format(end=WORDS.left_end) in picture.text
@@ -61,28 +61,28 @@ def test_before_a_block_there_are_instructions_and_no_board():
 
 
 @pytest.mark.parametrize(("rest", "countdown"), [(75.2, "1:16"), (60.0, "1:00"), (0.4, "0:01")])
-def test_a_rest_counts_down_in_whole_seconds(rest, countdown):
+def test_rest_screen_counts_down_in_whole_seconds(rest, countdown):
     picture = shown(phase="idle", rest=rest, block=3, blocks=18)
     assert (picture.headline, picture.detail, picture.notice) == ("Take a rest", countdown, "Next: block 3 of 18")
     assert picture.text == ""
     assert shown(phase="idle", rest=0.0).headline == "Get ready"
 
 
-def test_who_has_nothing_to_do_may_rest():
+def test_participant_without_a_role_in_the_block_sees_the_rest_screen():
     picture = shown(phase="away", z=0.0, p=None, left=None, block=3, blocks=18)
     assert (picture.headline, picture.counter) == ("You can rest", "Block 3 of 18")
     assert not picture.board
     assert shown(phase="away", rest=30.0).detail == "0:30"
 
 
-def test_after_a_block_and_after_the_last():
+def test_screen_after_a_block_and_after_the_last_block():
     done = shown(phase="finished", block=3, blocks=18, best=2.9)
     assert (done.headline, done.detail) == ("Block 3 of 18 is done", "Best 2.90 s")
     last = shown(phase="finished", block=18, blocks=18)
     assert (last.headline, last.detail, last.notice) == ("Finished. Thank you", "", "")
 
 
-def test_a_pilot_run_is_marked_in_every_picture():
+def test_pilot_run_is_marked_in_every_picture():
     pilot = replace(CONFIG, session=Session(pilot=True))
     for phase in ("idle", "levelling", "running", "holding", "succeeded", "failed", "paused", "finished", "away"):
         assert shown(pilot, phase=phase).pilot == "PILOT RUN"
@@ -90,7 +90,7 @@ def test_a_pilot_run_is_marked_in_every_picture():
     assert blank(pilot, WORDS, "Connection lost", lost=True).pilot == "PILOT RUN"
 
 
-def test_the_patch_is_white_in_a_trial():
+def test_photodiode_patch_is_white_during_a_trial():
     patched = replace(CONFIG, display=Display(patch=True))
     white = {
         phase: shown(patched, phase=phase).patch for phase in ("idle", "levelling", "running", "holding", "paused")
@@ -101,7 +101,7 @@ def test_the_patch_is_white_in_a_trial():
 
 
 def ups(picture):
-    """Whether the arrow at the left and the right end points up; None without one."""
+    """Whether the arrows at the left and right ends point up; None where there is no arrow."""
     found = {-1: None, 1: None}
     for arrow in picture.arrows:
         heights = [y for _, y in arrow]
@@ -122,7 +122,7 @@ def ups(picture):
         (0.35 * math.sin(math.radians(4.0)), 4.0, (None, False)),
     ],
 )
-def test_arrows_say_which_end_must_go_where(z, tilt_deg, expected):
+def test_levelling_arrows_show_how_to_move_each_end(z, tilt_deg, expected):
     picture = shown(phase="levelling", z=z, theta=math.radians(tilt_deg))
     assert ups(picture) == expected
     assert shown(phase="running", z=z, theta=math.radians(tilt_deg)).arrows == ()
@@ -133,7 +133,7 @@ def width(corners):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_what_must_last_fills_a_bar_or_the_target(share):
+def test_elapsed_share_fills_the_level_bar_or_the_target(share):
     levelling = shown(phase="levelling", share=share)
     assert width(levelling.level) == pytest.approx(share * width(levelling.bar))
     holding = shown(phase="holding", p=0.15, share=share)

@@ -1,4 +1,4 @@
-"""A display in operation: frames at refreshes, pictures between views, and markers with their frames."""
+"""A running display: painting at refreshes, extrapolation between views, and markers sent with their frames."""
 
 import os
 import sys
@@ -18,8 +18,8 @@ from netboard.windows.participant.screens import blank
 MS = 1_000_000
 
 
-class Noting:
-    """Markers that are only noted."""
+class CollectingMarkers:
+    """Markers that only collect their events."""
 
     def __init__(self):
         self.events = []
@@ -46,13 +46,13 @@ def make(app, board):
 
 
 def take(showing, number, **changes):
-    """A view that has just come, 8 ticks after the one before."""
+    """Hand over a view that has just arrived, 8 ticks after the previous one."""
     now = now_ns()
     showing.take(replace(VIEW, **{"seq": number, "tick": 8 * number, "sent_ns": now - MS // 2, **changes}), now)
 
 
 @pytest.mark.slow
-def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, make):
+def test_moving_board_is_extrapolated_and_then_settles_on_the_newest_view(app, make):
     showing = make()
     take(showing, 0, z=0.0)
     assert until(app, lambda: showing.tally.painted == 1)
@@ -62,26 +62,26 @@ def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, m
 
     seqs = count(1)
 
-    def beyond():
-        """Whether it is drawn there in the 0.1 s that two views of a moving board last."""
+    def drawn_beyond():
+        """Return whether the board is drawn beyond its newest view within the 0.1 s after two moving views."""
         now = now_ns()
         for z, sent_ns in ((0.01, now - 40 * MS), (0.02, now)):
             seq = next(seqs)
             showing.take(replace(VIEW, seq=seq, tick=40 * seq, sent_ns=sent_ns, z=z), now)
         return until(app, lambda: height() > 0.0205, seconds=0.1)
 
-    assert until(app, beyond)
+    assert until(app, drawn_beyond)
     assert until(app, lambda: height() == pytest.approx(0.02, abs=1e-12))
 
     def still():
-        """Whether nothing is painted for a while, as it will be when what has been handed over is painted."""
+        """Return whether nothing is painted for 0.2 s, which is so once all pending views are painted."""
         painted = showing.tally.painted
         return not until(app, lambda: showing.tally.painted > painted, seconds=0.2)
 
     assert until(app, still)
 
 
-def test_who_does_not_want_that_sees_the_views_as_they_are(app, make):
+def test_views_are_drawn_as_received_without_smoothing(app, make):
     showing = make(smooth=False)
     heights = set()
     make.board.painted.connect(lambda: heights.add(round(make.board.picture.handles[0][1], 4)))
@@ -91,8 +91,8 @@ def test_who_does_not_want_that_sees_the_views_as_they_are(app, make):
     assert heights == {0.0, 0.01, 0.02}
 
 
-def test_events_are_marked_when_they_are_painted_and_each_once(app, make):
-    markers = Noting()
+def test_each_event_is_marked_once_when_painted(app, make):
+    markers = CollectingMarkers()
     showing = make(markers)
     take(showing, 0, phase="holding", share=0.99, p=0.15)
     assert markers.events == []
@@ -107,8 +107,8 @@ def test_events_are_marked_when_they_are_painted_and_each_once(app, make):
     assert markers.events[4:] == ["closed"]
 
 
-def test_a_change_that_looks_the_same_is_marked_without_a_paint(app, make):
-    markers = Noting()
+def test_invisible_change_is_marked_without_a_paint(app, make):
+    markers = CollectingMarkers()
     showing = make(markers)
     take(showing, 0, phase="away", p=None, left=None)
     assert until(app, lambda: markers.events == ["away"])
@@ -118,19 +118,19 @@ def test_a_change_that_looks_the_same_is_marked_without_a_paint(app, make):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="serial ports are POSIX's here")
-def test_a_serial_port_hears_of_a_trial(app, make):
+def test_serial_port_gets_the_phases_of_a_trial(app, make):
     ours, theirs = os.openpty()
     showing = make(open_markers(os.ttyname(theirs), "left"))
     for number, phase in enumerate(("levelling", "running", "holding")):
         take(showing, number, phase=phase, p=0.15)
-        assert until(app, lambda: showing.tally.painted > number)  # noqa: B023  (it is asked at once)
+        assert until(app, lambda: showing.tally.painted > number)  # noqa: B023  (called at once)
     assert bytes_from(ours, 3) == [CODES["levelling"], CODES["running"], CODES["holding"]]
     showing.close()
     os.close(theirs)
     os.close(ours)
 
 
-def test_an_outlet_that_fails_is_said_and_the_board_is_shown_all_the_same(app, make, caplog):
+def test_failing_marker_outlet_is_logged_and_the_board_is_still_shown(app, make, caplog):
     class Broken(NoMarkers):
         def mark(self, event):
             raise NetboardError(f"the marker {event!r} was not sent")
@@ -141,7 +141,7 @@ def test_an_outlet_that_fails_is_said_and_the_board_is_shown_all_the_same(app, m
     assert "'running' was not sent" in caplog.text
 
 
-def test_the_patch_and_the_band_are_drawn(app, make):
+def test_photodiode_patch_and_pilot_band_are_drawn(app, make):
     showing = make(patch=True)
     showing.config = replace(showing.config, session=replace(showing.config.session, pilot=True))
     take(showing, 0, phase="levelling")

@@ -7,8 +7,8 @@ from display_parts import VIEW
 from netboard.windows.participant.trial_events import SHOWN_TICKS, events_after
 
 
-def told(*views):
-    """Events of some views after each other, and the last state."""
+def events_of(*views):
+    """Events of consecutive views, and the last state."""
     last, events = None, []
     for tick, changes in enumerate(views):
         last = events_after(last, replace(VIEW, **{"tick": 8 * tick, **changes}))
@@ -16,8 +16,8 @@ def told(*views):
     return events, last
 
 
-def test_phases_are_told_as_they_begin():
-    events, _ = told(
+def test_each_phase_is_reported_when_it_begins():
+    events, _ = events_of(
         *({"phase": phase} for phase in ("idle", "levelling", "levelling", "running", "holding", "running"))
     )
     assert events == ["idle", "levelling", "running", "holding", "running"]
@@ -26,48 +26,48 @@ def test_phases_are_told_as_they_begin():
 HOLDING = {"phase": "holding", "trial": 1, "share": 0.99}
 
 
-def test_a_success_is_told_whether_it_was_shown_or_not():
+def test_success_is_reported_even_if_no_view_showed_it():
     after = {"phase": "levelling", "trial": 2, "completion": 2.0}
-    events, last = told(HOLDING, after)
+    events, last = events_of(HOLDING, after)
     assert events == ["holding", "succeeded", "levelling"]
     assert last.result == "succeeded"
-    events, last = told(HOLDING, {"phase": "succeeded", "trial": 1, "completion": 2.0}, after)
+    events, last = events_of(HOLDING, {"phase": "succeeded", "trial": 1, "completion": 2.0}, after)
     assert events == ["holding", "succeeded", "levelling"]
     assert last.result == "succeeded"
 
 
-def test_a_success_in_the_same_time_as_the_one_before_is_one_too():
+def test_success_with_the_same_completion_time_is_reported():
     timed = {"completion": 2.0}
-    assert told(HOLDING | timed, {"phase": "levelling", "trial": 2} | timed)[0][1:] == ["succeeded", "levelling"]
+    assert events_of(HOLDING | timed, {"phase": "levelling", "trial": 2} | timed)[0][1:] == ["succeeded", "levelling"]
 
 
-def test_the_last_success_ends_the_block():
-    assert told(HOLDING, {"phase": "finished", "trial": 1, "completion": 2.0})[0][1:] == ["succeeded", "finished"]
+def test_last_success_of_the_block_is_reported_before_its_end():
+    assert events_of(HOLDING, {"phase": "finished", "trial": 1, "completion": 2.0})[0][1:] == ["succeeded", "finished"]
 
 
-def test_a_failure_is_told_whether_it_was_shown_or_not():
+def test_failure_is_reported_even_if_no_view_showed_it():
     before, after = {"phase": "running", "failures": 0}, {"phase": "levelling", "failures": 1}
     for views in ((before, after), (before, {"phase": "failed", "failures": 1}, after)):
-        events, last = told(*views)
+        events, last = events_of(*views)
         assert events == ["running", "failed", "levelling"]
         assert last.result == "failed"
 
 
-def test_who_gives_up_has_neither_failed_nor_succeeded():
+def test_interrupted_hold_is_neither_success_nor_failure():
     for phase in ("levelling", "paused", "finished"):
-        events, last = told(HOLDING | {"share": 0.2}, {"phase": phase, "trial": 1})
+        events, last = events_of(HOLDING | {"share": 0.2}, {"phase": phase, "trial": 1})
         assert events == ["holding", phase]
         assert last.result == ""
 
 
-def test_a_result_is_told_for_a_while_and_not_in_the_next_trial():
+def test_result_is_kept_for_a_while_but_not_into_the_next_trial():
     after = {"phase": "levelling", "trial": 2, "completion": 2.0}
-    assert told(HOLDING, after, after | {"tick": SHOWN_TICKS})[1].result == "succeeded"
-    assert told(HOLDING, after, after | {"tick": SHOWN_TICKS + 9})[1].result == ""
-    assert told(HOLDING, after, {"phase": "running", "trial": 2, "completion": 2.0})[1].result == ""
+    assert events_of(HOLDING, after, after | {"tick": SHOWN_TICKS})[1].result == "succeeded"
+    assert events_of(HOLDING, after, after | {"tick": SHOWN_TICKS + 9})[1].result == ""
+    assert events_of(HOLDING, after, {"phase": "running", "trial": 2, "completion": 2.0})[1].result == ""
 
 
-def test_another_block_is_another_series():
-    events, last = told(HOLDING | {"block": 1}, {"phase": "idle", "block": 2, "trial": 1})
+def test_new_block_reports_no_result_of_the_previous_one():
+    events, last = events_of(HOLDING | {"block": 1}, {"phase": "idle", "block": 2, "trial": 1})
     assert events == ["holding", "idle"]
     assert last.result == ""

@@ -1,4 +1,4 @@
-"""Every language has every text with the same placeholders; errors name the key."""
+"""Every language has every text with the same placeholders, and errors name the key."""
 
 import string
 from dataclasses import fields, replace
@@ -15,13 +15,13 @@ KEYS = [field.name for field in fields(DisplayTexts)]
 SAMPLES = {"block": 3, "blocks": 18, "trial": 4, "trials": 60, "time": "2.90", "end": "x", "hold": "1.5", "host": "h"}
 
 
-def listed(**changes):
+def word_list(**changes):
     words = {key: getattr(WORDS, key) for key in KEYS} | changes
     return "\n".join(f'{key} = "{word}"' for key, word in words.items() if word is not None)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_language_is_whole(language):
+def test_language_has_every_text_with_its_placeholders(language):
     words = load_words(language)
     for key in KEYS:
         word = getattr(words, key)
@@ -31,9 +31,9 @@ def test_a_language_is_whole(language):
         assert language == "en" or key in ("decimal", "best") or word != getattr(WORDS, key)
 
 
-def test_a_list_of_ones_own_is_read(tmp_path):
+def test_custom_word_list_is_loaded_from_a_file(tmp_path):
     file = tmp_path / "nl.toml"
-    file.write_text(listed(paused="Gepauzeerd"), encoding="utf-8")
+    file.write_text(word_list(paused="Gepauzeerd"), encoding="utf-8")
     assert load_words(str(file)) == replace(WORDS, paused="Gepauzeerd")
 
 
@@ -48,38 +48,38 @@ def test_a_list_of_ones_own_is_read(tmp_path):
         ({"paused": "Paused {"}, "paused: found 'Paused {'"),
     ],
 )
-def test_what_is_wrong_with_a_list_is_said(changes, message):
+def test_invalid_word_list_is_refused_naming_the_key(changes, message):
     with pytest.raises(ConfigError) as error:
-        parse_words(listed(**changes), "words.toml")
+        parse_words(word_list(**changes), "words.toml")
     assert message in str(error.value)
 
 
-def test_what_is_no_list_at_all_is_said(tmp_path):
+def test_malformed_word_file_or_unknown_language_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="not valid TOML"):
         parse_words("=", "words.toml")
     with pytest.raises(ConfigError, match="paused: found 3"):
-        parse_words(listed().replace('"Paused"', "3"), "words.toml")
+        parse_words(word_list().replace('"Paused"', "3"), "words.toml")
     with pytest.raises(
         ConfigError, match=r"\[display\] language: found 'klingon', expected en, de, fr, es, it or a file"
     ):
         load_words("klingon")
 
 
-def read(text, station="left"):
+def instructions_of(text, station="left"):
     return instructions(parse(text), WORDS, station)
 
 
-def test_the_standard_instructions_are_those_of_the_condition():
-    assert WORDS.left_end in read("")
-    assert WORDS.right_end in read("", "right")
-    assert WORDS.felt in read("")
-    assert WORDS.unfelt in read('[block]\nforce = "none"')
-    assert WORDS.who_bimanual in read('[block]\nconfiguration = "bimanual"')
-    assert "held still" in read('[block]\nright = "still"')
-    assert WORDS.task_board in read("[physics]\nballs = 0")
-    assert "1.5 s" in read("")
+def test_standard_instructions_match_the_condition():
+    assert WORDS.left_end in instructions_of("")
+    assert WORDS.right_end in instructions_of("", "right")
+    assert WORDS.felt in instructions_of("")
+    assert WORDS.unfelt in instructions_of('[block]\nforce = "none"')
+    assert WORDS.who_bimanual in instructions_of('[block]\nconfiguration = "bimanual"')
+    assert "held still" in instructions_of('[block]\nright = "still"')
+    assert WORDS.task_board in instructions_of("[physics]\nballs = 0")
+    assert "1.5 s" in instructions_of("")
     assert "1,5 s" in instructions(Config(), load_words("de"), "left")
 
 
-def test_a_blocks_own_instructions_go_before():
-    assert read('[block]\ninstructions = "Do as you like."') == "Do as you like."
+def test_instructions_of_the_block_replace_the_standard_ones():
+    assert instructions_of('[block]\ninstructions = "Do as you like."') == "Do as you like."
