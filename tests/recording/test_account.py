@@ -71,7 +71,7 @@ def spread(ranges: Iterable[NumberRange]) -> list[int]:
     return [number for one in ranges for number in range(one.first, one.last + 1)]
 
 
-def test_a_whole_session(tmp_path: Path) -> None:
+def test_complete_session_has_all_ticks_and_no_losses(tmp_path: Path) -> None:
     log = session(500)
     account = account_of([write_part(tmp_path / "a.mcap", log, range(len(log)))])
     assert account.present == (NumberRange(0, 499),)
@@ -82,7 +82,7 @@ def test_a_whole_session(tmp_path: Path) -> None:
     assert account.parts[0][1:] == (0, 550, "complete", "")
 
 
-def test_a_session_that_was_opened_late_has_no_ticks_before_that(tmp_path: Path) -> None:
+def test_ticks_before_the_session_was_opened_are_not_missing(tmp_path: Path) -> None:
     log = session(500)
     later = [EventRecord(0, 123, 0, BLOCK_BEGAN, {"config": CONFIG_TEXT}), *log[ticks_before(log, 123) :]]
     account = account_of([write_part(tmp_path / "a.mcap", later, range(len(later)))])
@@ -95,7 +95,7 @@ def ticks_before(log: Sequence[Any], tick: int) -> int:
     return next(k for k in range(len(log)) if ticks_in(log, [k]) == [tick])
 
 
-def test_blocks_are_parts_of_one_session(tmp_path: Path) -> None:
+def test_block_recordings_add_up_to_one_session(tmp_path: Path) -> None:
     log = session(500)
     stem = "S01_D01_20260921T14{}_3f2a9c1e_block0{}"
     files = [
@@ -113,7 +113,7 @@ def test_blocks_are_parts_of_one_session(tmp_path: Path) -> None:
     assert account_of(paths[:3]).complete
 
 
-def test_parts_that_overlap_are_one_session(tmp_path: Path) -> None:
+def test_overlapping_parts_add_up_to_one_session(tmp_path: Path) -> None:
     log = session(500)
     parts = [
         write_part(tmp_path / "b.mcap", log, range(180, 400), "the logger was stopped"),
@@ -129,7 +129,7 @@ def test_parts_that_overlap_are_one_session(tmp_path: Path) -> None:
     assert not account_of([parts[0], parts[2]]).complete
 
 
-def test_what_is_lost_has_the_cause_that_the_server_gave(tmp_path: Path) -> None:
+def test_lost_records_have_the_cause_reported_by_the_server(tmp_path: Path) -> None:
     told = EventRecord(7777, 400, 0, "log_lost", {"first": "100", "count": "50", "cause": "the spill is full"})
     log = session(500, {400: told})
     held = [*range(100), *range(150, 200), *range(210, len(log))]
@@ -140,7 +140,7 @@ def test_what_is_lost_has_the_cause_that_the_server_gave(tmp_path: Path) -> None
     assert account.sound
 
 
-def test_what_was_lost_before_the_first_record(tmp_path: Path) -> None:
+def test_losses_before_the_first_record_are_listed(tmp_path: Path) -> None:
     log = session(300)
     writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Settings(), OPENED_NS)
     writer.note_lost(0, 110, OPENED_NS)
@@ -152,7 +152,7 @@ def test_what_was_lost_before_the_first_record(tmp_path: Path) -> None:
     assert account.sound
 
 
-def test_a_part_that_is_not_there_is_unexplained(tmp_path: Path) -> None:
+def test_missing_part_is_an_unexplained_loss(tmp_path: Path) -> None:
     log = session(500)
     parts = [
         write_part(tmp_path / "a.mcap", log, range(100), "the logger was stopped"),
@@ -167,7 +167,7 @@ def test_a_part_that_is_not_there_is_unexplained(tmp_path: Path) -> None:
     assert missing_first.unexplained_records == (NumberRange(0, 199),)
 
 
-def test_a_lost_event_is_missed_though_no_tick_is(tmp_path: Path) -> None:
+def test_lost_event_is_unexplained_even_if_no_tick_is_missing(tmp_path: Path) -> None:
     log = session(100)
     assert isinstance(log[55], EventRecord)
     account = account_of(
@@ -181,7 +181,7 @@ def test_a_lost_event_is_missed_though_no_tick_is(tmp_path: Path) -> None:
     assert not account.sound
 
 
-def test_what_one_part_lost_another_may_have(tmp_path: Path) -> None:
+def test_records_lost_in_one_part_may_be_present_in_another(tmp_path: Path) -> None:
     log = session(300)
     account = account_of(
         [
@@ -193,7 +193,7 @@ def test_what_one_part_lost_another_may_have(tmp_path: Path) -> None:
     assert account.lost_records == ()
 
 
-def test_damage_is_a_cause(tmp_path: Path) -> None:
+def test_ticks_of_a_damaged_chunk_are_lost_to_damage(tmp_path: Path) -> None:
     log = session(500)
     whole = write_part(tmp_path / "a.mcap", log, range(len(log)))
     data = bytearray(whole.read_bytes())
@@ -207,7 +207,7 @@ def test_damage_is_a_cause(tmp_path: Path) -> None:
     assert all("a damaged chunk" in one.cause for one in account.lost)
 
 
-def test_a_record_that_could_not_be_read(tmp_path: Path) -> None:
+def test_unreadable_record_is_lost_with_its_reason(tmp_path: Path) -> None:
     log = session(30)
     writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT, Settings(), OPENED_NS)
     for number, record in enumerate(log):
@@ -221,7 +221,7 @@ def test_a_record_that_could_not_be_read(tmp_path: Path) -> None:
     assert account.sound
 
 
-def test_every_pause_has_its_cause(tmp_path: Path) -> None:
+def test_pauses_are_listed_with_their_causes(tmp_path: Path) -> None:
     events = {
         50: EventRecord(900, 51, 0, "fault", {"notice": "paused: no sample from the left agent"}),
         80: EventRecord(901, 80, 0, "pause", {}),
@@ -242,7 +242,7 @@ def test_every_pause_has_its_cause(tmp_path: Path) -> None:
     assert not account.sound
 
 
-def test_parts_of_several_sessions_are_refused(tmp_path: Path) -> None:
+def test_parts_of_different_sessions_are_refused(tmp_path: Path) -> None:
     one = write_part(tmp_path / "a.mcap", session(10), range(11))
     writer = RecordingWriter(
         tmp_path / "b.mcap", metadata() | {"session": "another"}, CONFIG_TEXT, Settings(), OPENED_NS
@@ -254,7 +254,7 @@ def test_parts_of_several_sessions_are_refused(tmp_path: Path) -> None:
         account_of([])
 
 
-def test_the_parts_of_a_session_are_found_by_their_names(tmp_path: Path) -> None:
+def test_parts_of_a_session_are_found_by_file_name(tmp_path: Path) -> None:
     names = [
         "S01_D01_20260921T141320Z_3f2a9c1e.recovered.mcap",
         "S01_D01_20260921T141500Z_3f2a9c1e_part2.mcap",
@@ -271,7 +271,7 @@ def test_the_parts_of_a_session_are_found_by_their_names(tmp_path: Path) -> None
     assert parts_of(tmp_path / names[6]) == [tmp_path / names[6]]
 
 
-def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
+def test_recovered_spill_is_a_part_of_the_session(tmp_path: Path) -> None:
     log = session(400)
     frames = [encode(record) for record in log]
     spill = Spill(tmp_path / "S01_D01_3f2a9c1e.spill", Welcome("3f2a9c1e00000000", 1, 0, CONFIG_TEXT), 10**7)
@@ -293,7 +293,7 @@ def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
     assert account.sound
 
 
-def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
+def test_intact_blocks_of_a_damaged_spill_are_recovered(tmp_path: Path) -> None:
     log = session(400)
     frames = [encode(record) for record in log]
     spill = Spill(tmp_path / "a.spill", Welcome("3f2a9c1e00000000", 1, 0, CONFIG_TEXT), 10**7)
@@ -318,7 +318,7 @@ def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(st.data())
-def test_every_tick_is_present_or_lost_or_unexplained(
+def test_every_tick_is_present_lost_or_unexplained(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     log = session(120)

@@ -65,7 +65,7 @@ def expected() -> Any:
     return rows
 
 
-def test_every_way_of_reading_fills_them_in(path: Path) -> None:
+def test_every_read_method_fills_in_backfilled_forces(path: Path) -> None:
     whole = expected()
     with Recording(path) as recording:
         assert recording.ticks().tobytes() == whole.tobytes()
@@ -80,20 +80,20 @@ def test_every_way_of_reading_fills_them_in(path: Path) -> None:
         assert recording.gaps() == {}
 
 
-def test_what_the_server_sent_is_there_to_the_bit(path: Path) -> None:
+def test_ticks_as_sent_are_returned_bit_for_bit(path: Path) -> None:
     with Recording(path) as recording:
         assert recording.ticks(as_sent=True).tobytes() == ticks().tobytes()
         assert b"".join(rows.tobytes() for rows in recording.batches(as_sent=True)) == ticks().tobytes()
 
 
-def test_a_recovered_recording_has_it_too(path: Path, tmp_path: Path) -> None:
+def test_recovered_recording_keeps_the_backfilled_forces(path: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap.part"
     cut.write_bytes(path.read_bytes()[:-500])
     with Recording(recover(cut).output) as recording:
         assert recording.ticks().tobytes() == expected().tobytes()
 
 
-def test_how_many_are_unknown_is_said(path: Path) -> None:
+def test_number_of_ticks_with_unknown_force_is_reported(path: Path) -> None:
     with Recording(path) as recording:
         left, right = (summarise_side(recording.ticks(), side) for side in ("left", "right"))
         (finding,) = check_rendered(recording)
@@ -104,14 +104,14 @@ def test_how_many_are_unknown_is_said(path: Path) -> None:
     assert finding.text == "the rendered force of the left device is unknown at 50 ticks, 50 of them in trials"
 
 
-def test_outside_of_a_trial_that_is_no_loss() -> None:
+def test_unknown_force_outside_of_trials_is_not_counted() -> None:
     unknown = np.array([np.nan, 0.0, np.nan, np.nan, 1.0])
     assert unknown_ticks(unknown) == 2
     assert unknown_ticks(unknown, np.array([True, True, True, False, True])) == 1
     assert unknown_ticks(np.full(3, np.nan)) == 0
 
 
-def test_a_force_that_an_agent_kept_while_it_was_held_up_is_known() -> None:
+def test_force_held_by_a_stalled_agent_is_filled_in() -> None:
     rows, tells = ticks(), told()
     kept = tells[(tells["seq"] < 400) | (tells["seq"] >= 430)].copy()
     kept["seq"][kept["seq"] >= 430] -= 30
@@ -122,7 +122,7 @@ def test_a_force_that_an_agent_kept_while_it_was_held_up_is_known() -> None:
     assert np.isnan(rows["left_rendered"][402:430]).all()
 
 
-def test_safeguards_of_all_samples_of_a_tick_are_joined() -> None:
+def test_safeguards_of_all_samples_of_a_tick_are_combined() -> None:
     rows, tells = ticks(), told()
     tells["stamp_ns"] = 10**12 + CLOCK_NS + (MS * tells["seq"]) // 2
     tells["safeguards"] = 1 << (tells["seq"] % 8)
@@ -130,6 +130,6 @@ def test_safeguards_of_all_samples_of_a_tick_are_joined() -> None:
     assert rows["left_safeguards"][300] == (1 << (600 % 8)) | (1 << (599 % 8))
 
 
-def test_a_record_that_is_not_whole_is_refused() -> None:
+def test_truncated_backfill_record_is_refused() -> None:
     with pytest.raises(RecordingError, match="backfill record 3"):
         Backfilled([BackfillRecord(3, "left", 0, b"123")])

@@ -51,12 +51,12 @@ ROW = st.lists(WORDS, min_size=len(TICK.names), max_size=len(TICK.names))
 
 
 @given(st.lists(ROW, min_size=1, max_size=5), st.sampled_from((UNKNOWN, DEFAULT)))
-def test_any_bits_of_a_tick_survive(words: list[list[int]], constants: dict[str, float]) -> None:
+def test_batch_round_trip_preserves_any_bits(words: list[list[int]], constants: dict[str, float]) -> None:
     rows = np.array(words, np.int64).view(TICK)[:, 0]
     assert read(Layout(SCHEMA), message(rows, constants)).tobytes() == rows.tobytes()
 
 
-def test_batches_are_decoded_together_as_each_alone() -> None:
+def test_batches_decoded_together_equal_batches_decoded_alone() -> None:
     rows = random_rows(17)
     other = DEFAULT | {"left_k": 7.0, "moves": 0.0}
     messages = [message(rows[:5]), message(rows[5:6], other), message(rows[6:], UNKNOWN)]
@@ -69,7 +69,7 @@ def test_batches_are_decoded_together_as_each_alone() -> None:
 @pytest.mark.parametrize(
     "setting", ["", "physics.hold=zoh", "physics.hold=cv", "physics.coupling=left", "block.force_scale=2.0"]
 )
-def test_what_follows_from_a_tick_costs_nothing(setting: str) -> None:
+def test_predictable_columns_are_stored_as_zeros(setting: str) -> None:
     config = parse("", overrides=[setting] if setting else [])
     rows = record(config, MINE, 300)
     planes = np.frombuffer(pack(rows, constants_of(config)), np.uint8).reshape(len(TICK.names), 8, 300)
@@ -79,14 +79,14 @@ def test_what_follows_from_a_tick_costs_nothing(setting: str) -> None:
             assert not wrong.any(), f"{side}_{name} of {wrong.sum()} ticks"
 
 
-def test_a_prediction_of_another_version_is_refused() -> None:
+def test_unknown_prediction_formula_is_refused() -> None:
     schema = json.loads(SCHEMA)
     schema["predictions"]["left_z"] = "__import__('os').abort()"
     with pytest.raises(RecordingError, match="left_z is predicted as"):
         Layout(json.dumps(schema).encode())
 
 
-def test_columns_of_another_order_and_number_are_read_by_name() -> None:
+def test_reordered_missing_and_extra_columns_are_read_by_name() -> None:
     rows = random_rows(5)
     schema = json.loads(SCHEMA)
     kept = [column for column in reversed(schema["columns"]) if column["name"] != "completion"]
@@ -102,20 +102,20 @@ def test_columns_of_another_order_and_number_are_read_by_name() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"count": 6}, {"count": "5"}, {"columns": b"12"}, {"columns": None}])
-def test_a_batch_that_contradicts_itself_is_refused(wrong: dict[str, object]) -> None:
+def test_inconsistent_batch_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(RecordingError, match="contradicts"):
         Layout(SCHEMA).decode([message(random_rows(5), **wrong)], ("tick",))
 
 
 @pytest.mark.parametrize("wrong", [1, [1.0], ["1"] * len(CONSTANTS), []])
-def test_a_batch_with_other_constants_is_refused(wrong: object) -> None:
+def test_batch_with_invalid_constants_is_refused(wrong: object) -> None:
     values = msgpack.unpackb(message(random_rows(5))) | {"constants": wrong}
     with pytest.raises(RecordingError, match="contradict the schema"):
         Layout(SCHEMA).decode([msgpack.packb(values)], ("tick",))
 
 
 @pytest.mark.parametrize("schema", [b"", b"{}", b'{"columns": [1]}', b'{"columns": [{"name": "z", "type": "<i8"}]}'])
-def test_a_schema_that_says_nothing_useful_is_refused(schema: bytes) -> None:
+def test_schema_without_valid_columns_is_refused(schema: bytes) -> None:
     with pytest.raises(RecordingError, match="column"):
         Layout(schema)
 
@@ -139,7 +139,7 @@ def written(path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("chunk_bytes", "flush_every"), [(1024, 7), (20_000, 60), (262_144, 200), (262_144, 10_000)])
-def test_attempts_and_places_are_those_of_all_ticks(
+def test_stored_attempts_and_index_match_those_of_all_ticks(
     tmp_path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int
 ) -> None:
     path = written(tmp_path / "a.mcap", rows, chunk_bytes, flush_every)
@@ -155,7 +155,7 @@ def test_attempts_and_places_are_those_of_all_ticks(
     assert places["count"].sum() == len(rows)
 
 
-def test_viewers_get_some_ticks(tmp_path: Path, rows: np.ndarray) -> None:
+def test_plot_channel_holds_every_nth_tick(tmp_path: Path, rows: np.ndarray) -> None:
     path = written(tmp_path / "a.mcap", rows, 262_144, 200)
     with path.open("rb") as file:
         messages = make_reader(file).iter_messages(topics=["/plot"], log_time_order=False)
@@ -164,7 +164,7 @@ def test_viewers_get_some_ticks(tmp_path: Path, rows: np.ndarray) -> None:
     assert [values["theta"] for values in found] == rows["theta"][::PLOTTED_EVERY].astype(np.float32).tolist()
 
 
-def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, rows: np.ndarray) -> None:
+def test_server_stall_puts_no_log_time_into_the_future(tmp_path: Path, rows: np.ndarray) -> None:
     stalled = rows.copy()
     stalled["time_ns"][50:] += 10_000_000_000
     path = written(tmp_path / "a.mcap", stalled, 262_144, 10_000)
@@ -175,14 +175,14 @@ def test_a_stall_of_the_server_puts_no_log_time_into_the_future(tmp_path: Path, 
     assert all(0 <= written_at - at < len(rows) * TICK_NS for topic, at in times if topic == "/plot")
 
 
-def test_an_attempt_survives_being_listed(rows: np.ndarray) -> None:
+def test_attempt_survives_a_json_round_trip(rows: np.ndarray) -> None:
     attempts = find_attempts(rows)
     assert attempts
     again = [attempt_of(json.loads(json.dumps(attempt_values(attempt), allow_nan=False))) for attempt in attempts]
     assert repr(tuple(again)) == repr(attempts)
 
 
-def test_without_its_lists_a_recording_is_read_all_the_same(tmp_path: Path, rows: np.ndarray) -> None:
+def test_recording_without_its_index_attachments_is_readable(tmp_path: Path, rows: np.ndarray) -> None:
     path = written(tmp_path / "a.mcap", rows, 20_000, 60)
     with Recording(path) as whole:
         data = path.read_bytes()

@@ -71,7 +71,7 @@ def issues(folder: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_the_validator_finds_nothing_but_what_only_the_lab_knows(dataset: Path) -> None:
+def test_bids_validator_asks_only_for_metadata_of_the_lab(dataset: Path) -> None:
     found = issues(dataset)
     assert {issue["code"] for issue in found} == LEFT_TO_THE_LAB
     assert all(issue["severity"] == "warning" for issue in found)
@@ -80,14 +80,14 @@ def test_the_validator_finds_nothing_but_what_only_the_lab_knows(dataset: Path) 
 
 
 @pytest.mark.slow
-def test_the_validator_would_find_a_channel_too_few(dataset: Path, tmp_path: Path) -> None:
+def test_bids_validator_reports_a_missing_channel(dataset: Path, tmp_path: Path) -> None:
     broken = Path(shutil.copytree(dataset, tmp_path / "broken"))
     channels = next(broken.rglob("*_channels.tsv"))
     channels.write_text("\n".join(channels.read_text(encoding="utf-8").splitlines()[:-1]) + "\n", encoding="utf-8")
     assert "error" in {issue["severity"] for issue in issues(broken)}
 
 
-def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(dataset: Path) -> None:
+def test_participants_have_their_own_stylus_and_the_same_board_bit_for_bit(dataset: Path) -> None:
     rows = without_payloads(make_rows(1))
     a, b = motion(dataset, "D07A", 1), motion(dataset, "P22", 1)
     fields = {"x": "x", "y": "y", "z": "sent_z", "vz": "sent_vz", "force_on_board": "coupling", "sample": "seq"}
@@ -103,7 +103,7 @@ def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(dataset
     assert not [name for name in b if name.startswith("right_")]
 
 
-def test_the_two_are_on_one_clock_with_its_hole(dataset: Path) -> None:
+def test_both_participants_share_one_time_axis_with_its_gap(dataset: Path) -> None:
     a, b = motion(dataset, "D07A", 1), motion(dataset, "P22", 1)
     assert a["latency"] == b["latency"]
     assert a["latency"][:2] == ["0.000000000", "0.001000000"]
@@ -117,7 +117,7 @@ def test_the_two_are_on_one_clock_with_its_hole(dataset: Path) -> None:
     assert first["force"] == "partner_only"
 
 
-def test_a_block_with_both_hands_is_one_persons(dataset: Path) -> None:
+def test_bimanual_block_belongs_to_one_participant(dataset: Path) -> None:
     assert not list(dataset.glob("sub-D07A/ses-D07S2/motion/*run-02*"))
     words, rows = motion(dataset, "P22", 2), without_payloads(make_rows(2))
     assert same_bits(numbers(words["left_stylus_y"], np.dtype(float)), rows["left_y"])
@@ -129,7 +129,7 @@ def test_a_block_with_both_hands_is_one_persons(dataset: Path) -> None:
     assert told["SamplingFrequencyEffective"] == pytest.approx(1000 * 299 / 300)
 
 
-def test_people_dyads_and_sessions_tell_who_belongs_together(dataset: Path) -> None:
+def test_participant_dyad_and_session_tables_link_the_partners(dataset: Path) -> None:
     people = {row["participant_id"]: row for row in table(dataset / "participants.tsv")}
     assert set(people) == {"sub-D07A", "sub-P22"}
     assert people["sub-P22"]["handedness"] == "left"
@@ -140,7 +140,7 @@ def test_people_dyads_and_sessions_tell_who_belongs_together(dataset: Path) -> N
     assert (session["session_id"], session["partner"]) == ("ses-D07S2", "sub-D07A")
 
 
-def test_events_are_the_attempts_and_what_happened(dataset: Path, tmp_path: Path) -> None:
+def test_events_list_attempts_levelling_and_outcomes(dataset: Path, tmp_path: Path) -> None:
     with Recording(write(tmp_path / "same.mcap", make_rows(1))) as recording:
         attempts = recording.attempts()
     events = table(next(dataset.glob("sub-D07A/ses-*/motion/*run-01_events.tsv")))
@@ -157,23 +157,23 @@ def test_events_are_the_attempts_and_what_happened(dataset: Path, tmp_path: Path
     assert onsets == sorted(onsets)
 
 
-def test_everything_that_changes_a_phase_has_a_name() -> None:
+def test_every_cause_has_an_event_name() -> None:
     assert set(HAPPENED) == {int(cause) for cause in Cause} - {int(Cause.NONE)}
 
 
-def test_the_configuration_comes_along(dataset: Path) -> None:
+def test_configuration_is_exported_for_each_recording(dataset: Path) -> None:
     texts = [path.read_text(encoding="utf-8") for path in sorted(dataset.glob("sourcedata/*/netboard.toml"))]
     assert len(texts) == 2
     assert all('dyad = "D-07"' in text for text in texts)
 
 
-def test_runs_are_counted_in_the_order_of_time(tmp_path: Path) -> None:
+def test_runs_are_numbered_chronologically(tmp_path: Path) -> None:
     early, late = dyad(tmp_path / "z.mcap", minute=1), solo(tmp_path / "a.mcap", minute=2)
     out = export([late, early], tmp_path / "out")
     assert [row["recording"] for row in table(next(out.glob("sub-P22/ses-*/*_scans.tsv")))] == ["z.mcap", "a.mcap"]
 
 
-def test_the_time_is_by_the_best_probe_of_the_own_logger(tmp_path: Path) -> None:
+def test_acquisition_time_uses_the_best_clock_probe_of_its_own_logger(tmp_path: Path) -> None:
     # The logger's clock is 5 s ahead of the server's, by the better of two probes; another logger has another clock.
     clocks = [("logger", 5_000_000_900, 800), ("logger", 5_000_000_000, 100), ("logger", 10**15, 1)]
     path = dyad(tmp_path / "a.mcap", clocks=clocks, opened_monotonic=START_NS + 5_030_000_000, welcome=START_NS)
@@ -192,24 +192,24 @@ def refused(tmp_path: Path) -> Iterator[Any]:
     return match
 
 
-def test_the_same_block_twice_is_refused(refused: Any, tmp_path: Path) -> None:
+def test_duplicate_block_is_refused(refused: Any, tmp_path: Path) -> None:
     refused([dyad(tmp_path / "a.mcap"), dyad(tmp_path / "b.mcap")], "same part of the same block")
 
 
-def test_two_names_with_one_label_are_refused(refused: Any, tmp_path: Path) -> None:
+def test_participants_with_the_same_label_are_refused(refused: Any, tmp_path: Path) -> None:
     other = dyad(tmp_path / "b.mcap", session="other", names={"dyad": "D08", "participant_b": "P-22"})
     refused([dyad(tmp_path / "a.mcap"), other], "participants P22 and P-22 would both be called P22")
 
 
-def test_one_name_for_both_is_refused(refused: Any, tmp_path: Path) -> None:
+def test_same_name_for_both_participants_is_refused(refused: Any, tmp_path: Path) -> None:
     refused([dyad(tmp_path / "a.mcap", names={"participant_a": "P22"})], "both participants are called P22")
 
 
-def test_a_recording_without_ticks_is_refused(refused: Any, tmp_path: Path) -> None:
+def test_recording_without_ticks_is_refused(refused: Any, tmp_path: Path) -> None:
     refused([dyad(tmp_path / "a.mcap", rows=np.empty(0, TICK))], "has no ticks")
 
 
-def test_a_partner_who_is_a_robot_has_no_files(tmp_path: Path) -> None:
+def test_robot_partner_has_no_files(tmp_path: Path) -> None:
     out = export([dyad(tmp_path / "a.mcap", block={"left": "robot"})], tmp_path / "out")
     assert [path.name for path in out.glob("sub-*")] == ["sub-D07A"]
     (row,) = table(next(out.glob("sub-D07A/ses-*/*_scans.tsv")))

@@ -28,7 +28,7 @@ def _careless_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_careless_disk")
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["last chunk", "cuts", "flips", "zeroed"])
-def test_what_is_damaged_costs_no_more_than_it_touches(tmp_path: Path, whole: Specimen, way: str) -> None:
+def test_damage_costs_only_the_chunks_it_touches(tmp_path: Path, whole: Specimen, way: str) -> None:
     chance = np.random.default_rng(SEED)
     harms = {
         "last chunk": lambda: islice(cuts_of_last_chunk(whole, 97), 60),
@@ -44,12 +44,12 @@ def test_what_is_damaged_costs_no_more_than_it_touches(tmp_path: Path, whole: Sp
         assert max(one.lost for one in found if not one.refused) <= longest
 
 
-def test_a_file_that_says_nothing_of_its_kind_is_refused(tmp_path: Path, whole: Specimen) -> None:
+def test_file_without_the_mcap_magic_is_refused(tmp_path: Path, whole: Specimen) -> None:
     found = try_one(whole, Harm(b"\0" * 8 + whole.data[8:], 0, 8), tmp_path)
     assert (found.refused, found.faults) == (True, ())
 
 
-def test_a_change_that_nobody_told_of_is_noticed(tmp_path: Path, whole: Specimen) -> None:
+def test_recovered_rows_that_differ_are_reported_as_a_fault(tmp_path: Path, whole: Specimen) -> None:
     """The judge is not blind: rows other than those that were written are a fault."""
     other = whole.rows.copy()
     other["z"][100] += 1e-9
@@ -60,7 +60,7 @@ def test_a_change_that_nobody_told_of_is_noticed(tmp_path: Path, whole: Specimen
 @pytest.mark.slow
 @pytest.mark.integration
 @pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")
-def test_a_killed_logger_has_on_disk_what_it_acknowledged(tmp_path: Path) -> None:
+def test_killed_logger_has_acknowledged_records_on_disk(tmp_path: Path) -> None:
     log, chance = live_log(1600), np.random.default_rng(SEED)
     for _ in range(3):
         assert kill_one(tmp_path / "killed", log, chance).faults == ()

@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def test_every_file_has_an_entry(folder: Path) -> None:
+def test_every_recording_file_has_a_catalogue_entry(folder: Path) -> None:
     entries = {path.name: with_trials(entry_of(path)) for path in files_in(folder)}
     assert sorted(entries) == ["cut.mcap", "early.mcap", "junk.mcap", "left.mcap.part", "whole.mcap"]
     whole, early, left = entries["whole.mcap"], entries["early.mcap"], entries["left.mcap.part"]
@@ -43,13 +43,13 @@ def test_every_file_has_an_entry(folder: Path) -> None:
     assert "not an MCAP file" in entries["junk.mcap"].why
 
 
-def test_the_quick_verdict_is_that_of_the_full_check(folder: Path) -> None:
+def test_quick_verdict_equals_that_of_the_full_check(folder: Path) -> None:
     for path in files_in(folder):
         quick = with_trials(entry_of(path))
         assert with_check(quick).verdict == quick.verdict
 
 
-def test_filters_take_what_is_asked_for(folder: Path) -> None:
+def test_filters_select_entries_by_dyad_study_verdict_pilot_and_date(folder: Path) -> None:
     entries = [with_trials(entry_of(path)) for path in files_in(folder)]
 
     def names(wanted: Filter) -> set[str]:

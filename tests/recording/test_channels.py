@@ -26,7 +26,7 @@ CLASSES = {
 }
 
 
-def test_the_table_has_every_field_in_order() -> None:
+def test_channel_table_lists_every_field_in_order() -> None:
     by_topic = {channel.topic: channel for channel in CHANNELS}
     ticks, plot = by_topic.pop("/ticks"), by_topic.pop("/plot")
     assert [(field.name, field.kind) for field in ticks.columns] == [
@@ -65,12 +65,12 @@ def test_messages_follow_their_schemas(seed: int) -> None:
 
 
 @given(st.binary(max_size=40))
-def test_nonsense_is_a_map_or_a_recording_error(data: bytes) -> None:
+def test_unpacking_any_bytes_gives_a_map_or_a_recording_error(data: bytes) -> None:
     with contextlib.suppress(RecordingError):
         assert isinstance(unpack(data), dict)
 
 
-def test_stamps_come_from_the_source() -> None:
+def test_sequence_and_publish_time_come_from_the_source() -> None:
     rows = random_rows(9)
     event, clock, frame = (records(rows)[k] for k in (4, 7, 10))
     backfill = BackfillRecord(4, "right", 3, np.ones(2, RENDERED).tobytes())

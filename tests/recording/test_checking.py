@@ -34,7 +34,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
-def test_a_sound_recording_is_complete(sound: Path) -> None:
+def test_sound_recording_is_complete(sound: Path) -> None:
     heard: list[int] = []
     report = check(sound, replay=True, tell=heard.append)
     assert (report.result, said(report), said(report, Severity.LOSS)) == ("complete", "", "")
@@ -46,7 +46,7 @@ def test_a_sound_recording_is_complete(sound: Path) -> None:
     assert parts == {"file", "numbers", "time", "clocks", "configuration", "trials", "replay"}
 
 
-def test_every_finding_has_the_name_of_a_registered_check(sound: Path) -> None:
+def test_every_finding_names_a_registered_check(sound: Path) -> None:
     """A new check is one entry with a function and a text; what it finds is reported under its name."""
     names = {one.part for one in CHECKS}
     assert {finding.part for finding in check(sound, replay=True).findings} <= names
@@ -54,14 +54,14 @@ def test_every_finding_has_the_name_of_a_registered_check(sound: Path) -> None:
     assert len(names) == len(CHECKS)
 
 
-def test_its_counts_are_those_that_other_libraries_read(sound: Path) -> None:
+def test_tick_count_equals_that_of_the_mcap_library(sound: Path) -> None:
     with sound.open("rb") as file:
         messages = make_reader(file, validate_crcs=True).iter_messages(topics=["/ticks"])
         assert sum(msgpack.unpackb(message.data)["count"] for _, _, message in messages) == check(sound).ticks
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.98])
-def test_a_flipped_bit_is_damage_and_the_rest_recoverable(tmp_path: Path, sound: Path, share: float) -> None:
+def test_flipped_bit_is_damage_and_the_rest_is_recoverable(tmp_path: Path, sound: Path, share: float) -> None:
     broken = bytearray(sound.read_bytes())
     broken[int(share * len(broken))] ^= 16
     path = tmp_path / "flipped.mcap"
@@ -74,7 +74,7 @@ def test_a_flipped_bit_is_damage_and_the_rest_recoverable(tmp_path: Path, sound:
     assert [file.name for file in tmp_path.iterdir()] == ["flipped.mcap"]
 
 
-def test_a_cut_file_tells_what_recovery_saves(tmp_path: Path, sound: Path) -> None:
+def test_check_of_a_truncated_file_reports_the_recoverable_ticks(tmp_path: Path, sound: Path) -> None:
     path = tmp_path / "cut.mcap"
     path.write_bytes(sound.read_bytes()[: sound.stat().st_size * 2 // 3])
     report = check(path)
@@ -82,7 +82,7 @@ def test_a_cut_file_tells_what_recovery_saves(tmp_path: Path, sound: Path) -> No
     assert report.ticks == recover(path).messages["/ticks"] > 0
 
 
-def test_a_part_tells_what_recovery_saves(tmp_path: Path) -> None:
+def test_check_of_an_unfinished_part_reports_the_recoverable_ticks(tmp_path: Path) -> None:
     writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
     writer.flush(proofs.fill(writer, proofs.rows()[:1000]))
     writer.abandon()
@@ -91,20 +91,20 @@ def test_a_part_tells_what_recovery_saves(tmp_path: Path) -> None:
     assert "recoverable: 1000 ticks, 0 to 999" in said(report)
 
 
-def test_what_is_no_recording_has_nothing_to_recover(tmp_path: Path) -> None:
+def test_check_of_another_file_type_finds_nothing_to_recover(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"%PDF-1.4 hello")
     report = check(tmp_path / "a.mcap")
     assert report.result == "damaged"
     assert "nothing can be recovered" in said(report)
 
 
-def test_a_changed_configuration_is_found_by_its_checksum(tmp_path: Path) -> None:
+def test_changed_configuration_is_detected_by_its_checksum(tmp_path: Path) -> None:
     other = resolve(proofs.config()).replace("k_h = 200.0", "k_h = 201.0")
     path = proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], text=other, said={"config_sha256": "0" * 64})
     assert "its configuration is damaged" in said(check(path))
 
 
-def test_a_configuration_of_somebody_else_is_found_by_the_metadata_and_the_replay(tmp_path: Path) -> None:
+def test_wrong_configuration_is_detected_by_metadata_and_replay(tmp_path: Path) -> None:
     config = proofs.config()
     other = replace(config, physics=replace(config.physics, k_h=201.0))
     path = proofs.write(tmp_path / "a.mcap", proofs.rows(), other, said={"dyad": "D99"})
@@ -113,7 +113,7 @@ def test_a_configuration_of_somebody_else_is_found_by_the_metadata_and_the_repla
     assert "not identical: tick" in said(report)
 
 
-def test_dropped_ticks_without_a_word_are_damage(tmp_path: Path) -> None:
+def test_dropped_ticks_without_a_note_are_damage(tmp_path: Path) -> None:
     rows = np.delete(proofs.rows(), slice(700, 705))
     report = check(proofs.write(tmp_path / "a.mcap", rows), replay=True)
     assert "5 ticks are missing without a note by the logger, from tick 700 on" in said(report)
@@ -121,7 +121,7 @@ def test_dropped_ticks_without_a_word_are_damage(tmp_path: Path) -> None:
     assert (report.replay.identical, report.replay.gaps) == (True, 1)
 
 
-def test_dropped_ticks_that_the_logger_noted_are_a_loss(tmp_path: Path) -> None:
+def test_dropped_ticks_noted_by_the_logger_are_a_loss(tmp_path: Path) -> None:
     rows = proofs.rows()
     writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
     before = rows[:700]
@@ -135,21 +135,21 @@ def test_dropped_ticks_that_the_logger_noted_are_a_loss(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", [10, -10])
-def test_swapped_times_are_damage(tmp_path: Path, place: int) -> None:
+def test_swapped_tick_times_are_damage(tmp_path: Path, place: int) -> None:
     rows = proofs.rows()
     rows["time_ns"][[place, place + 1]] = rows["time_ns"][[place + 1, place]]
     report = check(proofs.write(tmp_path / "a.mcap", rows))
     assert "ticks are not 1 ms after the one before" in said(report)
 
 
-def test_ticks_in_a_wrong_order_are_damage(tmp_path: Path) -> None:
+def test_ticks_out_of_order_are_damage(tmp_path: Path) -> None:
     rows = proofs.rows()
     words = rows.view(np.int64).reshape(len(rows), -1)
     words[[300, 301]] = words[[301, 300]]
     assert "come after one with the same or a higher number" in said(check(proofs.write(tmp_path / "a.mcap", rows)))
 
 
-def test_a_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
+def test_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     for trials in (1, 3):
         settings = replace(config, block=replace(config.block, trials=trials))
@@ -157,21 +157,21 @@ def test_a_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
         assert f"2 of {trials} trials done" in said(report)
 
 
-def test_a_block_without_its_end_is_a_loss(tmp_path: Path) -> None:
+def test_unfinished_block_is_a_loss(tmp_path: Path) -> None:
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:-2000], ended="the server began another session"))
     assert (report.result, said(report)) == ("complete with listed losses", "")
     assert "ends before its session" in said(report, Severity.LOSS)
     assert "1 of 2 trials done" in said(report, Severity.LOSS)
 
 
-def test_a_target_at_the_wrong_side_is_damage(tmp_path: Path) -> None:
+def test_target_on_the_wrong_side_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     settings = replace(config, block=replace(config.block, first_target="right"))
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows(), settings))
     assert "have their target on the wrong side: trial 1" in said(report)
 
 
-def test_another_condition_than_was_done_is_damage(tmp_path: Path) -> None:
+def test_force_that_contradicts_the_condition_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     for changes in ({"force": "none"}, {"catch": (1,)}):
         settings = replace(config, block=replace(config.block, **changes))
@@ -180,7 +180,7 @@ def test_another_condition_than_was_done_is_damage(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("field", ["theta", "left_force", "right_used_z"])
-def test_the_last_bit_of_a_result_is_found_by_the_replay_alone(tmp_path: Path, field: str) -> None:
+def test_only_the_replay_detects_a_change_in_the_last_bit(tmp_path: Path, field: str) -> None:
     rows = proofs.rows()
     rows[field].view()[4321:4322] = np.nextafter(rows[field][4321], np.inf)
     path = proofs.write(tmp_path / "a.mcap", rows)
@@ -188,7 +188,7 @@ def test_the_last_bit_of_a_result_is_found_by_the_replay_alone(tmp_path: Path, f
     assert f"tick 4321, {field}" in said(check(path, replay=True))
 
 
-def test_a_recovered_file_lists_what_was_lost(tmp_path: Path, sound: Path) -> None:
+def test_recovered_file_lists_its_losses(tmp_path: Path, sound: Path) -> None:
     broken = bytearray(sound.read_bytes())
     broken[len(broken) // 2] ^= 1
     (tmp_path / "a.mcap").write_bytes(broken)
@@ -216,13 +216,13 @@ def _loosened(probes: list[ClockRecord]) -> None:
     ("change", "words"),
     [(_stamped_back, "not possible"), (_tightened, "refuted by their own probe"), (_loosened, "refuted")],
 )
-def test_a_clock_that_contradicts_itself_is_damage(tmp_path: Path, change: Change, words: str) -> None:
+def test_inconsistent_clock_probe_is_damage(tmp_path: Path, change: Change, words: str) -> None:
     clocks = proofs.probes(30)
     change(clocks)
     assert words in said(check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], clocks=clocks)))
 
 
-def test_a_journal_that_tells_the_same_is_sound_and_another_is_not(tmp_path: Path) -> None:
+def test_journal_that_contradicts_the_recording_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     path = proofs.write(tmp_path / "a.mcap", proofs.rows())
     with Recording(path) as recording:

@@ -13,7 +13,7 @@ from netboard.recording.integrity.severity import Severity, worst
 
 
 @pytest.mark.parametrize("drift", [-80.0, -3.0, 0.0, 20.0, 80.0])
-def test_the_drift_of_an_even_clock_is_the_slope_of_the_line(drift: float) -> None:
+def test_drift_of_a_regular_clock_is_the_slope_of_the_fit(drift: float) -> None:
     clocks = proofs.probes(50, drift)
     fit = line_through(clocks)
     assert fit is not None
@@ -44,7 +44,7 @@ def test_live_estimates_of_a_noisy_clock_are_not_refuted() -> None:
     assert "drift +3" in findings[0].text
 
 
-def test_a_clock_that_was_stepped_is_a_loss() -> None:
+def test_stepped_clock_is_a_loss() -> None:
     clocks = proofs.probes(40)
     clocks[20:] = [
         replace(p, t1_ns=p.t1_ns + 10**7, t2_ns=p.t2_ns + 10**7, offset_ns=p.offset_ns + 10**7) for p in clocks[20:]
@@ -53,12 +53,12 @@ def test_a_clock_that_was_stepped_is_a_loss() -> None:
     assert worst([*check_clocks(clocks, 0.5, None)]) == Severity.LOSS
 
 
-def test_a_clock_that_runs_away_is_a_loss() -> None:
+def test_excessive_drift_counts_as_clock_steps() -> None:
     assert stepped(proofs.probes(40, 500.0)) > 0
     assert stepped(proofs.probes(40, -500.0)) > 0
 
 
-def test_a_wide_bound_matters_for_agents_in_trials() -> None:
+def test_wide_clock_bound_is_a_loss_only_for_agents_during_trials() -> None:
     clocks = proofs.probes(10)
     during = (clocks[0].t0_ns, clocks[-1].t3_ns)
     assert worst([*check_clocks(clocks, 0.05, during)]) == Severity.LOSS
@@ -68,7 +68,7 @@ def test_a_wide_bound_matters_for_agents_in_trials() -> None:
     assert worst([*check_clocks(others, 0.05, during)]) == Severity.SOUND
 
 
-def test_an_estimate_may_be_better_than_its_probe_and_not_worse() -> None:
+def test_estimate_may_be_tighter_than_its_probe_but_not_looser() -> None:
     (probe,) = proofs.probes(1)
     assert not contradicts(probe)
     assert not contradicts(replace(probe, bound_ns=1000))

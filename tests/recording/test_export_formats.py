@@ -35,7 +35,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [write(folder / "S01.mcap", make_rows(1)), write(folder / "S02.mcap", make_rows(2))]
 
 
-def test_parquet_has_all_bits_types_and_units(two: list[Path], tmp_path: Path) -> None:
+def test_parquet_keeps_bits_types_and_units(two: list[Path], tmp_path: Path) -> None:
     parquet, dataset = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow.dataset")
     export(two, "parquet", tmp_path / "out", quiet)
     rows = make_rows(2)
@@ -50,7 +50,7 @@ def test_parquet_has_all_bits_types_and_units(two: list[Path], tmp_path: Path) -
     assert parquet.read_table(tmp_path / "out" / "remarks.parquet").num_rows == 0
 
 
-def test_csv_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
+def test_csv_round_trip_is_bit_exact(two: list[Path], tmp_path: Path) -> None:
     export(two, "csv", tmp_path / "out", quiet)
     rows = without_payloads(make_rows(1))
     with (tmp_path / "out" / "ticks" / "S01.csv").open(encoding="utf-8", newline="") as file:
@@ -65,7 +65,7 @@ def test_csv_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
     assert int(events[2]["time_ns"]) == START_NS - 1_000_000
 
 
-def test_mat_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
+def test_mat_round_trip_is_bit_exact(two: list[Path], tmp_path: Path) -> None:
     export(two, "mat", tmp_path / "out", quiet)
     read = loadmat(tmp_path / "out" / "S02.mat", struct_as_record=False, squeeze_me=True)
     rows = make_rows(2)
@@ -79,7 +79,7 @@ def test_mat_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), [("csv", 3), ("csv", 4), ("parquet", 3), ("parquet", 4)])
-def test_any_bits_come_back_as_a_recording(tmp_path: Path, name: str, seed: int) -> None:
+def test_exported_ticks_import_bit_exactly(tmp_path: Path, name: str, seed: int) -> None:
     if name == "parquet":
         pytest.importorskip("pyarrow")
     rows = make_rows(seed)
@@ -102,7 +102,7 @@ printf("%d %d\\n", numel(s.remarks.seq), numel(s.events.details));
 
 
 @pytest.mark.slow
-def test_octave_reads_mat(two: list[Path], tmp_path: Path) -> None:
+def test_octave_reads_mat_files(two: list[Path], tmp_path: Path) -> None:
     octave = shutil.which("octave-cli")
     if octave is None:
         pytest.skip("GNU Octave is not installed")
@@ -117,7 +117,7 @@ def test_octave_reads_mat(two: list[Path], tmp_path: Path) -> None:
     assert said[6:] == ["fell", "success", "timed_out", "abort", "unfinished", "0", "2"]
 
 
-def test_ticks_too_many_for_matlab_are_refused(
+def test_recording_too_large_for_matlab_is_refused(
     two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(matlab, "MAX_BYTES", 1000)
@@ -136,7 +136,7 @@ def test_every_format_has_a_writer_and_a_known_extra(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_every_format_leaves_nothing_of_a_failure(two: list[Path], tmp_path: Path, name: str) -> None:
+def test_failed_export_leaves_no_files(two: list[Path], tmp_path: Path, name: str) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(two[0].read_bytes()[:-20])
     with pytest.raises(RecordingError, match=r"cut\.mcap"):
@@ -144,13 +144,13 @@ def test_every_format_leaves_nothing_of_a_failure(two: list[Path], tmp_path: Pat
     assert list(tmp_path.iterdir()) == [cut]
 
 
-def test_nothing_is_written_over(two: list[Path], tmp_path: Path) -> None:
+def test_export_never_overwrites_its_output_folder(two: list[Path], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(RecordingError, match="out: already exists"):
         export(two, "csv", tmp_path / "out", quiet)
 
 
-def test_a_folder_that_appears_meanwhile_is_left_alone(two: list[Path], tmp_path: Path) -> None:
+def test_output_folder_created_during_the_export_is_left_alone(two: list[Path], tmp_path: Path) -> None:
     def appear(what: str, done: int, total: int) -> None:
         (tmp_path / "out").mkdir(exist_ok=True)
 
@@ -159,14 +159,14 @@ def test_a_folder_that_appears_meanwhile_is_left_alone(two: list[Path], tmp_path
     assert [path.name for path in tmp_path.rglob("*")] == ["out"]
 
 
-def test_an_unknown_format_and_a_missing_library_are_said(tmp_path: Path) -> None:
+def test_unknown_format_and_missing_library_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--to xls: expected one of parquet, csv, mat"):
         export([], "xls", tmp_path / "out", quiet)
     with pytest.raises(ConfigError, match=r"this needs nosuch, .* pip install 'netboard\[some\]'"):
         library("nosuch.module", "some")
 
 
-def test_the_command_takes_folders(two: list[Path], tmp_path: Path) -> None:
+def test_export_command_accepts_folders(two: list[Path], tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["export", str(two[0].parent), "--to", "csv", "-o", str(tmp_path / "out")])
     assert result.exit_code == 0, result.exception
     assert "2 recordings" in result.output
@@ -177,7 +177,7 @@ def test_the_command_takes_folders(two: list[Path], tmp_path: Path) -> None:
         assert (tmp_path / "out" / f"{table.name}.csv").is_file()
 
 
-def test_recordings_of_one_name_are_refused(two: list[Path], tmp_path: Path) -> None:
+def test_export_command_refuses_equal_names_and_missing_files(two: list[Path], tmp_path: Path) -> None:
     other = tmp_path / "S01.mcap"
     other.write_bytes(two[0].read_bytes())
     result = CliRunner().invoke(app, ["export", str(two[0]), str(other), "--to", "csv", "-o", str(tmp_path / "out")])

@@ -41,7 +41,7 @@ def whole(path: Path, table) -> dict[str, np.ndarray]:
     return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}
 
 
-def test_ticks_are_the_recorded_ones_with_time_and_attempt(path: Path) -> None:
+def test_tick_table_has_the_recorded_ticks_with_time_and_attempt(path: Path) -> None:
     rows, found = make_rows(), whole(path, TICKS)
     assert all(same_bits(found[name], rows[name]) for name in TICK.names)
     assert set(found["recording"]) == {"S01"}
@@ -53,7 +53,7 @@ def test_ticks_are_the_recorded_ones_with_time_and_attempt(path: Path) -> None:
         assert since == (row["tick"] - release) / 1000 if row["tick"] >= release else np.isnan(since)
 
 
-def test_trials_are_every_attempt_and_its_condition(tmp_path: Path) -> None:
+def test_trial_table_has_every_attempt_and_its_condition(tmp_path: Path) -> None:
     config = parse('[session]\ndyad = "D07"\n[block]\nforce = "none"\nforce_delay_ms = 3\ncatch = [2]')
     found = whole(write(tmp_path / "S01.mcap", make_rows(), config), TRIALS)
     assert found["outcome"].tolist() == ["fell", "success", "timed_out", "abort", "unfinished"]
@@ -70,7 +70,7 @@ def test_trials_are_every_attempt_and_its_condition(tmp_path: Path) -> None:
     assert (found["block_force_delay_ms"].dtype, set(found["block_force_delay_ms"])) == (np.int64, {3})
 
 
-def test_the_other_channels_come_whole(path: Path) -> None:
+def test_tables_of_the_other_channels_are_complete(path: Path) -> None:
     events, clocks, frames = (whole(path, table) for table in (EVENTS, CLOCKS, FRAMES))
     assert [json.loads(text) for text in events["details"]] == [{"text": ODD}, {}]
     assert events["time"].tolist() == [-0.001, 0.25]
@@ -83,7 +83,7 @@ def test_the_other_channels_come_whole(path: Path) -> None:
     assert json.loads(said["metadata"][0])["dyad"] == "D01"
 
 
-def test_a_recording_without_ticks_has_empty_tables(tmp_path: Path) -> None:
+def test_recording_without_ticks_has_empty_tables(tmp_path: Path) -> None:
     path = write(tmp_path / "S01.mcap", make_rows()[:0])
     with Recording(path) as recording:
         assert list(TICKS.portions(Subject(recording))) == []
@@ -92,16 +92,16 @@ def test_a_recording_without_ticks_has_empty_tables(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 7), st.integers(0, 2), st.integers(0, 17)), max_size=40), st.integers(1, 7))
-def test_attempts_along_portions_are_those_of_all_ticks(values: list[tuple[int, int, int]], size: int) -> None:
+def test_attempts_found_in_portions_equal_those_of_all_ticks(values: list[tuple[int, int, int]], size: int) -> None:
     rows = np.zeros(len(values), TICK)
     rows["tick"] = np.arange(len(values))
     for name, column in zip(("phase", "trial", "event"), np.array(values, np.int64).reshape(-1, 3).T, strict=True):
         rows[name] = column
     portions = [rows[first : first + size] for first in range(0, len(rows), size)]
-    assert repr(attempts_along(portions)) == repr(find_attempts(rows))  # a NaN is not itself
+    assert repr(attempts_along(portions)) == repr(find_attempts(rows))  # repr, because NaN != NaN
 
 
-def test_every_column_is_described_once_and_as_where_it_is_defined(tmp_path: Path) -> None:
+def test_dictionary_describes_every_column_once_as_defined(tmp_path: Path) -> None:
     write_dictionary(tmp_path, TABLES, "somewhere")
     tables = json.loads((tmp_path / "dictionary.json").read_text(encoding="utf-8"))["tables"]
     assert list(tables) == [table.name for table in TABLES]
@@ -116,20 +116,20 @@ def test_every_column_is_described_once_and_as_where_it_is_defined(tmp_path: Pat
     assert all(field.unit and field.text for field in numbers)
 
 
-def test_no_column_is_a_word_of_matlab() -> None:
+def test_no_column_name_is_a_matlab_keyword() -> None:
     words = "break case catch classdef continue else elseif end for function global if otherwise parfor persistent"
     reserved = {*words.split(), "return", "spmd", "switch", "try", "while"}
     assert not reserved & {field.name for table in TABLES for field in table.fields}
 
 
-def test_a_recording_of_another_version_is_refused_with_its_name(tmp_path: Path) -> None:
+def test_file_that_is_not_mcap_is_refused_with_its_name(tmp_path: Path) -> None:
     path = tmp_path / "S01.mcap"
     path.write_bytes(b"nothing")
     with pytest.raises(RecordingError, match=r"S01\.mcap: not an MCAP file"):
         whole(path, TICKS)
 
 
-def test_conditions_are_those_of_the_configuration(path: Path) -> None:
+def test_condition_columns_come_from_the_configuration(path: Path) -> None:
     found, block = whole(path, TRIALS), Config().block
     assert set(found["block_force_scale"]) == {block.force_scale}
     assert set(found["block_left"]) == {"person"}

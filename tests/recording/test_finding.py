@@ -8,7 +8,7 @@ from netboard.base.errors import RecordingError
 from netboard.recording.files.locate import find_recordings
 
 
-def test_files_and_folders_each_once_and_in_order(tmp_path: Path) -> None:
+def test_recordings_of_files_and_folders_are_listed_once_in_order(tmp_path: Path) -> None:
     for name in ("b.mcap", "a.mcap", "c.mcap.part", "notes.txt"):
         (tmp_path / name).touch()
     a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
@@ -16,7 +16,7 @@ def test_files_and_folders_each_once_and_in_order(tmp_path: Path) -> None:
     assert find_recordings([tmp_path]) == (a, b)
 
 
-def test_an_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
+def test_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match="empty: there is no recording"):
         find_recordings([tmp_path / "empty"])

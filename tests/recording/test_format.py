@@ -14,11 +14,11 @@ from samples import metadata, random_rows, write_recording
 TEXT = FORMAT.read_text(encoding="utf-8")
 
 
-def test_the_tables_are_up_to_date() -> None:
+def test_format_tables_are_up_to_date() -> None:
     assert renewed(TEXT) == TEXT, "run: python tests/recording/format_tables.py"
 
 
-def test_the_version_is_the_codes() -> None:
+def test_documented_version_equals_that_of_the_code() -> None:
     assert f"Format version {FORMAT_VERSION}\n" in TEXT
 
 
@@ -29,7 +29,7 @@ def test_every_metadata_key_is_listed() -> None:
 
 
 @pytest.mark.slow
-def test_the_snippet_runs(tmp_path: Path) -> None:
+def test_reading_snippet_runs(tmp_path: Path) -> None:
     rows = random_rows(30)
     rows["p"] = rows["tick"] / 7
     path = write_recording(tmp_path / "a.mcap", rows)

@@ -31,7 +31,7 @@ ROWS = random_rows(3000)
 MEGABYTE = 2**20
 
 
-def test_space_is_judged_by_its_size_and_by_how_long_it_will_do() -> None:
+def test_space_is_judged_by_bytes_and_by_remaining_time() -> None:
     assert not Space(LOW_BYTES, LOW_S).low
     assert Space(LOW_BYTES - 1, LOW_S).low
     assert Space(LOW_BYTES, LOW_S - 1).low
@@ -42,7 +42,7 @@ def test_space_is_judged_by_its_size_and_by_how_long_it_will_do() -> None:
     assert str(Space(150_000_000, 600.0)) == "150 MB free, for 10 min"
 
 
-def test_the_rate_is_that_of_the_last_minute() -> None:
+def test_disk_use_rate_covers_the_last_minute() -> None:
     consumption = DiskUse()
     rate, free = 2_000_000, 10**9
     for second in range(300):
@@ -54,7 +54,7 @@ def test_the_rate_is_that_of_the_last_minute() -> None:
     assert space.seconds == float("inf")
 
 
-def test_a_burst_is_not_taken_for_the_rate() -> None:
+def test_short_burst_does_not_set_the_rate() -> None:
     consumption = DiskUse()
     written = 0
     for tenth in range(500):
@@ -62,13 +62,13 @@ def test_a_burst_is_not_taken_for_the_rate() -> None:
         assert not consumption.judge(tenth * STEP_NS // 50, written, 10**9).out
 
 
-def test_nothing_is_begun_on_a_full_disk(tmp_path: Path) -> None:
+def test_recording_does_not_start_on_a_full_disk(tmp_path: Path) -> None:
     require_space(tmp_path, MIN_BYTES)
     with pytest.raises(RecordingError, match="only 200 MB free, and a recording stops at 200 MB"):
         require_space(tmp_path, MIN_BYTES - 1)
 
 
-def test_room_behind_the_end_is_kept_and_given_back(tmp_path: Path) -> None:
+def test_reserved_space_is_released_when_the_recording_finishes(tmp_path: Path) -> None:
     with (tmp_path / "a").open("wb") as file:
         file.write(b"begun")
         file.flush()
@@ -133,7 +133,7 @@ def until_refused(path: Path, before: int) -> tuple[int | None, RecordingError]:
     raise AssertionError("the disk never refused")
 
 
-def test_a_recording_on_a_disk_that_fills_up_gets_its_index_and_its_name(
+def test_recording_on_a_disk_that_fills_up_is_finished_properly(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(partfile, "_RESERVE", MEGABYTE)
@@ -148,7 +148,7 @@ def test_a_recording_on_a_disk_that_fills_up_gets_its_index_and_its_name(
     assert ticks.tobytes() == ROWS[: len(ticks)].tobytes()
 
 
-def test_where_no_room_can_be_kept_the_part_is_whole_up_to_its_last_chunk(
+def test_without_reserved_space_the_part_is_recoverable_to_its_last_chunk(
     small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(partfile, "allocate", lambda *_: False)
@@ -161,7 +161,7 @@ def test_where_no_room_can_be_kept_the_part_is_whole_up_to_its_last_chunk(
         assert np.array_equal(recording.ticks()["tick"], np.arange(report.messages["/ticks"]))
 
 
-def test_a_recording_that_cannot_be_begun_leaves_nothing(small_disk: Path) -> None:
+def test_recording_that_cannot_start_leaves_no_file(small_disk: Path) -> None:
     occupy(small_disk)
     with pytest.raises(RecordingError, match="No space left"):
         new_writer(small_disk / "a.mcap")
@@ -169,7 +169,7 @@ def test_a_recording_that_cannot_be_begun_leaves_nothing(small_disk: Path) -> No
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no such limit there")
-def test_a_file_that_may_not_grow_is_whole_up_to_its_last_chunk(tmp_path: Path) -> None:
+def test_part_at_the_file_size_limit_is_recoverable_to_its_last_chunk(tmp_path: Path) -> None:
     """A stand-in for a full disk that needs no rights: the kernel refuses what goes beyond a size."""
     import resource
 

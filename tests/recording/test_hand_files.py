@@ -33,7 +33,7 @@ def file_of(folder: Path, text: str, name: str = "a.csv") -> Path:
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
-def test_reading(tmp_path: Path) -> None:
+def test_csv_columns_become_hand_positions_and_velocities(tmp_path: Path) -> None:
     hands = read_hands(file_of(tmp_path, HEADER + ROWS))
     assert hands.t.tolist() == [0.0, 0.001, 0.002, 0.003, 0.004]
     assert hands.z[3].tolist() == [0.003, -0.003]
@@ -52,7 +52,7 @@ def test_reading(tmp_path: Path) -> None:
     ],
     ids=["order", "byte order mark and spaces", "carriage returns", "blank lines", "quotes", "no last line end"],
 )
-def test_the_same_hands_written_otherwise(tmp_path: Path, text: str) -> None:
+def test_csv_variants_give_the_same_hands(tmp_path: Path, text: str) -> None:
     expected, found = read_hands(file_of(tmp_path, HEADER + ROWS)), read_hands(file_of(tmp_path, text, "b.csv"))
     for one, other in ((expected.t, found.t), (expected.z, found.z), (expected.vz, found.vz)):
         np.testing.assert_array_equal(one, other)
@@ -115,14 +115,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("text", "words"), REFUSED.values(), ids=REFUSED)
-def test_what_is_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_csv_is_refused_with_the_place(tmp_path: Path, text: str, words: str) -> None:
     path = file_of(tmp_path, text)
     with pytest.raises(ConfigError) as refusal:
         read_hands(path)
     assert str(refusal.value) == f"{path}: {words}"
 
 
-def test_gaps_are_refused_or_held(tmp_path: Path) -> None:
+def test_gaps_are_refused_unless_held(tmp_path: Path) -> None:
     times = [0, 1, 2, 3, 4, 5, 30, 31, 32, 80, 81, 82]
     path = file_of(tmp_path, HEADER + "".join(f"{t / 1000},0,0,0,0\n" for t in times))
     with pytest.raises(ConfigError) as refusal:
@@ -134,7 +134,7 @@ def test_gaps_are_refused_or_held(tmp_path: Path) -> None:
     assert len(read_hands(path, gaps="hold").t) == len(times)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"b\.csv: no such file"):
         read_hands(tmp_path / "b.csv")
     with pytest.raises(ConfigError, match=r"cannot be read: .*directory"):
@@ -146,7 +146,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 @settings(max_examples=200)
 @given(text=st.text(st.sampled_from("0123456789.,-+e\n\"; \ttzv_leftrighna\r#'"), max_size=200), header=st.booleans())
-def test_any_text_is_hands_or_is_refused(tmp_path_factory: pytest.TempPathFactory, text: str, header: bool) -> None:
+def test_any_text_is_parsed_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str, header: bool) -> None:
     path = file_of(tmp_path_factory.mktemp("any"), (HEADER if header else "") + text)
     try:
         said = f"{path}: {len(read_hands(path, gaps='hold').t)} samples"
@@ -161,7 +161,7 @@ def test_any_text_is_hands_or_is_refused(tmp_path_factory: pytest.TempPathFactor
 @pytest.mark.parametrize(
     ("factor", "words"), [(1.0, ""), (-1.0, "makes -1 times"), (1000.0, "makes 1e+03 times"), (0.0, "makes 0 times")]
 )
-def test_rates_that_do_not_belong_to_their_heights(factor: float, words: str) -> None:
+def test_velocity_that_contradicts_the_position_raises_a_doubt(factor: float, words: str) -> None:
     t = np.arange(1001) / 1000
     z, vz = 0.02 * np.sin(7 * t), 0.14 * np.cos(7 * t)
     found = doubts(Hands(t, np.stack([z, z], 1), np.stack([factor * vz, vz], 1)))
@@ -169,7 +169,7 @@ def test_rates_that_do_not_belong_to_their_heights(factor: float, words: str) ->
     assert not words or (found[0].startswith("v_left is not the rate of z_left: it ") and words in found[0])
 
 
-def test_noise_and_lag_raise_no_doubts() -> None:
+def test_noise_and_lag_raise_no_doubt() -> None:
     random, t = np.random.default_rng(0), np.arange(3001) / 1000
     z, vz = 0.02 * np.sin(7 * t), 0.14 * np.cos(7 * (t - 0.01))
     z = np.round(z / 55e-6) * 55e-6
@@ -202,11 +202,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_inputs(words: list[str], found: list[str]) -> None:
+def test_inputs_are_files_folders_or_patterns(words: list[str], found: list[str]) -> None:
     assert find_inputs(words) == [Path(name) for name in found]
 
 
-def test_a_pattern_from_the_root(folder: Path) -> None:
+def test_input_pattern_may_be_absolute(folder: Path) -> None:
     assert find_inputs([str(folder / "hands" / "?.csv")]) == [folder / "hands" / "a.csv", folder / "hands" / "b.csv"]
 
 
@@ -218,7 +218,7 @@ def test_a_pattern_from_the_root(folder: Path) -> None:
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_inputs_that_are_not_there(word: str, words: str) -> None:
+def test_missing_or_unsupported_inputs_are_refused(word: str, words: str) -> None:
     with pytest.raises(ConfigError) as refusal:
         find_inputs([word])
     assert str(refusal.value) == words
@@ -241,7 +241,7 @@ A, B, OTHER_A = Path("hands/a.csv"), Path("hands/b.csv"), Path("a.csv")
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_outputs(inputs: list[Path], output: str, found: list[str]) -> None:
+def test_output_paths_follow_from_the_inputs_and_the_pattern(inputs: list[Path], output: str, found: list[str]) -> None:
     assert plan_outputs(inputs, output) == dict(zip(inputs, map(Path, found), strict=True))
 
 
@@ -261,14 +261,14 @@ def test_outputs(inputs: list[Path], output: str, found: list[str]) -> None:
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_outputs_that_are_refused(inputs: list[Path], output: str, words: str) -> None:
+def test_ambiguous_or_conflicting_outputs_are_refused(inputs: list[Path], output: str, words: str) -> None:
     with pytest.raises(ConfigError) as refusal:
         plan_outputs(inputs, output)
     assert str(refusal.value) == words
 
 
 @pytest.mark.usefixtures("folder")
-def test_force_writes_over_results_but_never_over_inputs() -> None:
+def test_force_overwrites_results_but_never_inputs() -> None:
     assert plan_outputs([A], "a.csv", force=True) == {A: OTHER_A}
     with pytest.raises(ConfigError, match=r"hands/a\.csv: is an input"):
         plan_outputs([A], "hands/a.csv", force=True)
@@ -280,7 +280,7 @@ NUMBERS = np.array([0.1, 1 / 3, -0.0, 5e-324, 1.7976931348623157e308, 1e22, 1234
 COLUMNS = {"t": np.arange(8) / 1000, "z": NUMBERS, "vz": NUMBERS[::-1]}
 
 
-def test_csv_reads_back_to_the_bit(tmp_path: Path) -> None:
+def test_csv_round_trip_is_bit_exact(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "out.csv"
     write_table(path, COLUMNS, {})
     assert path.read_bytes().startswith(b"t,z,vz\n0.0,0.1,-2.5e-07\n0.001,")
@@ -288,14 +288,14 @@ def test_csv_reads_back_to_the_bit(tmp_path: Path) -> None:
     assert back.tobytes() == np.stack(list(COLUMNS.values()), 1).tobytes()
 
 
-def test_csv_longer_than_is_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_csv_written_in_portions_equals_csv_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_table(tmp_path / "once.csv", COLUMNS, {})
     monkeypatch.setattr(hand_files, "_ROWS_AT_ONCE", 3)
     write_table(tmp_path / "often.csv", COLUMNS, {})
     assert (tmp_path / "once.csv").read_bytes() == (tmp_path / "often.csv").read_bytes()
 
 
-def test_nothing_is_left_of_what_could_not_be_written(tmp_path: Path) -> None:
+def test_failed_write_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     path.mkdir()
     with pytest.raises(NetboardError, match=r"out\.csv: cannot be written: "):
@@ -305,7 +305,7 @@ def test_nothing_is_left_of_what_could_not_be_written(tmp_path: Path) -> None:
         write_table(file_of(tmp_path, "") / "out.csv", COLUMNS, {})
 
 
-def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
+def test_existing_file_is_overwritten_only_with_force(tmp_path: Path) -> None:
     path = file_of(tmp_path, "mine", "out.csv")
     with pytest.raises(ConfigError, match="already exists"):
         write_table(path, COLUMNS, {})
@@ -317,7 +317,7 @@ def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
 # --- Parquet -----------------------------------------------------------------------------------------------------
 
 
-def test_parquet_there_and_back(tmp_path: Path) -> None:
+def test_parquet_round_trip_is_bit_exact(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "out.parquet"
     write_table(path, COLUMNS, {"made_by": "a test"})
@@ -327,7 +327,7 @@ def test_parquet_there_and_back(tmp_path: Path) -> None:
     assert json.loads(table.schema.metadata[b"netboard"]) == {"made_by": "a test"}
 
 
-def test_hands_in_parquet(tmp_path: Path) -> None:
+def test_hands_in_parquet_equal_those_in_csv(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     csv = read_hands(file_of(tmp_path, HEADER + ROWS))
     values = (csv.t, csv.z[:, 0], csv.vz[:, 0], csv.z[:, 1], csv.vz[:, 1])
@@ -345,7 +345,7 @@ def test_hands_in_parquet(tmp_path: Path) -> None:
         ([0.0, float("nan")], "row 2, column v_left: found nan, expected a finite number [m/s]"),
     ],
 )
-def test_parquet_that_is_refused(tmp_path: Path, column: list[object], words: str) -> None:
+def test_invalid_parquet_is_refused_with_the_place(tmp_path: Path, column: list[object], words: str) -> None:
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "a.parquet"
     columns = {name: [0.0, 1e-3] for name in HAND_COLUMNS} | {"v_left": column}
@@ -355,13 +355,13 @@ def test_parquet_that_is_refused(tmp_path: Path, column: list[object], words: st
     assert str(refusal.value) == f"{path}: {words}"
 
 
-def test_parquet_that_is_none(tmp_path: Path) -> None:
+def test_file_that_is_not_parquet_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     with pytest.raises(ConfigError, match=r"a\.parquet: not a Parquet file: "):
         read_hands(file_of(tmp_path, HEADER, "a.parquet"))
 
 
-def test_parquet_without_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_pyarrow_is_reported_with_the_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise ImportError(name)
 

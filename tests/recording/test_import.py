@@ -60,7 +60,7 @@ def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_exported_ticks_come_back_to_the_bit(rehearsed: Path, tmp_path: Path, kind: str) -> None:
+def test_exported_ticks_import_bit_exactly(rehearsed: Path, tmp_path: Path, kind: str) -> None:
     if kind == "parquet":
         pytest.importorskip("pyarrow")
     export([rehearsed], kind, tmp_path / "out", lambda *told: None)
@@ -80,7 +80,7 @@ def test_exported_ticks_come_back_to_the_bit(rehearsed: Path, tmp_path: Path, ki
 
 
 @pytest.mark.slow
-def test_hands_alone_have_their_trials_computed(rehearsed: Path, tmp_path: Path) -> None:
+def test_trials_are_computed_from_hands_alone(rehearsed: Path, tmp_path: Path) -> None:
     with Recording(rehearsed) as recording:
         rows, before = recording.ticks(first=500), recording.attempts()
     hands = {"ms": range(len(rows)), "left": 1000 * rows["left_used_z"], "right": -100 * rows["right_used_z"]}
@@ -114,7 +114,7 @@ def task_table(rate: int = 1000) -> dict[str, list[Any]]:
     }
 
 
-def test_what_was_measured_is_taken_as_it_is(tmp_path: Path) -> None:
+def test_measured_columns_are_imported_unchanged(tmp_path: Path) -> None:
     columns = task_table()
     with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
         rows, attempts = found.ticks(), found.attempts()
@@ -135,7 +135,7 @@ def test_what_was_measured_is_taken_as_it_is(tmp_path: Path) -> None:
     assert rows["successes"][[0, 1999, 2000]].tolist() == [0, 0, 1]
 
 
-def test_what_was_imported_whole_is_not_called_damaged(tmp_path: Path) -> None:
+def test_complete_import_passes_the_integrity_check(tmp_path: Path) -> None:
     columns = task_table()
     assert columns["target"][3500] == -1
     columns["target"] = [-target for target in columns["target"]]  # their targets followed no rule of ours
@@ -145,7 +145,7 @@ def test_what_was_imported_whole_is_not_called_damaged(tmp_path: Path) -> None:
     assert any("2 attempts, 1 successes, as imported" in finding.text for finding in report.findings)
 
 
-def test_phases_and_completion_times_count_where_they_are_there(tmp_path: Path) -> None:
+def test_phase_and_completion_columns_define_the_attempts(tmp_path: Path) -> None:
     columns = task_table()
     del columns["trial"]
     phase = ["holding" if 1.6 <= t < 2 else "running" if 1 <= t < 2 else "" for t in columns["time"]]
@@ -159,7 +159,7 @@ def test_phases_and_completion_times_count_where_they_are_there(tmp_path: Path) 
         assert found.attempts()[0].completion == pytest.approx(0.345)
 
 
-def test_gaps_have_no_ticks(tmp_path: Path) -> None:
+def test_gaps_of_a_table_have_no_ticks(tmp_path: Path) -> None:
     columns = task_table()
     kept = [k for k in range(4000) if not 2000 <= k < 2500]
     table = write_csv(tmp_path / "gap.csv", {name: [values[k] for k in kept] for name, values in columns.items()})
@@ -168,7 +168,7 @@ def test_gaps_have_no_ticks(tmp_path: Path) -> None:
         assert len(found.attempts()) == 2
 
 
-def test_a_simulation_goes_on_through_gaps_without_samples(tmp_path: Path) -> None:
+def test_simulation_continues_across_gaps_without_samples(tmp_path: Path) -> None:
     columns = task_table()
     kept = [k for k in range(4000) if not 2000 <= k < 2500]
     hands = {name: [columns[name][k] for k in kept] for name in ("time", "left_z", "right_z")}
@@ -180,7 +180,7 @@ def test_a_simulation_goes_on_through_gaps_without_samples(tmp_path: Path) -> No
     assert set(rows["left_used_z"][2000:2500]) == {rows["left_used_z"][1999]}
 
 
-def test_parquet_of_others_is_read_too(tmp_path: Path) -> None:
+def test_parquet_from_other_software_is_imported(tmp_path: Path) -> None:
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     columns = task_table()
     columns["trial"] = [None if number == "" else number for number in columns["trial"]]
@@ -216,7 +216,7 @@ HEAD = "time,left_z,right_z,p\n"
         ("time,time,left_z,right_z,p\n0,0,0,0,0\n", "time is there twice"),
     ],
 )
-def test_what_is_wrong_with_a_table_is_said(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_table_is_refused_with_the_place(tmp_path: Path, text: str, message: str) -> None:
     table = tmp_path / "table.csv"
     table.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=rf"table\.csv: {message}" if "missing" in message else message) as error:
@@ -237,14 +237,14 @@ def test_what_is_wrong_with_a_table_is_said(tmp_path: Path, text: str, message: 
         ({"units": ("vp=m/s",)}, "--unit vp=m/s: .* has no such column"),
     ],
 )
-def test_what_is_wrong_with_wishes_is_said(tmp_path: Path, wishes: dict[str, Any], message: str) -> None:
+def test_invalid_import_option_is_refused(tmp_path: Path, wishes: dict[str, Any], message: str) -> None:
     table = write_csv(tmp_path / "task.csv", task_table())
     with pytest.raises(ConfigError, match=message):
         import_table(table, tmp_path, CONFIG, ImportOptions(**wishes), UTC_NS, quiet)
 
 
 @pytest.mark.slow
-def test_a_table_that_ends_badly_leaves_nothing(
+def test_error_at_the_end_of_a_table_leaves_no_recording(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tables, "ROWS", 1000)
@@ -257,14 +257,14 @@ def test_a_table_that_ends_badly_leaves_nothing(
     assert list((tmp_path / "made").iterdir()) == []
 
 
-def test_an_import_is_not_written_over(tmp_path: Path) -> None:
+def test_import_never_overwrites_a_recording(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "task.csv", task_table())
     imported(table, tmp_path).close()
     with pytest.raises(RecordingError, match="exists"):
         imported(table, tmp_path)
 
 
-def test_the_command_says_what_it_did(tmp_path: Path) -> None:
+def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     columns = task_table(200)
     del columns["target"]
     columns["mood"] = [1] * 800

@@ -41,18 +41,18 @@ def journal(path: Path) -> Iterator[Journal]:
     made.close()
 
 
-def test_its_name() -> None:
+def test_journal_path_has_dyad_and_session() -> None:
     config = Config(session=Session(name="S02", dyad="D07"))
     assert journal_path(Path("recordings"), config) == Path("recordings/D07_S02.journal.jsonl")
 
 
-def test_a_new_one_has_its_header_at_once(journal: Journal, path: Path) -> None:
+def test_new_journal_has_its_header_at_once(journal: Journal, path: Path) -> None:
     lines = read_lines(path.read_bytes(), str(path))
     assert (lines.header, lines.entries, lines.torn) == (HEADER, (), b"")
     assert (journal.durable, journal.appended, journal.trouble) == (0, 0, "")
 
 
-def test_entries_are_on_disk_in_order_when_it_is_closed(journal: Journal, path: Path) -> None:
+def test_entries_are_on_disk_in_order_after_close(journal: Journal, path: Path) -> None:
     for entry in ENTRIES:
         journal.append(entry)
     assert journal.appended == len(ENTRIES)
@@ -62,7 +62,7 @@ def test_entries_are_on_disk_in_order_when_it_is_closed(journal: Journal, path: 
     assert journal.durable == len(ENTRIES)
 
 
-def test_every_line_says_when(journal: Journal, path: Path) -> None:
+def test_every_line_has_a_time_stamp(journal: Journal, path: Path) -> None:
     journal.append(ENTRIES[0])
     journal.close()
     times = [json.loads(line)["at"] for line in path.read_text(encoding="utf-8").splitlines()]
@@ -70,7 +70,7 @@ def test_every_line_says_when(journal: Journal, path: Path) -> None:
     assert all(time.endswith("Z") and "T" in time for time in times)
 
 
-def test_it_is_never_written_over(journal: Journal, path: Path) -> None:
+def test_existing_journal_is_never_overwritten(journal: Journal, path: Path) -> None:
     journal.append(ENTRIES[0])
     journal.close()
     before = path.read_bytes()
@@ -79,13 +79,13 @@ def test_it_is_never_written_over(journal: Journal, path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "recordings").write_text("a file")
     with pytest.raises(RecordingError, match="cannot be written"):
         Journal.create(tmp_path / "recordings" / "a.journal.jsonl", HEADER)
 
 
-def test_it_goes_on(journal: Journal, path: Path) -> None:
+def test_reopened_journal_continues_after_its_entries(journal: Journal, path: Path) -> None:
     journal.append(ENTRIES[0])
     journal.close()
     again, header, entries, torn = Journal.reopen(path)
@@ -97,12 +97,12 @@ def test_it_goes_on(journal: Journal, path: Path) -> None:
     assert again.durable == 2
 
 
-def test_none_to_go_on_with(path: Path) -> None:
+def test_reopening_a_missing_journal_is_refused(path: Path) -> None:
     with pytest.raises(RecordingError, match="does not exist: this session was never started; leave out --resume"):
         Journal.reopen(path)
 
 
-def test_a_damaged_one_is_not_gone_on_with(journal: Journal, path: Path) -> None:
+def test_reopening_a_damaged_journal_is_refused(journal: Journal, path: Path) -> None:
     for entry in ENTRIES:
         journal.append(entry)
     journal.close()
@@ -115,7 +115,7 @@ def test_a_damaged_one_is_not_gone_on_with(journal: Journal, path: Path) -> None
 
 @given(cut=st.integers(0, 10**6), count=st.integers(0, 3))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_cut_anywhere_it_goes_on_behind_its_last_whole_line(tmp_path: Path, cut: int, count: int) -> None:
+def test_truncated_journal_continues_after_its_last_complete_line(tmp_path: Path, cut: int, count: int) -> None:
     path = tmp_path / "cut.journal.jsonl"
     path.unlink(missing_ok=True)
     journal = Journal.create(path, HEADER)
@@ -134,7 +134,7 @@ def test_cut_anywhere_it_goes_on_behind_its_last_whole_line(tmp_path: Path, cut:
     assert said(path) == (*kept, *ENTRIES[:count])
 
 
-def test_a_torn_line_is_reported_and_its_place_taken(
+def test_torn_line_is_reported_and_overwritten_by_the_next_entry(
     journal: Journal, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     journal.append(ENTRIES[0])
@@ -146,13 +146,13 @@ def test_a_torn_line_is_reported_and_its_place_taken(
         again, _, _, rest = Journal.reopen(path)
     assert rest.startswith(b'{"entry":"note"')
     assert "its last line is incomplete" in caplog.text
-    assert path.read_bytes() == torn, "whoever only looks changes nothing"
+    assert path.read_bytes() == torn, "reopening alone changed the file"
     again.append(ENTRIES[1])
     again.close()
     assert said(path) == tuple(ENTRIES[:2])
 
 
-def test_our_own_mistake_is_told_to_whoever_makes_it(journal: Journal, path: Path) -> None:
+def test_invalid_entry_raises_in_the_caller(journal: Journal, path: Path) -> None:
     with pytest.raises(ValueError, match="Out of range"):
         journal.append(AttemptEnded(1, 1, 1, "success", float("nan"), (), 0, False, "r1", 0, 0))
     journal.append(BlockEnded(1, "stopped"))
@@ -160,7 +160,7 @@ def test_our_own_mistake_is_told_to_whoever_makes_it(journal: Journal, path: Pat
     assert said(path) == (BlockEnded(1, "stopped"),)
 
 
-def test_an_entry_counts_when_it_has_been_synced_and_not_before(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_entry_is_durable_only_after_fsync(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     journal = Journal.create(path, HEADER)
     synced: list[tuple[int, int]] = []
     sync = os.fsync
@@ -176,7 +176,7 @@ def test_an_entry_counts_when_it_has_been_synced_and_not_before(path: Path, monk
     assert synced == [(number + 1, number) for number in range(len(ENTRIES))]
 
 
-class SickDisk:
+class FaultyDisk:
     """Refuses some writes, and may leave part of a line behind."""
 
     def __init__(self, refusals: int) -> None:
@@ -192,11 +192,11 @@ class SickDisk:
         self.sound(handle, place, line)
 
 
-def test_a_disk_that_refuses_for_a_while(
+def test_temporary_disk_error_is_retried_and_logged_once(
     journal: Journal, path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "RETRY_SECONDS", 0.001)
-    disk = SickDisk(1)
+    disk = FaultyDisk(1)
     monkeypatch.setattr(module, "_write", disk.write)
     for entry in ENTRIES:
         journal.append(entry)
@@ -206,14 +206,12 @@ def test_a_disk_that_refuses_for_a_while(
     assert caplog.text.count("cannot be written: No space left on device") == 1
 
 
-def test_a_disk_that_refuses_for_good_is_not_passed_over(
-    journal: Journal, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_permanent_disk_error_is_raised_on_close(journal: Journal, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     journal.append(ENTRIES[0])
     journal.close()
     monkeypatch.setattr(module, "RETRY_SECONDS", 0.001)
     again, *_ = Journal.reopen(path)
-    monkeypatch.setattr(module, "_write", SickDisk(10**9).write)
+    monkeypatch.setattr(module, "_write", FaultyDisk(10**9).write)
     for entry in ENTRIES[1:4]:
         again.append(entry)
     with pytest.raises(RecordingError, match="No space left on device; 3 of 4 entries are not on disk"):
@@ -224,7 +222,7 @@ def test_a_disk_that_refuses_for_good_is_not_passed_over(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be deleted there")
-def test_a_deleted_one_is_written_anew(journal: Journal, path: Path) -> None:
+def test_deleted_journal_is_written_again(journal: Journal, path: Path) -> None:
     journal.append(ENTRIES[0])
     journal.close()
     again, *_ = Journal.reopen(path)
@@ -238,7 +236,7 @@ def test_a_deleted_one_is_written_anew(journal: Journal, path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs fork")
-def test_killed_fifty_times_nothing_is_lost_that_was_on_disk(path: Path) -> None:
+def test_fifty_kills_lose_no_durable_entry(path: Path) -> None:
     path.parent.mkdir()
     ran = subprocess.run(
         [sys.executable, str(Path(__file__).with_name("killed_journals.py")), str(path), "50", "1"],

@@ -75,7 +75,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def live() -> list[Verdict]:
-    """What the server says: it sees the ticks by tens, and frames half a second after they were painted."""
+    """Verdicts of the server, which gets ticks in tens and frames half a second after they were painted."""
     rows, waiting = session(), frames()
     referee = Referee(CONFIG, Safeguard.CLAMPED)
     found: list[Verdict] = []
@@ -87,7 +87,7 @@ def live() -> list[Verdict]:
     return found
 
 
-def test_the_same_flags_as_live(path: Path) -> None:
+def test_flags_of_a_recording_equal_those_of_the_live_session(path: Path) -> None:
     with OpenRecording(path) as recording:
         found = judged(recording)
     assert [(verdict.trial, verdict.outcome, verdict.completion, verdict.flags) for verdict in found] == [

@@ -46,7 +46,7 @@ def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.daily(5)
-def test_whatever_an_operator_does_is_no_damage(tmp_path: Path, kind: str, seed: int) -> None:
+def test_no_operator_action_counts_as_damage(tmp_path: Path, kind: str, seed: int) -> None:
     chance = random.Random(f"{kind} {seed}")
     config = KINDS[kind]
     rows = Operated(config, chance, {}).rows()
@@ -67,7 +67,7 @@ def report_on(folder: Path, made: Session) -> Report:
     return check(path)
 
 
-def test_a_repeat_taken_back_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path) -> None:
+def test_repeat_vetoed_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path) -> None:
     config = replace(CONFIG, block=replace(BLOCK, trials=1))
     rows = Operated(config, None, {}).rows()
     succeeded = int(rows["tick"][rows["phase"] == Phase.SUCCEEDED][0])
@@ -97,7 +97,7 @@ def test_frames_reported_too_late_are_a_loss(tmp_path: Path) -> None:
     assert "differs in the flag for a frozen display" in said(report, Severity.LOSS)
 
 
-def test_the_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) -> None:
+def test_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) -> None:
     made = made_of()
     last = ended(made)[-1]
     del made.entries[made.entries.index(last) :]
@@ -109,13 +109,13 @@ def test_the_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path
 
 
 @pytest.mark.parametrize("place", [0, -1])
-def test_an_attempt_missing_in_a_journal_that_was_ended_is_damage(tmp_path: Path, place: int) -> None:
+def test_attempt_missing_in_a_finished_journal_is_damage(tmp_path: Path, place: int) -> None:
     made = made_of()
     made.entries.remove(ended(made)[place])
     assert "is in the recording only" in said(report_on(tmp_path, made))
 
 
-def test_an_attempt_missing_in_the_midst_of_a_journal_is_damage(tmp_path: Path) -> None:
+def test_attempt_missing_in_the_middle_of_a_journal_is_damage(tmp_path: Path) -> None:
     made = made_of()
     made.entries.remove(ended(made)[0])
     made.entries.pop()
@@ -124,13 +124,13 @@ def test_an_attempt_missing_in_the_midst_of_a_journal_is_damage(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("flags", [("late_ticks",), ("lost_samples", "frozen_display")])
-def test_a_flag_that_the_ticks_do_not_give_is_damage(tmp_path: Path, flags: tuple[str, ...]) -> None:
+def test_flag_not_supported_by_the_ticks_is_damage(tmp_path: Path, flags: tuple[str, ...]) -> None:
     made = made_of()
     changed(made, 1, lambda entry: replace(entry, flags=flags))
     assert "trial 2, attempt 1 has the flags" in said(report_on(tmp_path, made))
 
 
-def test_an_attempt_in_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) -> None:
+def test_attempt_split_over_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) -> None:
     made = made_of()
     first = ended(made)[0]
     changed(made, 0, lambda entry: replace(entry, flags=("stuck_left",)))
@@ -143,7 +143,7 @@ def test_an_attempt_in_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) 
     assert "took 9.0 s in the journal" in said(check(write(tmp_path, made, [cut])[1]))
 
 
-def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
+def test_run_missing_from_the_journal_is_a_loss(tmp_path: Path) -> None:
     made = made_of()
     made.entries[:] = [Opened("another run", {}), Ended("the session was ended")]
     report = report_on(tmp_path, made)
@@ -154,14 +154,14 @@ def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
 # --- time and losses ----------------------------------------------------------------------------------------------
 
 
-def test_a_server_that_stood_still_and_said_so_is_a_loss(tmp_path: Path) -> None:
+def test_reported_server_stall_is_a_loss(tmp_path: Path) -> None:
     report = report_on(tmp_path, made_of(stood_still=2000))
     assert said(report) == ""
     assert "the server stalled 1 times, for 30 ms in all" in said(report, Severity.LOSS)
 
 
 @pytest.mark.parametrize("told", [("29", 0), ("31", 0), ("30", 1)])
-def test_a_jump_that_is_not_the_one_told_of_is_damage(tmp_path: Path, told: tuple[str, int]) -> None:
+def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path, told: tuple[str, int]) -> None:
     made = made_of(stood_still=2000)
     (event,) = (r for r in made.records if isinstance(r, EventRecord) and r.name == "stood_still")
     place = made.records.index(event)
@@ -192,19 +192,17 @@ def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
 
 
 @pytest.mark.parametrize("losses", [(10,), (3, 7), (1,) * 10])
-def test_records_lost_one_after_the_other_and_what_was_said_in_them_are_losses(
-    tmp_path: Path, losses: tuple[int, ...]
-) -> None:
+def test_noted_consecutive_losses_are_a_loss(tmp_path: Path, losses: tuple[int, ...]) -> None:
     report = lossy(tmp_path, losses, len(losses))
     assert said(report) == ""
     assert "records were lost after tick 1994" in said(report, Severity.LOSS)
 
 
-def test_more_that_is_missing_than_was_noted_is_damage(tmp_path: Path) -> None:
+def test_more_missing_ticks_than_noted_are_damage(tmp_path: Path) -> None:
     assert "ticks are missing without a note by the logger" in said(lossy(tmp_path, (3, 7), 1))
 
 
-def test_all_that_is_tried_here_has_been_done(tmp_path: Path) -> None:
+def test_random_operators_trigger_every_event(tmp_path: Path) -> None:
     """The random operators above do what there is to do."""
     events: set[int] = set()
     for seed in range(12):

@@ -23,7 +23,7 @@ def event(tick, what, /, **details):
     return EventRecord(0, tick, FIRST_NS + (tick - 100) * 1_000_000, what, details)
 
 
-def test_trials_and_what_came_of_them_are_marked():
+def test_marks_show_trials_and_their_outcomes():
     assert [(mark.time, mark.kind, mark.label) for mark in RECORDING.marks] == [
         (pytest.approx(0.501), "trial", "trial 1: success in 3.000 s"),
         (pytest.approx(1.0), "release", "level 1"),
@@ -34,7 +34,7 @@ def test_trials_and_what_came_of_them_are_marked():
     ]
 
 
-def test_notes_events_and_holes_are_marked_and_what_the_ticks_tell_is_not_told_twice():
+def test_marks_show_notes_events_and_gaps_without_duplicates():
     ticks = np.delete(two_trials(), slice(3000, 3200))
     events = (
         event(100, BLOCK_BEGAN, config="..."),
@@ -53,41 +53,41 @@ def test_notes_events_and_holes_are_marked_and_what_the_ticks_tell_is_not_told_t
     ]
 
 
-def test_the_next_mark_and_the_one_before():
+def test_next_and_previous_mark_are_found():
     def to(position, kind, *, back=False):
         found = near(RECORDING.marks, position, kind, back=back)
         return None if found is None else found.time
 
     assert to(0.0, "trial") == pytest.approx(0.501)
-    assert to(0.501, "trial") == pytest.approx(4.001), "not where it is"
+    assert to(0.501, "trial") == pytest.approx(4.001), "the next mark is not the current one"
     assert to(4.001, "trial") is None
     assert to(3.0, ANY) == pytest.approx(4.0)
     assert to(5.0, "trial", back=True) == pytest.approx(4.001)
-    assert to(4.1, "trial", back=True) == pytest.approx(0.501), "whoever goes back twice goes back two"
+    assert to(4.1, "trial", back=True) == pytest.approx(0.501), "going back twice goes back two marks"
     assert to(0.2, "trial", back=True) is None
 
 
-def test_a_row_holds_from_its_tick_to_the_next():
+def test_row_applies_until_the_next_tick():
     assert [RECORDING.at(position) for position in (-1.0, 0.0, 0.0009, 0.001, 0.0015, 9.999, 99.0)] == [
         *(0, 0, 0, 1, 1, 9999, 9999)
     ]
 
 
 @given(st.integers(0, 9999), st.integers(-20_000, 20_000))
-def test_steps_are_ticks(index, count):
+def test_steps_move_by_ticks(index, count):
     here = float(RECORDING.times[index])
     assert RECORDING.at(here) == index
     assert RECORDING.at(RECORDING.stepped(here, count)) == min(max(index + count, 0), 9999)
 
 
-def test_trials_are_found_by_their_number():
+def test_trials_are_found_by_number():
     assert RECORDING.trials == (1, 2)
     assert RECORDING.trial(1) == pytest.approx((0.501, 4.001))
     assert RECORDING.trial(3) is None
     assert RECORDING.time_of(1100) == pytest.approx(1.0)
 
 
-def test_a_hole_shows_what_was_before_it_and_is_named():
+def test_gap_shows_the_last_tick_before_it_and_is_named():
     recording = loaded_recording(np.delete(two_trials(), slice(3000, 3200)))
     assert recording.at(3.1) == 2999
     assert recording.gap_at(3.1) == "ticks 3100 to 3299 are missing"
@@ -98,31 +98,31 @@ def test_a_hole_shows_what_was_before_it_and_is_named():
     assert one.gap_at(3.0) == "tick 3100 is missing"
 
 
-def test_the_best_time_counts_from_the_tick_of_the_success_on():
+def test_best_time_applies_from_the_tick_of_the_success():
     assert two_trials()["completion"][4000] == 0.0, "a row has the state that its tick found"
     assert (RECORDING.best(3999), RECORDING.best(4000), RECORDING.best(9999)) == (None, 3.0, 3.0)
     assert loaded_recording(two_trials()[4001:]).best(0) == 3.0
 
 
-def test_the_rest_runs_from_the_beginning_of_the_block_while_nothing_is_on():
+def test_rest_counts_down_from_the_start_of_the_block_while_idle():
     config = replace(CONFIG, block=replace(CONFIG.block, rest=0.4))
     recording = loaded_recording(two_trials(), event(100, BLOCK_BEGAN), config=config)
     assert recording.rest(100) == pytest.approx(0.3)
     assert recording.rest(450) is None
-    assert loaded_recording(two_trials(), config=config).rest(100) is None, "nobody knows when the block began"
+    assert loaded_recording(two_trials(), config=config).rest(100) is None, "the start of the block is unknown"
     active = two_trials()
     active["phase"][:500] = Phase.PAUSED
     assert loaded_recording(active, event(100, BLOCK_BEGAN), config=config).rest(100) is None
 
 
 @given(st.integers(0, 9999), st.sampled_from(SIDES))
-def test_a_view_is_that_of_the_curtain(index, station):
+def test_replayed_view_equals_that_of_the_curtain(index, station):
     view = RECORDING.view(index, station, 7, 3)
     assert view == view_of(make_curtain(CONFIG), two_trials()[index], station, 3.0 if index >= 4000 else None, 7, 3)
     assert (view.left is None) == (station == "right")
 
 
-def test_outcomes_are_those_judged_so_far():
+def test_outcomes_include_only_attempts_judged_so_far():
     judged = loaded_recording(
         two_trials(),
         event(4100, "held", completion="2.5"),
@@ -136,18 +136,18 @@ def test_outcomes_are_those_judged_so_far():
     assert np.isnan(completion)
 
 
-def test_without_verdicts_the_outcomes_are_plain():
+def test_outcomes_come_from_the_attempts_without_verdicts():
     assert [(row[1], row[3]) for row in RECORDING.outcomes(9999)] == [
         (attempt.trial, attempt.outcome) for attempt in RECORDING.attempts
     ]
 
 
-def test_where_it_is_in_words():
+def test_position_text_has_tick_phase_trial_and_last_event():
     assert RECORDING.where(3.0) == "tick 3100, running, trial 1, last event: level 1"
     long = loaded_recording(two_trials(), event(2100, "command", name="note", argument="x" * 5000))
     assert len(long.where(3.0)) < 200
 
 
-def test_nothing_cannot_be_played():
+def test_recording_without_ticks_cannot_be_replayed():
     with pytest.raises(RecordingError, match="no tick"):
         loaded_recording(two_trials()[:0])

@@ -8,7 +8,7 @@ from netboard.base.errors import RecordingError
 from netboard.recording.replay.loading import load
 
 
-def test_a_recording_is_read_and_told_of_on_the_way(tmp_path):
+def test_recording_is_loaded_with_progress_reports(tmp_path):
     told = []
     path = recorded(tmp_path, two_trials())
     recording = load(path, told.append)
@@ -17,7 +17,7 @@ def test_a_recording_is_read_and_told_of_on_the_way(tmp_path):
     assert told[-1] == 10_000
 
 
-def test_what_cannot_be_played_is_said(tmp_path):
+def test_empty_or_missing_recording_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="no tick"):
         load(recorded(tmp_path, two_trials()[:0]))
     with pytest.raises(RecordingError, match="cannot be read"):

@@ -69,7 +69,7 @@ def command(*words: str, code: int = 0) -> str:
 
 
 @pytest.mark.slow
-def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> None:
+def test_study_is_imported_once_and_existing_recordings_are_kept(study: Path) -> None:
     said = command("--manifest", "study.toml", "-o", "out", "--workers", "2")
     assert "4 imported, 0 already there, 0 failed" in said
     found = {path.name: path.read_bytes() for path in Path("out").iterdir()}
@@ -110,7 +110,7 @@ WRONG: list[tuple[str, str, str]] = [
 
 
 @pytest.mark.parametrize(("right", "wrong", "problem"), WRONG)
-def test_what_is_wrong_is_said_with_its_place_and_nothing_is_written(
+def test_invalid_manifest_is_refused_with_the_place_and_nothing_is_written(
     study: Path, right: str, wrong: str, problem: str
 ) -> None:
     text = study.read_text()
@@ -122,7 +122,7 @@ def test_what_is_wrong_is_said_with_its_place_and_nothing_is_written(
     assert not Path("out").exists()
 
 
-def test_all_problems_are_said_at_once(study: Path) -> None:
+def test_all_problems_of_a_manifest_are_reported_at_once(study: Path) -> None:
     blocks = [BLOCK.format(**block) for block in BLOCKS]
     blocks[0] = blocks[0].replace("b1.csv", "b9.csv")
     blocks[1] = blocks[1].replace('"none"', '"nothing"')
@@ -142,7 +142,7 @@ def test_all_problems_are_said_at_once(study: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_table_that_turns_out_bad_late_does_not_keep_the_others_from_being_imported(study: Path) -> None:
+def test_table_that_fails_late_does_not_stop_the_other_imports(study: Path) -> None:
     write_table(Path("D01/b2.csv"), 20_010)
     with Path("D01/b2.csv").open("a") as file:
         file.write("0,0,0,0\n")
@@ -161,7 +161,7 @@ def killed_at_the_third(job: Job, unnamed: Path) -> Imported:
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_leaves_whole_recordings_only_and_the_rest_for_another_time(study: Path) -> None:
+def test_killed_worker_leaves_only_complete_recordings_and_can_be_resumed(study: Path) -> None:
     plan = examine(study, Path("out"), quiet)
     with pytest.raises(NetboardError, match=r"was killed, .* 2 of 4 recordings .* run the same command again"):
         run(plan, Path("out"), 1, quiet, killed_at_the_third)
@@ -172,7 +172,7 @@ def test_a_worker_that_is_killed_leaves_whole_recordings_only_and_the_rest_for_a
 
 
 @pytest.mark.slow
-def test_recordings_that_are_there_and_are_others_are_refused(study: Path) -> None:
+def test_existing_recordings_with_other_settings_are_refused(study: Path) -> None:
     command("--manifest", "study.toml", "-o", "out")
     study.write_text(study.read_text().replace('"-mm"', '"mm"').replace('"bimanual", force = "full"', '"bimanual"'))
     changed = command("--manifest", "study.toml", "-o", "out", code=2)
@@ -182,7 +182,7 @@ def test_recordings_that_are_there_and_are_others_are_refused(study: Path) -> No
     assert f"{victim}: exists but is damaged" in command("--manifest", "study.toml", "-o", "out", code=2)
 
 
-def test_a_table_without_times_gets_them_from_its_rate(study: Path) -> None:
+def test_table_without_times_gets_them_from_the_rate(study: Path) -> None:
     for block in BLOCKS:
         table = Path(f"D{block['dyad']}") / f"b{block['number']}.csv"
         write_table(table, names="Height1,Height2,trial", timed=False)

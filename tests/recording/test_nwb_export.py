@@ -33,13 +33,13 @@ def path_of(folder: Path, subject: str, run: int) -> Path:
 
 
 @pytest.mark.slow
-def test_there_is_a_file_for_each_person_and_run(folder: Path) -> None:
+def test_each_participant_and_run_has_a_file(folder: Path) -> None:
     expected = {path_of(folder, "D07A", 1), path_of(folder, "P22", 1), path_of(folder, "P22", 2)}
     assert set(folder.rglob("*.nwb")) == expected
 
 
 @pytest.mark.slow
-def test_the_inspector_finds_nothing_but_what_only_the_lab_knows(folder: Path) -> None:
+def test_nwb_inspector_asks_only_for_metadata_of_the_lab(folder: Path) -> None:
     nwbinspector = pytest.importorskip("nwbinspector")
     for path in folder.rglob("*.nwb"):
         found = list(nwbinspector.inspect_nwbfile(nwbfile_path=path))
@@ -48,12 +48,12 @@ def test_the_inspector_finds_nothing_but_what_only_the_lab_knows(folder: Path) -
 
 
 @pytest.mark.slow
-def test_every_file_is_valid_by_the_schema(folder: Path) -> None:
+def test_every_file_satisfies_the_schema(folder: Path) -> None:
     for path in folder.rglob("*.nwb"):
         assert pynwb.validate(path=str(path)) == []
 
 
-def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(folder: Path) -> None:
+def test_participants_have_their_own_stylus_and_the_same_board_bit_for_bit(folder: Path) -> None:
     rows = make_rows(1)
     for subject, side, other in (("D07A", "right", "left"), ("P22", "left", "right")):
         with h5py.File(path_of(folder, subject, 1)) as file:
@@ -69,7 +69,7 @@ def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(folder:
             assert behavior["board/board_tilt/data"].attrs["unit"] == "radians"
 
 
-def test_the_two_are_on_one_clock_with_its_hole(folder: Path) -> None:
+def test_both_participants_share_one_time_axis_with_its_gap(folder: Path) -> None:
     starts, times = [], []
     for subject in ("D07A", "P22"):
         with pynwb.NWBHDF5IO(path_of(folder, subject, 1), "r") as io:
@@ -95,7 +95,7 @@ def test_evenly_spaced_rows_have_a_rate(tmp_path: Path) -> None:
         assert same_bits(series.data[:, 1], rows["left_y"])
 
 
-def test_trials_are_the_attempts(folder: Path, tmp_path: Path) -> None:
+def test_trial_table_lists_the_attempts(folder: Path, tmp_path: Path) -> None:
     with Recording(dyad(tmp_path / "same.mcap")) as recording:
         attempts = recording.attempts()
     with pynwb.NWBHDF5IO(path_of(folder, "P22", 1), "r") as io:

@@ -21,13 +21,13 @@ from netboard.recording.recovery.recover import recover
 GOLDEN = Path(__file__).parent.parent / "data" / "recordings"
 
 
-def test_there_is_one_of_every_format() -> None:
+def test_every_readable_format_has_a_golden_recording() -> None:
     assert [path.stem for path in sorted(GOLDEN.glob("*.mcap"))] == [f"format-{version}" for version in READABLE]
     assert READABLE[-1] == FORMAT_VERSION
 
 
 @pytest.mark.parametrize("version", READABLE)
-def test_a_golden_recording_gives_what_it_always_gave(version: str) -> None:
+def test_golden_recording_reads_as_its_json_twin(version: str) -> None:
     expected = json.loads((GOLDEN / f"format-{version}.json").read_text(encoding="utf-8"))
     with Recording(GOLDEN / f"format-{version}.mcap") as recording:
         recording.check()
@@ -51,13 +51,13 @@ def test_a_golden_recording_gives_what_it_always_gave(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", READABLE[1:])
-def test_a_golden_recording_proves_itself(version: str) -> None:
+def test_golden_recording_verifies_bit_for_bit(version: str) -> None:
     with Recording(GOLDEN / f"format-{version}.mcap") as recording:
         assert verify_recording(recording).identical
 
 
 @pytest.mark.parametrize("version", READABLE[1:-1])
-def test_a_recording_of_an_older_format_is_recovered_as_one_of_today(tmp_path: Path, version: str) -> None:
+def test_older_format_is_recovered_into_the_current_format(tmp_path: Path, version: str) -> None:
     source = GOLDEN / f"format-{version}.mcap"
     report = recover(source, tmp_path / "new.mcap")
     assert (report.damage, report.missing, report.finished) == ((), (), True)
@@ -68,12 +68,12 @@ def test_a_recording_of_an_older_format_is_recovered_as_one_of_today(tmp_path: P
         assert (new.end, new.config_text) == (old.end, old.config_text)
 
 
-def test_a_recording_of_format_1_is_not_recovered(tmp_path: Path) -> None:
+def test_recovery_of_format_1_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"format version 1.*recovers versions 2, 3, 4"):
         recover(GOLDEN / "format-1.mcap", tmp_path / "new.mcap")
 
 
-def test_a_tick_written_anew_by_another_tool_is_read_by_name() -> None:
+def test_fields_of_an_older_tick_are_read_by_name() -> None:
     with Recording(GOLDEN / "format-2.mcap") as recording:
         row = recording.ticks(7, 8)
     values = {name: row[name][0].item() for name in reversed(TICK.names)}
@@ -82,18 +82,18 @@ def test_a_tick_written_anew_by_another_tool_is_read_by_name() -> None:
         older.ticks_of([msgpack.packb({"tick": 1})], "2")
 
 
-def test_no_ticks_are_an_empty_array() -> None:
+def test_no_older_ticks_give_an_empty_array() -> None:
     assert older.ticks_of([], "2").dtype == TICK
     assert older.ticks_of([], "1").shape == (0,)
 
 
 @pytest.mark.parametrize(("was", "force"), [("true", "full"), ("false", "none")])
-def test_the_first_formats_haptics_are_todays_force(was: str, force: str) -> None:
+def test_haptics_setting_of_format_1_becomes_the_force_condition(was: str, force: str) -> None:
     text = older.config_of(f"[block]\nhaptics = {was}\n", "1")
     assert parse(text).block.force == force
     assert older.config_of("haptics = true", "2") == "haptics = true"
 
 
-def test_bits_of_old_ticks_survive() -> None:
+def test_nan_of_an_older_tick_is_preserved() -> None:
     with Recording(GOLDEN / "format-2.mcap") as recording:
         assert np.isnan(recording.ticks()["right_rendered"][7])

@@ -1,4 +1,4 @@
-"""Two recordings on a common time line."""
+"""Two recordings on a common timeline."""
 
 from itertools import accumulate
 
@@ -13,7 +13,7 @@ from netboard.recording.replay.pairing import divide, pair
 
 
 def slower():
-    """The same two trials, the first after 2 s more, and of 1 s more."""
+    """The same two trials; the first starts 2 s later and lasts 1 s longer."""
     ticks = two_trials()
     ticks = np.concatenate([np.repeat(ticks[:1], 2000), ticks[:2000], np.repeat(ticks[2000:2001], 1000), ticks[2000:]])
     ticks["tick"] = 100 + np.arange(len(ticks))
@@ -21,11 +21,11 @@ def slower():
     return ticks
 
 
-REELS = loaded_recording(two_trials()), loaded_recording(slower())
+RECORDINGS = loaded_recording(two_trials()), loaded_recording(slower())
 
 
-def test_by_time_they_start_together():
-    pairing = pair(REELS, "time")
+def test_pairing_by_time_aligns_the_first_release():
+    pairing = pair(RECORDINGS, "time")
     assert pairing.begin == pytest.approx(2.5)
     assert pairing.at(pairing.begin) == pytest.approx((0.5, 2.5))
     assert pairing.at(0.0) == pytest.approx((0.0, 0.0))
@@ -34,8 +34,8 @@ def test_by_time_they_start_together():
     assert pairing.length == pytest.approx(2.5 + 10.499)
 
 
-def test_by_trial_each_trial_starts_together_and_who_is_done_waits():
-    pairing = pair(REELS, "trial")
+def test_pairing_by_trial_aligns_each_trial_and_holds_the_shorter_one():
+    pairing = pair(RECORDINGS, "trial")
     assert pairing.at(2.501) == pytest.approx((0.501, 2.501))
     assert pairing.at(6.501) == pytest.approx((4.0, 6.501)), "the first one has done its trial, and shows its end"
     assert pairing.at(7.0) == pytest.approx((4.0, 7.0))
@@ -43,17 +43,17 @@ def test_by_trial_each_trial_starts_together_and_who_is_done_waits():
     assert pairing.at(8.001) == pytest.approx((5.001, 8.001))
 
 
-def test_one_alone_is_on_its_own_time_line():
-    pairing = pair(REELS[:1], "trial")
+def test_single_recording_keeps_its_own_timeline():
+    pairing = pair(RECORDINGS[:1], "trial")
     for position in (0.0, 0.2, 0.5, 3.3, 9.999):
         assert pairing.at(position) == pytest.approx((position,))
         assert pairing.of(0, position) == pytest.approx(position)
     assert (pairing.begin, pairing.length) == pytest.approx((0.501, 9.999))
 
 
-def test_without_a_trial_in_common_they_go_by_time():
+def test_pairing_by_trial_falls_back_to_time_without_a_common_trial():
     alone = loaded_recording(two_trials()[:900])
-    assert pair((REELS[0], alone), "trial") == pair((REELS[0], alone), "time")
+    assert pair((RECORDINGS[0], alone), "trial") == pair((RECORDINGS[0], alone), "time")
 
 
 @st.composite
@@ -64,7 +64,7 @@ def _divisions(draw):
 
 
 @given(_divisions(), st.lists(st.floats(0, 1), min_size=2, max_size=20))
-def test_nothing_is_left_out_and_nobody_goes_back(own, shares):
+def test_paired_positions_are_monotonic_and_cover_every_division(own, shares):
     pairing = divide(own)
     positions = [pairing.at(share * pairing.length) for share in sorted(shares)]
     for which, divisions in enumerate(own):

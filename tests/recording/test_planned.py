@@ -35,7 +35,7 @@ def keep_journal(folder: Path, plan: Plan, config: Config, plan_digest: str = ""
 
 
 @pytest.mark.parametrize("number", [1, 7, 18])
-def test_a_block_as_planned_is_sound(tmp_path: Path, number: int) -> None:
+def test_block_that_agrees_with_its_plan_is_sound(tmp_path: Path, number: int) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, number)
     (finding,) = check_plan(keep_journal(tmp_path, plan, config), config)
@@ -43,7 +43,7 @@ def test_a_block_as_planned_is_sound(tmp_path: Path, number: int) -> None:
     assert f"block {number} of 18 agrees with the plan" in finding.text
 
 
-def test_another_block_than_planned_is_damage(tmp_path: Path) -> None:
+def test_block_that_differs_from_its_plan_is_damage(tmp_path: Path) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, 4)
     other = replace(config, block=replace(config.block, first_target="random", trials=61))
@@ -53,7 +53,7 @@ def test_another_block_than_planned_is_damage(tmp_path: Path) -> None:
     assert "[block] first_target: found 'random'" in finding.text
 
 
-def test_the_short_form_of_a_pilot_run_is_sound(tmp_path: Path) -> None:
+def test_shortened_pilot_run_is_sound(tmp_path: Path) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, 2)
     config = replace(
@@ -64,7 +64,7 @@ def test_the_short_form_of_a_pilot_run_is_sound(tmp_path: Path) -> None:
     assert (finding.severity, "agrees with the plan" in finding.text) == (Severity.SOUND, True)
 
 
-def test_a_plan_that_cannot_be_proved_is_not_held_against_a_block(tmp_path: Path) -> None:
+def test_block_is_not_compared_with_a_plan_that_cannot_be_verified(tmp_path: Path) -> None:
     plan = plan_of(STUDY, 5, 3)
     config = block(plan, 2)
     (finding,) = check_plan(tmp_path / "a.mcap", config)
@@ -73,5 +73,5 @@ def test_a_plan_that_cannot_be_proved_is_not_held_against_a_block(tmp_path: Path
     assert (finding.severity, "not compared" in finding.text) == (Severity.SOUND, True)
 
 
-def test_a_block_without_a_study_has_no_plan(tmp_path: Path) -> None:
+def test_block_without_a_study_has_no_plan(tmp_path: Path) -> None:
     assert [*check_plan(tmp_path / "a.mcap", Config())] == []

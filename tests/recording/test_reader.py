@@ -25,7 +25,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS, Settings(chunk_bytes=8192))
 
 
-def test_everything_comes_back_to_the_bit(path: Path) -> None:
+def test_recording_round_trip_is_bit_exact(path: Path) -> None:
     stream = records(ROWS)
     with Recording(path) as recording:
         assert recording.ticks().dtype == TICK
@@ -41,7 +41,7 @@ def test_everything_comes_back_to_the_bit(path: Path) -> None:
         recording.check()
 
 
-def test_an_empty_recording_is_a_recording(tmp_path: Path) -> None:
+def test_empty_recording_is_readable(tmp_path: Path) -> None:
     with Recording(write_recording(tmp_path / "a.mcap", ROWS[:0])) as recording:
         assert recording.ticks().shape == (0,)
         assert recording.events() == ()
@@ -73,7 +73,7 @@ def test_gaps_are_listed_by_stream(tmp_path: Path) -> None:
         }
 
 
-def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:
+def test_unfinished_part_is_refused_with_the_recover_command(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     fill(writer, ROWS[:20])
     writer.flush(OPENED_NS)
@@ -83,7 +83,7 @@ def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("missing", [1, 8, 9, 100, 2000])
-def test_a_cut_file_is_refused_with_what_to_do(tmp_path: Path, path: Path, missing: int) -> None:
+def test_truncated_file_is_refused_with_the_recover_command(tmp_path: Path, path: Path, missing: int) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(path.read_bytes()[:-missing])
     with pytest.raises(RecordingError, match=r"cut\.mcap: .*netboard recover .*cut\.mcap"):
@@ -91,24 +91,24 @@ def test_a_cut_file_is_refused_with_what_to_do(tmp_path: Path, path: Path, missi
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"%PDF-1.4 hello", bytes(100)])
-def test_what_is_not_mcap_is_said(tmp_path: Path, content: bytes) -> None:
+def test_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(RecordingError, match=r"a\.mcap: not an MCAP file"):
         Recording(tmp_path / "a.mcap")
 
 
-def test_magic_alone_is_no_recording(tmp_path: Path) -> None:
+def test_file_of_mcap_magic_alone_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n" * 2)
     with pytest.raises(RecordingError, match="is damaged"):
         Recording(tmp_path / "a.mcap")
 
 
-def test_no_file_is_said(tmp_path: Path) -> None:
+def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         Recording(tmp_path / "a.mcap")
 
 
-def test_somebody_elses_mcap_is_said(tmp_path: Path) -> None:
+def test_mcap_of_other_software_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2")
@@ -117,7 +117,7 @@ def test_somebody_elses_mcap_is_said(tmp_path: Path) -> None:
         Recording(tmp_path / "a.mcap")
 
 
-def test_another_format_version_is_refused(tmp_path: Path) -> None:
+def test_unknown_format_version_is_refused(tmp_path: Path) -> None:
     writer = RecordingWriter(
         tmp_path / "a.mcap", metadata() | {"format": "99", "netboard": "7.0"}, CONFIG_TEXT, Settings(), OPENED_NS
     )
@@ -126,14 +126,14 @@ def test_another_format_version_is_refused(tmp_path: Path) -> None:
         Recording(tmp_path / "a.mcap")
 
 
-def test_a_configuration_that_is_not_the_recorded_one_is_refused(tmp_path: Path) -> None:
+def test_configuration_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT + "# other", Settings(), OPENED_NS)
     writer.finish(OPENED_NS)
     with pytest.raises(RecordingError, match="configuration is damaged"):
         Recording(tmp_path / "a.mcap")
 
 
-def test_every_flipped_byte_is_found(tmp_path: Path, path: Path) -> None:
+def test_every_flipped_bit_is_detected(tmp_path: Path, path: Path) -> None:
     whole = path.read_bytes()
     generator = np.random.default_rng(5)
     for offset in generator.choice(len(whole), 150, replace=False):
@@ -145,7 +145,7 @@ def test_every_flipped_byte_is_found(tmp_path: Path, path: Path) -> None:
             recording.check()
 
 
-def test_a_flipped_byte_in_a_chunk_is_found_when_it_is_read(tmp_path: Path, path: Path) -> None:
+def test_flipped_bit_in_a_chunk_is_detected_on_reading(tmp_path: Path, path: Path) -> None:
     broken = bytearray(path.read_bytes())
     with closing(Container(path)) as container:
         chunk = container.chunks_with("/ticks")[2]

@@ -79,7 +79,7 @@ def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> t
 
 
 @pytest.mark.usefixtures("_careless_disk")
-def test_a_file_cut_at_any_place_gives_every_chunk_before(tmp_path: Path, whole: Path) -> None:
+def test_file_cut_anywhere_gives_every_chunk_before_the_cut(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
     generator = np.random.default_rng(3)
@@ -93,7 +93,7 @@ def test_a_file_cut_at_any_place_gives_every_chunk_before(tmp_path: Path, whole:
 
 @pytest.mark.usefixtures("_careless_disk")
 @pytest.mark.slow
-def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> None:
+def test_cut_anywhere_in_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> None:
     rows = np.zeros(8, TICK)
     rows["tick"] = np.arange(8)
     path = write_recording(tmp_path / "short.mcap", rows, Settings(chunk_bytes=2048))
@@ -109,7 +109,7 @@ def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_careless_disk")
-def test_a_flipped_byte_costs_its_chunk_at_most(tmp_path: Path, whole: Path) -> None:
+def test_flipped_bit_costs_at_most_its_chunk(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
     first = chunks[0][0]
@@ -128,7 +128,7 @@ def test_a_flipped_byte_costs_its_chunk_at_most(tmp_path: Path, whole: Path) -> 
     assert lossy > 100
 
 
-def test_a_destroyed_stretch_costs_the_chunks_it_touches(tmp_path: Path, whole: Path) -> None:
+def test_zeroed_range_costs_only_the_chunks_it_touches(tmp_path: Path, whole: Path) -> None:
     data = bytearray(whole.read_bytes())
     chunks = chunk_ticks(whole)
     low, high = chunks[2][0] + 5, chunks[4][0] + 5
@@ -143,7 +143,7 @@ def test_a_destroyed_stretch_costs_the_chunks_it_touches(tmp_path: Path, whole: 
 @pytest.mark.usefixtures("_careless_disk")
 @given(st.data())
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_any_damage_gives_true_rows_or_a_recording_error(tmp_path: Path, whole: Path, data: st.DataObject) -> None:
+def test_any_damage_gives_original_rows_or_a_recording_error(tmp_path: Path, whole: Path, data: st.DataObject) -> None:
     broken = bytearray(whole.read_bytes())
     for _ in range(data.draw(st.integers(1, 5))):
         at = data.draw(st.integers(0, len(broken) - 1))
@@ -155,7 +155,7 @@ def test_any_damage_gives_true_rows_or_a_recording_error(tmp_path: Path, whole: 
         assert broken[:8] != whole.read_bytes()[:8] or b"format\x01\x00\x00\x003" not in broken
 
 
-def test_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:
+def test_recovery_of_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:
     report = recover(whole, tmp_path / "out.mcap")
     assert (report.damage, report.missing, report.finished, report.has_config) == ((), (), True, True)
     assert sum(report.messages.values()) == len(records(ROWS))
@@ -172,7 +172,7 @@ def test_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:
         assert sorted(old_messages) == sorted(new_messages)
 
 
-def test_a_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole: Path) -> None:
+def test_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whole: Path) -> None:
     with Recording(whole) as sound:
         numbers = {"opened_log_ns": sound.metadata, "record": {"record": str(sound.first_record)}, "log_ns": sound.end}
     for key, values in numbers.items():
@@ -192,7 +192,7 @@ def test_a_damaged_number_in_the_metadata_costs_only_itself(tmp_path: Path, whol
                 runs_of([report.output])
 
 
-def test_a_lost_configuration_is_said(tmp_path: Path, whole: Path) -> None:
+def test_lost_configuration_is_reported(tmp_path: Path, whole: Path) -> None:
     data = bytearray(whole.read_bytes())
     at = data.index(CONFIG_TEXT.encode())
     data[at + 3] ^= 1
@@ -205,7 +205,7 @@ def test_a_lost_configuration_is_said(tmp_path: Path, whole: Path) -> None:
             _ = recording.config_text
 
 
-def test_recovery_overwrites_nothing(tmp_path: Path, whole: Path) -> None:
+def test_recovery_never_overwrites_a_file(tmp_path: Path, whole: Path) -> None:
     source = tmp_path / "a.mcap"
     source.write_bytes(whole.read_bytes())
     assert recover(source).output.name == "a.recovered.mcap"
@@ -218,20 +218,20 @@ def test_recovery_overwrites_nothing(tmp_path: Path, whole: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.mcap", "a.recovered.mcap"]
 
 
-def test_the_recovered_name() -> None:
+def test_recovered_file_name_follows_from_the_source() -> None:
     for name in ("a_b.mcap", "a_b.mcap.part"):
         assert recovered_path(Path("x") / name) == Path("x/a_b.recovered.mcap")
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x89MCAP0\r"])
-def test_what_is_not_mcap_cannot_be_recovered(tmp_path: Path, content: bytes) -> None:
+def test_recovery_of_a_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap.part").write_bytes(content)
     with pytest.raises(RecordingError, match="not an MCAP file"):
         recover(tmp_path / "a.mcap.part")
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
 
 
-def test_another_format_version_is_not_touched(tmp_path: Path) -> None:
+def test_recovery_of_an_unknown_format_version_is_refused(tmp_path: Path) -> None:
     from netboard.recording.files.writer import RecordingWriter
 
     path = tmp_path / "a.mcap"
@@ -241,7 +241,7 @@ def test_another_format_version_is_not_touched(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
 
 
-def test_a_part_has_everything_up_to_the_last_flush(tmp_path: Path) -> None:
+def test_part_holds_everything_up_to_the_last_flush(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap", Settings(flush_ms=5000.0))
     fill(writer, ROWS[:25])
     writer.flush(OPENED_NS)

@@ -45,7 +45,7 @@ def after(name, argument="", playback=START):
         ("loop", "1 3", 2.0),
     ],
 )
-def test_it_goes_where_it_is_told(name, argument, position):
+def test_command_moves_to_the_position(name, argument, position):
     assert after(name, argument).at(NOW) == pytest.approx(position)
 
 
@@ -54,12 +54,12 @@ def test_play_pause_speed_and_step():
     assert after("resume").playing
     playing = START.play(NOW)
     assert not after("pause", playback=playing).playing
-    assert not after("step", playback=playing).playing, "who steps stands still"
+    assert not after("step", playback=playing).playing, "stepping pauses the playback"
     assert after("seek", "5", playback=playing).playing
     assert after("speed", "0.5").speed == 0.5
 
 
-def test_loops_come_and_go():
+def test_loop_command_sets_and_clears_the_loop():
     assert after("loop").loop == (0.0, RECORDING.length)
     looped = after("loop", "trial 1")
     assert looped.loop == pytest.approx((0.501, 4.001))
@@ -86,23 +86,23 @@ def test_loops_come_and_go():
         ("next", "miracle", "one of its kinds"),
     ],
 )
-def test_what_cannot_be_done_is_said(name, argument, words):
+def test_invalid_argument_is_refused_with_the_reason(name, argument, words):
     with pytest.raises(NetboardError, match=words.replace("(", r"\(")):
         after(name, argument)
 
 
 @pytest.mark.parametrize("name", sorted((set(COMMANDS) | set(CAUSES)) - set(KNOWN) - {"take"}))
-def test_what_belongs_to_a_live_session_is_refused_in_words(name):
+def test_live_session_command_is_refused_in_a_replay(name):
     with pytest.raises(NetboardError, match=f"cannot {name}: this is a replay of made.mcap; expected one of .*seek"):
         after(name)
 
 
-def test_every_key_does_something():
+def test_every_key_has_an_effect():
     for key, order in KEYS.items():
         assert after(order.name, order.argument) != START or order.name == "end", key
 
 
-def test_in_words():
+def test_status_text_has_state_position_speed_and_loop():
     assert in_words(START.play(NOW), RECORDING, 1.0).startswith(
         "playing at 0:03.0 of 0:10.0, 1 times real time, tick 3100"
     )
@@ -121,7 +121,7 @@ ORDERS = st.tuples(st.sampled_from((*REPLAY_COMMANDS, "pause", "next")), ARGUMEN
 
 
 @given(st.lists(ORDERS, max_size=20))
-def test_no_order_leads_out_of_the_recording(orders):
+def test_no_command_sequence_leaves_the_recording(orders):
     playback, now = START, NOW
     for name, argument, wait in orders:
         now += wait

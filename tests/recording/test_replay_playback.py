@@ -11,7 +11,7 @@ from netboard.recording.replay.position import SPEEDS, Playback, clock
 LENGTH = 100.0
 
 
-def test_position_goes_with_time_and_speed():
+def test_position_advances_with_time_and_speed():
     replay = Playback(LENGTH).toggle(10.0)
     assert replay.at(13.0) == pytest.approx(3.0)
     faster = replay.faster(13.0, 1)
@@ -23,7 +23,7 @@ def test_position_goes_with_time_and_speed():
     assert paused.pace(99.0, 0.3).play(99.0).at(109.0) == pytest.approx(8.0)
 
 
-def test_it_stops_at_the_end_and_begins_again_from_there():
+def test_playback_stops_at_the_end_and_restarts_from_the_beginning():
     replay = Playback(LENGTH).toggle(0.0)
     ended = replay.now(1e6)
     assert (ended.position, ended.playing) == (LENGTH, False)
@@ -32,14 +32,14 @@ def test_it_stops_at_the_end_and_begins_again_from_there():
     assert again.at(1e6 + 1) == pytest.approx(1.0)
 
 
-def test_to_play_or_pause_twice_is_to_do_it_once():
+def test_play_and_pause_are_idempotent():
     replay = Playback(LENGTH).play(0.0)
     assert replay.play(1.0).at(2.0) == replay.at(2.0)
     paused = replay.pause(3.0)
     assert paused.pause(4.0).at(9.0) == paused.at(9.0) == pytest.approx(3.0)
 
 
-def test_speeds_stay_in_their_range_and_an_odd_one_finds_its_neighbours():
+def test_speed_is_clamped_and_an_odd_speed_steps_to_its_neighbours():
     replay = Playback(LENGTH)
     assert replay.faster(0.0, 99).speed == SPEEDS[-1]
     assert replay.faster(0.0, -99).speed == SPEEDS[0]
@@ -47,17 +47,17 @@ def test_speeds_stay_in_their_range_and_an_odd_one_finds_its_neighbours():
     assert (odd.faster(0.0, 1).speed, odd.faster(0.0, -1).speed) == (4.0, 2.0)
 
 
-def test_a_loop_goes_on_at_its_beginning():
+def test_loop_wraps_to_its_start():
     replay = Playback(LENGTH).repeat(0.0, (10.0, 14.0)).seek(0.0, 12.0).play(0.0)
     assert [replay.at(time) for time in (1.0, 2.0, 3.0, 9.0)] == pytest.approx([13.0, 10.0, 11.0, 13.0])
     assert replay.at(4000.0) < 14.0
     assert replay.now(4000.0).playing
     beyond = replay.seek(1.0, 20.0)
-    assert beyond.at(5.0) == pytest.approx(24.0), "who goes beyond a loop goes on"
+    assert beyond.at(5.0) == pytest.approx(24.0), "playback that starts beyond a loop continues"
     assert replay.repeat(1.0, None).at(9.0) == pytest.approx(21.0)
 
 
-def test_the_whole_can_be_a_loop_and_from_its_end_it_plays_from_its_beginning():
+def test_loop_is_clipped_to_the_recording_and_restarts_at_its_start():
     whole = Playback(LENGTH).repeat(0.0, (-5.0, 1e9))
     assert whole.loop == (0.0, LENGTH)
     assert whole.play(0.0).at(101.0) == pytest.approx(1.0)
@@ -66,7 +66,7 @@ def test_the_whole_can_be_a_loop_and_from_its_end_it_plays_from_its_beginning():
 
 
 @pytest.mark.parametrize("loop", [(5.0, 5.0), (6.0, 5.0), (200.0, 300.0), (-3.0, -1.0)])
-def test_a_loop_of_nothing_is_refused(loop):
+def test_empty_loop_is_refused(loop):
     with pytest.raises(ValueError, match="longer than 0 s"):
         Playback(LENGTH).repeat(0.0, loop)
 
@@ -80,7 +80,7 @@ STEPS = st.tuples(
 
 
 @given(st.lists(STEPS, max_size=30))
-def test_no_key_leads_out_of_the_recording_or_makes_a_jump(steps):
+def test_no_key_sequence_leaves_the_recording_or_jumps(steps):
     replay, now = Playback(LENGTH), 0.0
     for what, value, wait in steps:
         now += wait
@@ -111,7 +111,7 @@ def test_no_key_leads_out_of_the_recording_or_makes_a_jump(steps):
 
 
 @given(st.floats(0, 90), st.floats(0.01, 10), st.floats(0.1, 16), st.floats(0, 1e4))
-def test_inside_a_loop_the_position_is_that_of_a_clock_face(begin, span, speed, later):
+def test_position_in_a_loop_is_modular(begin, span, speed, later):
     """Where the hand of a clock with this circumference would be, by the standard library's remainder."""
     replay = Playback(LENGTH, begin, 0.0, speed).repeat(0.0, (begin, begin + span)).play(0.0)
     position = replay.at(later)
@@ -122,7 +122,7 @@ def test_inside_a_loop_the_position_is_that_of_a_clock_face(begin, span, speed, 
 
 
 @given(st.lists(st.floats(0, 3), min_size=1, max_size=20), st.sampled_from(SPEEDS), st.booleans())
-def test_how_often_it_is_looked_at_makes_no_difference(naps, speed, looped):
+def test_position_is_independent_of_polling(naps, speed, looped):
     seldom = Playback(LENGTH, 5.0, 0.0, speed, True, (5.0, 9.0) if looped else None)
     often, now = seldom, 0.0
     for nap in naps:
@@ -135,5 +135,5 @@ def test_how_often_it_is_looked_at_makes_no_difference(naps, speed, looped):
 @pytest.mark.parametrize(
     ("position", "words"), [(0.0, "0:00.0"), (61.26, "1:01.3"), (59.96, "1:00.0"), (600, "10:00.0")]
 )
-def test_clock(position, words):
+def test_clock_text_has_minutes_seconds_and_tenths(position, words):
     assert clock(position) == words

@@ -24,7 +24,7 @@ MAX_NS = 448_650_000 - 444_863_519
 runner = CliRunner()
 
 
-def test_the_program_in_the_way_is_named() -> None:
+def test_program_that_ran_instead_is_named() -> None:
     took = ran_instead(read(TEXT), DUE_NS, BEGAN_NS)
     assert took is not None
     thread, longest_ns = took.most_common(1)[0]
@@ -33,13 +33,13 @@ def test_the_program_in_the_way_is_named() -> None:
     assert took.total() <= BEGAN_NS - DUE_NS
 
 
-def test_a_time_that_the_trace_does_not_cover_is_unknown() -> None:
+def test_time_outside_of_the_trace_is_unknown() -> None:
     switches = read(TEXT)
     assert ran_instead(switches, DUE_NS - 1000 * MS, BEGAN_NS) is None
     assert ran_instead(switches, BEGAN_NS + 500 * MS, BEGAN_NS + 501 * MS) is None
 
 
-def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
+def test_file_that_is_not_a_trace_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot be read"):
         read(tmp_path / "nowhere")
     (tmp_path / "empty.txt").write_text("# tracer: nop\n")
@@ -49,7 +49,7 @@ def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
         read(tmp_path / "empty.txt")
 
 
-def test_the_command_lists_what_ran_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trace_command_lists_the_program_that_ran_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     stall = (399_600_000, 400 * MS + BEGAN_NS - DUE_NS)
     rows = Staged(500, server=[stall]).rows()

@@ -79,13 +79,13 @@ def spill(tmp_path: Path) -> Iterator[Spill]:
     finish(spill)
 
 
-def test_it_costs_nothing_until_it_is_needed(spill: Spill) -> None:
+def test_spill_creates_no_file_until_needed(spill: Spill) -> None:
     assert (spill.next, spill.held, spill.refusal) == (0, 0, "")
     assert spill.closed
     assert not spill.path.exists()
 
 
-def test_what_was_put_comes_out_in_order(spill: Spill) -> None:
+def test_spilled_records_come_out_in_order(spill: Spill) -> None:
     for first in range(100, 2000, 50):
         spill.put(batch(first, first + 50))
         if first % 400 == 0:
@@ -96,13 +96,13 @@ def test_what_was_put_comes_out_in_order(spill: Spill) -> None:
     assert taken(spill, 40) == ([record(k) for k in range(100, 2000)], 60)
 
 
-def test_only_its_owner_may_read_it(spill: Spill) -> None:
+def test_only_the_owner_may_read_the_spill(spill: Spill) -> None:
     spill.put(batch(0, 10))
     settle(spill)
     assert stat.S_IMODE(spill.path.stat().st_mode) == 0o600
 
 
-def test_it_goes_when_all_of_it_is_on_a_loggers_disk_and_comes_back(spill: Spill) -> None:
+def test_spill_file_is_removed_once_logged_and_created_again(spill: Spill) -> None:
     for first in (0, 50, 100):
         spill.put(batch(first, first + 50))
     settle(spill)
@@ -117,7 +117,7 @@ def test_it_goes_when_all_of_it_is_on_a_loggers_disk_and_comes_back(spill: Spill
     assert spill.path.exists()
 
 
-def test_forgetting_and_putting_before_the_disk_has_followed(spill: Spill) -> None:
+def test_records_may_be_forgotten_before_they_are_written(spill: Spill) -> None:
     for round_ in range(20):
         spill.put(batch(10 * round_, 10 * round_ + 10))
         spill.forget(10 * round_ + 10)
@@ -126,7 +126,7 @@ def test_forgetting_and_putting_before_the_disk_has_followed(spill: Spill) -> No
     assert taken(spill, 500) == ([record(k) for k in range(500, 520)], 0)
 
 
-def test_beyond_its_size_it_takes_nothing(tmp_path: Path) -> None:
+def test_spill_refuses_records_beyond_its_size(tmp_path: Path) -> None:
     spill = Spill(tmp_path / "a.spill", WELCOME, 2000)
     first = 0
     while not spill.refusal:
@@ -147,7 +147,7 @@ def test_beyond_its_size_it_takes_nothing(tmp_path: Path) -> None:
     assert not none.path.exists()
 
 
-def test_a_disk_that_refuses_is_tried_again_and_loses_nothing(
+def test_disk_error_is_retried_without_loss(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "RETRY_SECONDS", 0.001)
@@ -173,7 +173,7 @@ def test_a_disk_that_refuses_is_tried_again_and_loses_nothing(
     assert messages(spill.path)[2:] == [batch(k, k + 10) for k in range(0, first + 10, 10)]
 
 
-def test_no_file_is_overwritten(tmp_path: Path) -> None:
+def test_spill_never_overwrites_a_file(tmp_path: Path) -> None:
     (tmp_path / "a.spill").write_bytes(b"precious")
     spill = Spill(tmp_path / "a.spill", WELCOME, PLENTY)
     spill.put(batch(0, 10))
@@ -183,7 +183,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "a.spill").read_bytes() == b"precious"
 
 
-def test_a_block_that_cannot_be_read_again_is_a_hole(spill: Spill) -> None:
+def test_unreadable_block_is_a_gap(spill: Spill) -> None:
     for first in (0, 50, 100):
         spill.put(batch(first, first + 50))
     settle(spill)
@@ -201,7 +201,7 @@ def messages(path: Path) -> list[Message | None]:
     return [message for _, _, message in read_spill(path.read_bytes())]
 
 
-def test_what_is_left_at_the_end_explains_itself(tmp_path: Path) -> None:
+def test_remaining_spill_holds_the_welcome_and_all_records(tmp_path: Path) -> None:
     spill = Spill(tmp_path / "a.spill", WELCOME, PLENTY)
     spill.put(batch(0, 10))
     finish(spill, iter([batch(10, 30), batch(30, 31)]))
@@ -215,7 +215,7 @@ def test_what_is_left_at_the_end_explains_itself(tmp_path: Path) -> None:
     assert batches == [batch(0, 10), batch(10, 30), batch(30, 31)]
 
 
-def test_an_end_without_anything_left_leaves_no_file(tmp_path: Path) -> None:
+def test_closing_an_empty_spill_leaves_no_file(tmp_path: Path) -> None:
     spill = Spill(tmp_path / "a.spill", WELCOME, PLENTY)
     spill.put(batch(0, 10))
     settle(spill)
@@ -225,7 +225,7 @@ def test_an_end_without_anything_left_leaves_no_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_file_that_was_deleted_is_not_said_to_hold_anything(tmp_path: Path) -> None:
+def test_deleted_spill_is_reported_as_empty(tmp_path: Path) -> None:
     spill = Spill(tmp_path / "a.spill", WELCOME, PLENTY)
     spill.put(batch(0, 10))
     settle(spill)
@@ -237,7 +237,7 @@ def test_a_file_that_was_deleted_is_not_said_to_hold_anything(tmp_path: Path) ->
 
 @settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=200), st.integers(0, 10**6))
-def test_noise_in_a_spill_costs_nothing_before_it(noise: bytes, place: int) -> None:
+def test_noise_in_a_spill_costs_no_block_before_it(noise: bytes, place: int) -> None:
     batches = [batch(k, k + 5) for k in range(0, 20, 5)]
     blocks = [module._block_of(encode(each)) for each in batches]
     whole = MAGIC + b"".join(blocks)
@@ -253,7 +253,7 @@ def test_noise_in_a_spill_costs_nothing_before_it(noise: bytes, place: int) -> N
     assert set(found) <= set(batches)
 
 
-def test_the_name_says_whose_it_is() -> None:
+def test_spill_name_has_session_dyad_and_id() -> None:
     path = spill_path(Config(), WELCOME.session)
     assert path.is_absolute()
     assert path.name == "S01_D01_c0ffee12.spill"

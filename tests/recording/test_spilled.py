@@ -50,7 +50,7 @@ def three(tmp_path: Path) -> Path:
     return spilled(tmp_path / "S07.spill", frames((1, 0, 120), (2, 120, 130), (3, 130, 300)))
 
 
-def test_each_block_has_a_recording_with_its_configuration(three: Path) -> None:
+def test_each_spilled_block_becomes_a_recording_with_its_configuration(three: Path) -> None:
     before = three.read_bytes()
     reports = recover_any(three)
     assert three.read_bytes() == before
@@ -70,12 +70,12 @@ def test_each_block_has_a_recording_with_its_configuration(three: Path) -> None:
     assert (account.sound, account.present[0].first, account.present[-1].last) == (True, 0, 299)
 
 
-def test_the_output_that_is_named_is_the_first_blocks(three: Path, tmp_path: Path) -> None:
+def test_given_output_name_is_used_for_the_first_block(three: Path, tmp_path: Path) -> None:
     reports = recover_any(three, tmp_path / "out.mcap")
     assert [report.output.name for report in reports] == ["out.mcap", "out_block02.mcap", "out_block03.mcap"]
 
 
-def test_where_one_name_is_taken_nothing_is_left(three: Path, tmp_path: Path) -> None:
+def test_existing_output_stops_the_recovery_before_any_file_is_left(three: Path, tmp_path: Path) -> None:
     (tmp_path / "S07_block03.recovered.mcap").write_bytes(b"mine")
     with pytest.raises(RecordingError, match=r"S07_block03\.recovered\.mcap: exists already"):
         recover_any(three)
@@ -83,7 +83,7 @@ def test_where_one_name_is_taken_nothing_is_left(three: Path, tmp_path: Path) ->
     assert (tmp_path / "S07_block03.recovered.mcap").read_bytes() == b"mine"
 
 
-def test_a_recording_is_recovered_as_ever(tmp_path: Path) -> None:
+def test_unfinished_recording_goes_to_the_mcap_recovery(tmp_path: Path) -> None:
     (tmp_path / "a.mcap.part").write_bytes(b"hello")
     with pytest.raises(RecordingError, match="not an MCAP file"):
         recover_any(tmp_path / "a.mcap.part")

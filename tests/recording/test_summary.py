@@ -27,7 +27,7 @@ def ticks(count: int) -> np.ndarray:
 
 
 @given(st.sets(st.integers(0, 60), min_size=1))
-def test_gaps_are_exactly_what_is_missing(present: set[int]) -> None:
+def test_gaps_are_exactly_the_missing_numbers(present: set[int]) -> None:
     gaps = find_gaps(np.array(sorted(present, reverse=True), np.int64))
     missing = {number for gap in gaps for number in range(gap.first, gap.first + gap.count)}
     assert missing == set(range(min(present), max(present))) - present
@@ -40,7 +40,7 @@ def test_percentiles_of_a_known_distribution() -> None:
     assert math.isnan(spread(np.empty(0, np.int64)).p50)
 
 
-def test_attempts_and_their_outcomes() -> None:
+def test_attempts_are_found_with_their_outcomes() -> None:
     rows = ticks(100)
     for first, last, trial, attempt, target, cause in (
         (10, 19, 1, 1, -1, Cause.FELL),
@@ -74,7 +74,7 @@ def test_attempts_and_their_outcomes() -> None:
     assert [a.tick for a in find_attempts(np.concatenate([rows[:15], rows[30:]]))][:2] == [10, 30]
 
 
-def test_counts() -> None:
+def test_summary_counts_losses_deadline_misses_safeguards_and_drops() -> None:
     rows = np.delete(ticks(100), [40, 41])
     rows["late_ns"][[3, 4, 5]] = 500_000, 500_001, 2_000_000
     rows["left_loop_ns"][50:] = 1_500_000
@@ -103,13 +103,13 @@ def test_counts() -> None:
     assert summary.events == 1
 
 
-def test_nothing_recorded_is_a_summary_too() -> None:
+def test_summary_of_an_empty_recording_is_empty() -> None:
     summary = summarise(np.empty(0, TICK))
     assert (summary.ticks, summary.duration, summary.attempts, summary.missing) == (0, 0.0, (), ())
 
 
 @pytest.mark.slow
-def test_a_block_played_on_the_stage_is_told_as_the_stage_counted_it() -> None:
+def test_summary_agrees_with_the_counts_of_the_stage() -> None:
     """A steady pair of hands plays a block with the real stage; now and then it lets the ball roll off the board."""
     config = parse("[block]\ntrials = 4\n[task]\nhold_time = 0.3\nlevel_time = 0.1\n")
     stage, state, rows = make_stage(config), None, np.zeros(60_000, TICK)

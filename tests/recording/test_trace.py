@@ -39,7 +39,7 @@ def event(name: str, tick: int, time_ns: int) -> EventRecord:
     return EventRecord(0, tick, time_ns, name, {})
 
 
-def test_a_session_in_time_does_not_stutter() -> None:
+def test_session_without_stalls_has_no_episodes() -> None:
     found = traced(Staged())
     assert found.episodes == ()
     assert found.missed == found.unrecorded == 0
@@ -64,7 +64,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_known_cause_is_found(name: str) -> None:
+def test_known_cause_is_identified(name: str) -> None:
     staged, side, size = CASES[name]
     found = traced(staged)
     assert {one.cause.name for one in found.episodes} == {name}
@@ -75,13 +75,13 @@ def test_a_known_cause_is_found(name: str) -> None:
     assert worst.trial == 3
 
 
-def test_every_cause_of_a_late_tick_counts_what_the_server_skipped() -> None:
+def test_skipped_ticks_count_as_missed() -> None:
     found = traced(CASES["throttle"][0])
     assert found.missed >= 100
     assert found.stamps.moved_ns.sum() == 2 * 50 * MS
 
 
-def test_an_event_that_delays_a_tick_is_named() -> None:
+def test_event_that_delays_a_tick_is_named() -> None:
     staged = Staged(server=[span(3)])
     found = traced(staged, event("logger_joined", 469, START + AT - 100_000))
     (one,) = found.episodes
@@ -90,7 +90,7 @@ def test_an_event_that_delays_a_tick_is_named() -> None:
     assert other.cause.name == "server"
 
 
-def test_the_begin_of_a_block_explains_what_follows_it() -> None:
+def test_start_of_a_block_explains_the_stalls_after_it() -> None:
     stalls = Staged(agents={side: [(AT - 600_000, AT + 5 * MS)] for side in SIDES})
     (one,) = traced(stalls, event("block_began", 460, START + AT - 10 * MS)).episodes
     assert one.cause.name == "block"
@@ -100,7 +100,7 @@ def test_the_begin_of_a_block_explains_what_follows_it() -> None:
     assert late.cause.name == "agents"
 
 
-def test_a_sample_out_of_step_waits_for_its_tick() -> None:
+def test_sample_out_of_phase_waits_for_the_next_tick() -> None:
     rows = Staged().rows()
     rows["left_lead_ns"][500:520] += 1_100_000  # it arrived just after the tick before
     rows["left_stamp_ns"][500:520] -= 1_100_000
@@ -109,13 +109,13 @@ def test_a_sample_out_of_step_waits_for_its_tick() -> None:
     assert (one.cause.name, one.evidence.side, one.tick) == ("phase", "left", 571)
 
 
-def test_an_agent_that_drifts_misses_a_tick_without_being_late() -> None:
+def test_drifting_agent_misses_a_tick_without_being_late() -> None:
     (one,) = traced(Staged(drift={"right": 5_000})).episodes
     assert (one.cause.name, one.evidence.side) == ("phase", "right")
     assert 0 <= one.evidence.missing_ns < 10_000
 
 
-def test_a_force_that_comes_late_to_its_agent() -> None:
+def test_force_late_at_its_agent_is_a_return_delay() -> None:
     rows = Staged().rows()
     rows["right_loop_ns"][500] += 2 * MS
     (one,) = trace(stamps_from({name: rows[name] for name in COLUMNS}), LIMIT).episodes
@@ -123,7 +123,7 @@ def test_a_force_that_comes_late_to_its_agent() -> None:
     assert one.evidence.size_ns == pytest.approx(2.3 * MS, rel=1e-3)
 
 
-def test_an_agent_that_caught_up_is_known_only_by_what_it_reported_later() -> None:
+def test_stall_of_an_agent_is_known_only_from_its_backfill() -> None:
     staged = CASES["agent"][0]
     rows = staged.rows()
     columns = {name: rows[name] for name in COLUMNS}
@@ -134,19 +134,19 @@ def test_an_agent_that_caught_up_is_known_only_by_what_it_reported_later() -> No
     assert told.evidence.read_late_ns == pytest.approx(4_450_000, abs=2)
 
 
-def test_every_cause_can_be_found_by_its_name() -> None:
+def test_every_cause_is_tested_and_has_a_unique_title() -> None:
     assert {*CASES, "event", "block", "phase", "return"} == {cause.name for cause in CAUSES}
     assert len({cause.title for cause in CAUSES}) == len(CAUSES)
 
 
-def test_runs_join_what_is_near() -> None:
+def test_runs_join_across_short_gaps() -> None:
     mask = np.array([1, 0, 0, 1, 0, 0, 0, 1, 1], bool)
     assert list(runs(mask, 2)) == [(0, 3), (7, 8)]
     assert list(runs(mask, 0)) == [(0, 0), (3, 3), (7, 8)]
     assert list(runs(np.zeros(3, bool), 2)) == []
 
 
-def test_arrival_after_a_stall_is_told_by_the_old_deadline() -> None:
+def test_arrival_after_a_stall_uses_the_old_deadline() -> None:
     stamps = traced(Staged(server=[span(50)])).stamps
     (stalled,) = np.flatnonzero(stamps.moved_ns)
     assert stamps.began_ns[stalled] == START + AT + 50 * MS
@@ -155,7 +155,7 @@ def test_arrival_after_a_stall_is_told_by_the_old_deadline() -> None:
         assert np.all(side.rendered_ns[side.rendered_ns != UNKNOWN] > 0)
 
 
-def test_a_robot_in_the_server_is_no_agent() -> None:
+def test_robot_in_the_server_is_not_an_agent() -> None:
     rows = CASES["machine"][0].rows()
     rows["left_stamp_ns"] = rows["time_ns"] - 310_000
     rows["left_seq"], rows["left_lead_ns"] = rows["tick"], 310_000
@@ -164,14 +164,14 @@ def test_a_robot_in_the_server_is_no_agent() -> None:
     assert one.evidence.agents == {"left": "unknown", "right": "late"}
 
 
-def test_ticks_that_are_not_recorded_are_no_stutter() -> None:
+def test_unrecorded_ticks_are_not_an_episode() -> None:
     rows = np.delete(Staged().rows(), slice(300, 340))
     found = trace(stamps_from({name: rows[name] for name in COLUMNS}), LIMIT)
     assert (found.unrecorded, found.episodes) == (40, ())
 
 
 @pytest.mark.parametrize(("rows", "what"), [(0, "contains no ticks"), (5, "contains no sample of an agent")])
-def test_a_recording_without_a_session_is_refused(rows: int, what: str) -> None:
+def test_recording_without_ticks_or_samples_is_refused(rows: int, what: str) -> None:
     table = np.zeros(rows, TICK)
     table["left_seq"] = table["right_seq"] = -1
     with pytest.raises(RecordingError, match=what):
@@ -192,7 +192,7 @@ def recorded(path: Path, staged: Staged) -> Path:
     return proofs.write(path, staged.rows())
 
 
-def test_the_command_names_the_cause_and_what_to_do(tmp_path: Path) -> None:
+def test_trace_command_names_the_cause_and_the_remedy(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", CASES["network"][0])
     result = runner.invoke(app, ["trace", "S01.mcap", "--figure", "a.png"])
     assert result.exit_code == 0, result.output
@@ -203,7 +203,7 @@ def test_the_command_names_the_cause_and_what_to_do(tmp_path: Path) -> None:
     assert (again.exit_code, "exists already" in again.stderr) == (1, True)
 
 
-def test_json_has_every_episode_in_seconds(tmp_path: Path) -> None:
+def test_json_lists_every_episode_in_seconds(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", CASES["server"][0])
     told = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--json"]).output)
     (one,) = told["episodes"]
@@ -215,7 +215,7 @@ def test_json_has_every_episode_in_seconds(tmp_path: Path) -> None:
     assert "isolate" in told["advice"]["server"]
 
 
-def test_a_lower_limit_shows_more(tmp_path: Path) -> None:
+def test_lower_limit_shows_more_episodes(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", Staged(server=[span(0.3)]))
     assert "no episode" in runner.invoke(app, ["trace", "S01.mcap"]).output
     told = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--late", "0.2", "--json"]).output)
@@ -250,7 +250,7 @@ def test_simulated_stamps_are_refused(tmp_path: Path, said: dict[str, str], what
     assert "live session" in result.stderr
 
 
-def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+def test_invalid_or_empty_recording_is_refused(tmp_path: Path) -> None:
     Path("text.mcap").write_text("never was one")
     assert "not an MCAP file" in runner.invoke(app, ["trace", "text.mcap"]).stderr
     assert "cannot be read" in runner.invoke(app, ["trace", "nowhere.mcap"]).stderr

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("most", [1, 7, 999, SLICE + 1, 10**6])
-def test_portions_of_any_size_verify_alike(most: int) -> None:
+def test_portions_of_any_size_give_the_same_verdict(most: int) -> None:
     rows = np.delete(proofs.rows(), slice(3000, 3010))[: 40 * min(most, 10**4)]
     portions = [rows[k : k + most] for k in range(0, len(rows), most)]
     verdict = verify_portions(make_stage(proofs.config()), portions)
@@ -22,7 +22,7 @@ def test_portions_of_any_size_verify_alike(most: int) -> None:
     assert (verdict.identical, verdict.checked, verdict.gaps) == (True, len(rows), int(len(rows) > 3000))
 
 
-def test_a_difference_is_found_where_it_is() -> None:
+def test_difference_is_located_by_tick_and_field() -> None:
     rows = proofs.rows()
     rows["omega"][SLICE + 5] = np.nextafter(rows["omega"][SLICE + 5], 1.0)
     verdict = verify_portions(make_stage(proofs.config()), [rows[:1000], rows[1000:]])
@@ -31,7 +31,7 @@ def test_a_difference_is_found_where_it_is() -> None:
 
 
 @pytest.mark.parametrize("most", [1, 13, 4000, 10**6])
-def test_a_walk_finds_the_attempts_that_all_ticks_have(most: int) -> None:
+def test_walk_finds_the_same_attempts_as_all_ticks_at_once(most: int) -> None:
     rows = np.delete(proofs.rows(), slice(3000, 3010))
     seen = walk([rows[k : k + most] for k in range(0, len(rows), most)], proofs.config().block)
     assert repr(seen.attempts()) == repr(find_attempts(rows))
@@ -42,6 +42,6 @@ def test_a_walk_finds_the_attempts_that_all_ticks_have(most: int) -> None:
     assert sum(len(turn) for turn in seen.turns) < 60
 
 
-def test_a_walk_bears_any_bits() -> None:
+def test_walk_accepts_any_bits() -> None:
     rows = random_rows(500, seed=9)
     assert walk([rows[:77], rows[77:77], rows[77:]], None).count == 500

@@ -41,7 +41,7 @@ def schemas(recording: Path) -> dict[str, dict[str, Any]]:
     return {c.topic: json.loads(summary.schemas[c.schema_id].data) for c in summary.channels.values()}
 
 
-def test_every_schema_is_an_object_that_stands_alone(schemas: dict[str, dict[str, Any]]) -> None:
+def test_every_schema_is_a_self_contained_object(schemas: dict[str, dict[str, Any]]) -> None:
     for schema in schemas.values():
         jsonschema.Draft202012Validator.check_schema(schema)
         assert schema["type"] == "object"
@@ -55,7 +55,7 @@ def _references(schema: Any) -> list[str]:
     return [found for value in schema for found in _references(value)] if isinstance(schema, list) else []
 
 
-def test_everything_that_is_plotted_is_a_number(recording: Path, schemas: dict[str, dict[str, Any]]) -> None:
+def test_every_plotted_field_is_a_number(recording: Path, schemas: dict[str, dict[str, Any]]) -> None:
     properties = schemas["/plot"]["properties"]
     assert {field["type"] for field in properties.values()} == {"integer", "number"}
     with recording.open("rb") as file:
@@ -69,7 +69,7 @@ def test_everything_that_is_plotted_is_a_number(recording: Path, schemas: dict[s
         assert values["theta"] == np.float32(values["tick"] / 7)
 
 
-def test_the_upstream_library_reads_everything_as_a_file_and_as_a_stream(recording: Path) -> None:
+def test_mcap_library_reads_the_file_seeking_and_as_a_stream(recording: Path) -> None:
     counts = dict.fromkeys(IDS, 0)
     with recording.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
@@ -82,7 +82,7 @@ def test_the_upstream_library_reads_everything_as_a_file_and_as_a_stream(recordi
     assert (kinds[0], kinds[-1]) == ("Header", "Footer")
 
 
-def test_summary_and_contents_agree(recording: Path) -> None:
+def test_mcap_summary_agrees_with_the_contents(recording: Path) -> None:
     """What the `mcap` command's doctor looks at: counts, times, and chunks in the order of their times."""
     with recording.open("rb") as file:
         reader = make_reader(file)

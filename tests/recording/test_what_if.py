@@ -23,7 +23,7 @@ def changed(**physics: object) -> Config:
     return replace(config, physics=replace(config.physics, **physics))
 
 
-def test_with_nothing_changed_every_tick_is_the_recorded_one_to_the_bit() -> None:
+def test_unchanged_parameters_reproduce_every_tick_bit_for_bit() -> None:
     rows = np.delete(proofs.rows(), slice(100, 120))
     found = what_if(rows, make_stage(proofs.config()))
     assert found.identical
@@ -36,7 +36,7 @@ def test_with_nothing_changed_every_tick_is_the_recorded_one_to_the_bit() -> Non
         assert not one.changed
 
 
-def test_what_is_felt_changes_no_board() -> None:
+def test_force_condition_does_not_change_the_board() -> None:
     config = proofs.config()
     rows = proofs.rows()
     found = what_if(rows, make_stage(replace(config, block=replace(config.block, force="none"))))
@@ -48,13 +48,13 @@ def test_what_is_felt_changes_no_board() -> None:
         assert one.differences["right_force"].largest == np.abs(then["right_force"]).max()
 
 
-def test_half_of_the_force_is_half_of_the_force() -> None:
+def test_half_force_scale_halves_the_force() -> None:
     config = proofs.config()
     found = what_if(proofs.rows(), make_stage(replace(config, block=replace(config.block, force_scale=0.5))))
     np.testing.assert_array_equal(found.computed["left_force"], 0.5 * found.recorded["left_force"])
 
 
-def test_without_gravity_a_ball_rolls_on_evenly() -> None:
+def test_ball_rolls_at_constant_speed_without_gravity() -> None:
     found = what_if(proofs.rows(), make_stage(changed(g=0.0)))
     assert {one.now.outcome for one in found.comparisons} == {"unfinished"}
     for one in found.comparisons:
@@ -64,7 +64,7 @@ def test_without_gravity_a_ball_rolls_on_evenly() -> None:
         np.testing.assert_allclose(part["p"], part["p"][0] + part["vp"][0] * t, rtol=0, atol=1e-12)
 
 
-def test_each_attempt_begins_with_the_recorded_release() -> None:
+def test_each_attempt_starts_from_the_recorded_release() -> None:
     found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
     assert not found.identical
     for one in found.comparisons:
@@ -73,7 +73,7 @@ def test_each_attempt_begins_with_the_recorded_release() -> None:
             assert found.computed[name][start] == found.recorded[name][start]
 
 
-def test_what_is_kept_verifies_and_says_what_it_is(tmp_path: Path) -> None:
+def test_saved_result_verifies_and_names_its_source(tmp_path: Path) -> None:
     config, source = changed(model="lagrangian"), proofs.write(tmp_path / "a.mcap", proofs.rows())
     with Recording(source) as recording:
         found = what_if(recording.ticks(), make_stage(config))
@@ -87,7 +87,7 @@ def test_what_is_kept_verifies_and_says_what_it_is(tmp_path: Path) -> None:
         assert recording.metadata["source_session"] == proofs.SESSION != recording.metadata["session"]
 
 
-def test_the_figure_has_units_on_every_axis(tmp_path: Path) -> None:
+def test_figure_has_units_on_every_axis(tmp_path: Path) -> None:
     found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
     figure = draw(found, ["physics.k_h=400"])
     labels = [axis.get_ylabel() for axis in figure.axes]

@@ -43,7 +43,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS)
 
 
-def test_the_part_becomes_the_recording_only_at_the_end(tmp_path: Path) -> None:
+def test_part_is_renamed_only_when_finished(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = new_writer(path)
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
@@ -53,7 +53,7 @@ def test_the_part_becomes_the_recording_only_at_the_end(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.mcap.part"])
-def test_nothing_is_overwritten(tmp_path: Path, name: str) -> None:
+def test_writer_never_overwrites_a_file(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"precious")
     with pytest.raises(RecordingError, match="exists"):
         new_writer(tmp_path / "a.mcap")
@@ -61,7 +61,7 @@ def test_nothing_is_overwritten(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("links", [True, False])
-def test_a_file_that_appears_meanwhile_is_not_overwritten(
+def test_file_created_during_the_recording_is_not_overwritten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
 ) -> None:
     if not links:
@@ -82,18 +82,18 @@ def _no_links(source: Path, target: Path) -> None:
     raise PermissionError(1, "no hard links here")
 
 
-def test_a_file_system_without_links_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recording_works_without_hard_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "link", _no_links)
     write_recording(tmp_path / "a.mcap", ROWS[:3])
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
 
 
-def test_the_name_says_what_it_is(tmp_path: Path) -> None:
+def test_file_name_must_end_in_mcap(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"ends in \.mcap"):
         new_writer(tmp_path / "a.txt")
 
 
-def test_only_what_is_flushed_is_durable(tmp_path: Path) -> None:
+def test_only_flushed_records_are_durable(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap", Recording(flush_ms=200.0))
     assert writer.durable is None
     assert not writer.is_due(OPENED_NS + 10_000 * MS)
@@ -121,7 +121,7 @@ def test_chunks_stay_within_their_size(tmp_path: Path, chunk_bytes: int) -> None
     assert len(chunks) >= len(ROWS) * TICK.itemsize // chunk_bytes
 
 
-def test_a_chunk_is_in_the_file_as_soon_as_it_is_full(tmp_path: Path) -> None:
+def test_full_chunk_is_written_at_once(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap", Recording(chunk_bytes=4096, flush_ms=5000.0))
     sizes = []
     for number, row in enumerate(ROWS[:20]):
@@ -131,7 +131,7 @@ def test_a_chunk_is_in_the_file_as_soon_as_it_is_full(tmp_path: Path) -> None:
     writer.abandon()
 
 
-def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
+def test_mcap_library_reads_everything_with_and_without_seeking(recording: Path) -> None:
     data = recording.read_bytes()
     for reader in (
         make_reader(io.BytesIO(data), validate_crcs=True),
@@ -153,7 +153,7 @@ def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
             assert sequences[topic] == list(range(len(ROWS) // 10))
 
 
-def test_stamps_are_the_sources_and_the_loggers(recording: Path) -> None:
+def test_publish_time_is_the_sources_and_log_time_the_loggers(recording: Path) -> None:
     with recording.open("rb") as file:
         times = [
             (message.publish_time, message.log_time)
@@ -168,7 +168,7 @@ def test_stamps_are_the_sources_and_the_loggers(recording: Path) -> None:
     assert logged == [OPENED_NS + MS * came[first - 1] for first in (*firsts[1:], len(ROWS))]  # with its last row
 
 
-def test_upstream_finds_metadata_configuration_and_statistics(recording: Path) -> None:
+def test_mcap_library_finds_metadata_configuration_and_statistics(recording: Path) -> None:
     with recording.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
@@ -187,7 +187,7 @@ def test_upstream_finds_metadata_configuration_and_statistics(recording: Path) -
     assert [other.name for other in others] == ["netboard.attempts.json", "netboard.places"]
 
 
-def test_metadata_say_where_it_comes_from() -> None:
+def test_metadata_give_the_provenance() -> None:
     found = metadata()
     assert found["session"] == SESSION
     assert found["config_sha256"] == config_sha256(CONFIG_TEXT.encode())
@@ -197,7 +197,7 @@ def test_metadata_say_where_it_comes_from() -> None:
     assert all(isinstance(value, str) for value in found.values())
 
 
-def test_our_walk_of_a_chunk_is_upstreams(recording: Path) -> None:
+def test_chunk_decoder_agrees_with_the_mcap_library(recording: Path) -> None:
     with recording.open("rb") as file:
         theirs = [r for r in StreamReader(file).records if isinstance(r, Message)]
     with recording.open("rb") as file:
@@ -220,7 +220,7 @@ def _body(chunk: Chunk) -> bytes:
     return builder.end()[9:]
 
 
-def test_stamps_that_mcap_cannot_hold_are_cut_but_the_row_is_not(tmp_path: Path) -> None:
+def test_stamps_beyond_the_mcap_range_are_clipped_but_not_the_row(tmp_path: Path) -> None:
     row = random_rows(1)
     row["tick"], row["time_ns"] = 2**32 + 5, -7
     with Reader(write_recording(tmp_path / "a.mcap", row)) as reader:
@@ -231,7 +231,7 @@ def test_stamps_that_mcap_cannot_hold_are_cut_but_the_row_is_not(tmp_path: Path)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_disk_that_refuses_stops_it_with_a_clear_message(tmp_path: Path) -> None:
+def test_full_disk_stops_the_writer_with_a_clear_message(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     written = (tmp_path / "a.mcap.part").stat().st_size
     # From here on the file's descriptor leads to the device that is always full.
@@ -245,7 +245,7 @@ def test_a_disk_that_refuses_stops_it_with_a_clear_message(tmp_path: Path) -> No
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
 @pytest.mark.parametrize("folder_too", [False, True])
-def test_a_deleted_file_is_noticed_and_saved(tmp_path: Path, folder_too: bool) -> None:
+def test_deleted_file_is_noticed_and_restored(tmp_path: Path, folder_too: bool) -> None:
     path = tmp_path / "folder" / "a.mcap"
     path.parent.mkdir()
     writer = new_writer(path)
@@ -266,7 +266,7 @@ def test_a_deleted_file_is_noticed_and_saved(tmp_path: Path, folder_too: bool) -
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_deleted_file_is_not_saved_over_another(tmp_path: Path) -> None:
+def test_deleted_file_is_not_restored_over_another_file(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     now = fill(writer, ROWS[:20])
     (tmp_path / "a.mcap.part").unlink()
@@ -277,7 +277,7 @@ def test_a_deleted_file_is_not_saved_over_another(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
-def test_a_file_that_is_moved_away_is_noticed_and_finished_where_it_is(tmp_path: Path) -> None:
+def test_moved_file_is_noticed_and_finished_in_its_new_place(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     now = fill(writer, ROWS[:20])
     (tmp_path / "a.mcap.part").rename(tmp_path / "b.mcap")
@@ -292,12 +292,12 @@ def test_a_file_that_is_moved_away_is_noticed_and_finished_where_it_is(tmp_path:
     assert not (tmp_path / "a.mcap").exists()
 
 
-def test_a_missing_folder_is_said(tmp_path: Path) -> None:
+def test_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot be written: No such file"):
         new_writer(tmp_path / "nowhere" / "a.mcap")
 
 
-def test_parts_of_a_session_count_up(tmp_path: Path) -> None:
+def test_parts_of_a_session_are_numbered(tmp_path: Path) -> None:
     config = Config()
     first, part = next_recording(tmp_path, config, SESSION, OPENED_NS)
     assert (first.name, part) == ("S01_D01_20260921T141320Z_3f2a9c1e.mcap", 1)
@@ -310,13 +310,13 @@ def test_parts_of_a_session_count_up(tmp_path: Path) -> None:
     assert next_recording(tmp_path, config, "another0", OPENED_NS)[1] == 1
 
 
-def test_a_session_id_cannot_leave_the_folder(tmp_path: Path) -> None:
+def test_session_id_cannot_escape_the_folder(tmp_path: Path) -> None:
     path, _ = next_recording(tmp_path, Config(), "../../etc/passwd", OPENED_NS)
     assert path.parent == tmp_path
     assert path.name.endswith("_etcpassw.mcap")
 
 
-def test_space_is_told(tmp_path: Path) -> None:
+def test_writer_reports_free_space(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     space = writer.space(OPENED_NS)
     assert 0 < space.free <= shutil.disk_usage(tmp_path).total
@@ -324,7 +324,7 @@ def test_space_is_told(tmp_path: Path) -> None:
     writer.abandon()
 
 
-def test_what_was_lost_is_noted_with_the_tick_before_it(tmp_path: Path) -> None:
+def test_losses_are_noted_with_the_preceding_tick(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     writer.note_lost(0, 7, OPENED_NS)
     fill(writer, ROWS[:20], first=7)

@@ -68,7 +68,7 @@ def streams_of(file: Path, *, dejitter: bool = False, synchronise: bool = True) 
 
 @pytest.mark.parametrize("synchronise", [True, False])
 @pytest.mark.parametrize("dejitter", [True, False])
-def test_pyxdf_reads_the_same_values_and_times(tmp_path: Path, dejitter: bool, synchronise: bool) -> None:
+def test_pyxdf_reads_identical_values_and_times(tmp_path: Path, dejitter: bool, synchronise: bool) -> None:
     rows = random_rows(12_345)
     events = write_recording(tmp_path / "a.mcap", rows, (0, 10, 4999, 5000, 12_344))
     found = streams_of(export(tmp_path / "a.mcap", tmp_path / "out"), dejitter=dejitter, synchronise=synchronise)
@@ -85,7 +85,7 @@ def test_pyxdf_reads_the_same_values_and_times(tmp_path: Path, dejitter: bool, s
     assert read == [{"seq": e.seq, "tick": e.tick, "name": "note", "details": {"text": ODD}} for e in events]
 
 
-def test_a_hole_is_a_hole(tmp_path: Path) -> None:
+def test_gap_separates_two_segments(tmp_path: Path) -> None:
     rows = random_rows(6000, range(2000, 4500))
     write_recording(tmp_path / "a.mcap", rows)
     file = export(tmp_path / "a.mcap", tmp_path / "out")
@@ -95,7 +95,7 @@ def test_a_hole_is_a_hole(tmp_path: Path) -> None:
     assert np.abs(smoothed["time_stamps"] - seconds(rows["time_ns"])).max() < 1e-8
 
 
-def test_streams_say_what_they_are(tmp_path: Path) -> None:
+def test_streams_describe_their_channels_units_and_recording(tmp_path: Path) -> None:
     rows = random_rows(700)
     events = write_recording(tmp_path / "a.mcap", rows, (5,))
     found = streams_of(export(tmp_path / "a.mcap", tmp_path / "out"))
@@ -116,7 +116,7 @@ def test_streams_say_what_they_are(tmp_path: Path) -> None:
     assert {stream["info"]["type"][0] for stream in found.values()} == {TICKS.type, MARKERS.type, EVENTS.type}
 
 
-def test_a_file_that_is_cut_or_damaged_is_read_as_far_as_it_is_whole(tmp_path: Path) -> None:
+def test_intact_chunks_of_a_truncated_or_damaged_file_are_readable(tmp_path: Path) -> None:
     rows = random_rows(25_000)
     write_recording(tmp_path / "a.mcap", rows)
     file = export(tmp_path / "a.mcap", tmp_path / "out")
@@ -133,14 +133,14 @@ def test_a_file_that_is_cut_or_damaged_is_read_as_far_as_it_is_whole(tmp_path: P
     assert kept[-1] == len(rows) - 1
 
 
-def test_an_empty_recording_is_a_file_too(tmp_path: Path) -> None:
+def test_empty_recording_gives_a_valid_file(tmp_path: Path) -> None:
     write_recording(tmp_path / "a.mcap", random_rows(0))
     found = streams_of(export(tmp_path / "a.mcap", tmp_path / "out"))
     assert [len(stream["time_series"]) for stream in found.values()] == [0, 0, 0]
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
+def test_peak_memory_is_independent_of_the_recording_length(tmp_path: Path) -> None:
     peaks = []
     for count in (20_000, 80_000):
         write_recording(tmp_path / f"{count}.mcap", random_rows(count))
@@ -151,7 +151,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     assert peaks[1] < 1.6 * peaks[0]  # four times the ticks; whether two threads decode at the same time is chance
 
 
-def test_every_recording_has_a_file_and_progress_is_told(tmp_path: Path) -> None:
+def test_every_recording_has_a_file_and_progress_is_reported(tmp_path: Path) -> None:
     paths = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for path in paths:
         write_recording(path, random_rows(6000))
@@ -165,7 +165,7 @@ def test_every_recording_has_a_file_and_progress_is_told(tmp_path: Path) -> None
         assert steps[-1] == (6000, 6000)
 
 
-def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+def test_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"nothing")
     (tmp_path / "out").mkdir()
     with pytest.raises(RecordingError, match="not an MCAP file"):
@@ -173,7 +173,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     write_recording(tmp_path / "a.mcap", random_rows(10))
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "a.xdf").write_text("mine")
