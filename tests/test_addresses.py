@@ -4,7 +4,7 @@ from netboard.base.tables.rig import Network
 from netboard.network.transport import authenticator, channels
 
 
-def test_addresses_count_the_channels_from_the_first_port() -> None:
+def test_channels_have_consecutive_ports() -> None:
     where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))
     assert where.listen(channels.MOTION).address == "tcp://0.0.0.0:6000"
     assert where.reach(channels.CONTROL).address == "tcp://10.0.0.1:6004"
@@ -12,7 +12,7 @@ def test_addresses_count_the_channels_from_the_first_port() -> None:
     assert len(channels.CHANNELS) == channels.MOVES + 1
 
 
-def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
+def test_moves_channel_is_local_and_has_no_keys() -> None:
     keys = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
     for moves in (where.listen(channels.MOVES), where.reach(channels.MOVES)):
@@ -21,7 +21,7 @@ def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
     assert "ssss" not in repr(keys)
 
 
-def test_what_a_player_does_stays_on_the_machine_and_takes_no_port() -> None:
+def test_pointer_and_force_channels_are_local_and_use_no_port() -> None:
     keys = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     for transport in ("tcp", "ipc"):
         network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]

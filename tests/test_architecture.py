@@ -36,7 +36,7 @@ def lint(tree: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_contracts_are_kept(tree: Path) -> None:
+def test_import_contracts_hold(tree: Path) -> None:
     done = lint(tree)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 broken" in done.stdout
@@ -54,16 +54,16 @@ BREACHES = (
 """A module that must not be, what it imports, and how the name of the contract begins that forbids it."""
 
 
-def reasons(told: str, contract: str) -> str:
-    """What is told of one broken contract."""
-    _, _, broken = told.partition("Broken contracts")
+def reasons(output: str, contract: str) -> str:
+    """The part of the linter's output about one broken contract."""
+    _, _, broken = output.partition("Broken contracts")
     sections = re.split(r"^(.+)\n-{3,}\n", broken, flags=re.MULTILINE)  # text, then title and text by turns
     return "\n".join(text for title, text in zip(sections[1::2], sections[2::2], strict=True) if contract in title)
 
 
 @pytest.mark.slow
-def test_each_breach_is_found_by_its_contract(tree: Path) -> None:
-    """All at once: what the linter reads takes longer than what it finds."""
+def test_each_breach_is_reported_by_its_contract(tree: Path) -> None:
+    """All breaches at once, because reading the tree takes longer than checking it."""
     for module, line, _ in BREACHES:
         (tree / "netboard" / f"{module.replace('.', '/')}.py").write_text(f"{line}\n", encoding="utf-8")
     done = lint(tree)

@@ -10,7 +10,7 @@ from netboard.base.tick import TICK_NS
 
 
 class FakeTime:
-    """A clock that stands still but for sleeping and for what the loop is said to take."""
+    """A simulated clock that advances only by sleeping and by the work that a test adds."""
 
     def __init__(self) -> None:
         self.now = 1_000_000_000
@@ -30,7 +30,7 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Any:
     return fake
 
 
-def test_ticks_are_due_every_millisecond_whatever_the_work_takes(time: FakeTime) -> None:
+def test_deadlines_are_one_millisecond_apart_for_any_workload(time: FakeTime) -> None:
     pacer = Pacer(time.now + TICK_NS)
     start = time.now + TICK_NS
     for number in range(1000):
@@ -40,14 +40,14 @@ def test_ticks_are_due_every_millisecond_whatever_the_work_takes(time: FakeTime)
     assert pacer.moved_ns == 0
 
 
-def test_a_late_tick_is_followed_by_the_next_at_its_own_time(time: FakeTime) -> None:
+def test_late_tick_does_not_shift_the_later_deadlines(time: FakeTime) -> None:
     pacer = Pacer(time.now)
     assert pacer.wait() == 0
     time.now += 3 * TICK_NS + 250_000
     assert [pacer.wait() for _ in range(4)] == [2_250_000, 1_250_000, 250_000, 0]
 
 
-def test_a_loop_that_fell_far_behind_moves_its_deadlines_instead_of_running_a_burst(time: FakeTime) -> None:
+def test_pacer_far_behind_moves_its_deadlines_instead_of_bursting(time: FakeTime) -> None:
     pacer = Pacer(time.now)
     pacer.wait()
     due = pacer.due_ns
@@ -59,6 +59,6 @@ def test_a_loop_that_fell_far_behind_moves_its_deadlines_instead_of_running_a_bu
     assert pacer.due_ns == due + (CATCH_UP_TICKS + 101) * TICK_NS
 
 
-def test_real_time_is_real_monotonic_time() -> None:
+def test_now_ns_is_monotonic() -> None:
     first = clock.now_ns()
     assert clock.now_ns() >= first

@@ -30,35 +30,35 @@ FOLDER = "from netboard.base import compiled; print(compiled.folder())"
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path: Path) -> None:
+def test_change_in_an_imported_file_invalidates_the_kernel_cache(tmp_path: Path) -> None:
     package = tmp_path / "netboard"
     skip = shutil.ignore_patterns("__pycache__")
     shutil.copytree(Path(netboard.__file__).parent, package, ignore=skip)
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["PYTHONPATH"] = str(tmp_path)
 
-    def said(script: str) -> str:
+    def printed_by(script: str) -> str:
         command = [sys.executable, "-c", script]
         return subprocess.run(command, env=environment, capture_output=True, check=True, text=True).stdout.strip()
 
-    before, old = said(SCRIPT), Path(said(FOLDER))
+    before, old = printed_by(SCRIPT), Path(printed_by(FOLDER))
     assert list((package / "__pycache__").glob("kernels-*")) == [old]
     models, elsewhere = (
         package / "physics" / "scene" / "models.py",
         package / "analysis" / "measures" / "performance.py",
     )
     elsewhere.write_text(elsewhere.read_text() + "\nX = 1\n")
-    assert said(FOLDER) == str(old)  # no kernel knows of it
+    assert printed_by(FOLDER) == str(old)  # no kernel uses it
     text = models.read_text()
     assert text.count('scene["M"] * scene["g"]') == 1
     models.write_text(text.replace('scene["M"] * scene["g"]', '0.0 * scene["g"]'))
-    assert said(SCRIPT) != before
+    assert printed_by(SCRIPT) != before
     assert old.exists()  # a process that was started before may still need it
     models.write_text(text)
-    assert said(SCRIPT) == before
+    assert printed_by(SCRIPT) == before
     os.utime(old, (0.0, 0.0))
     models.write_text(text + "\n")
-    assert said(FOLDER) != str(old)
+    assert printed_by(FOLDER) != str(old)
     assert not old.exists()
 
 
@@ -74,7 +74,7 @@ def imported(text: str) -> set[str]:
     return found | {".".join(name.split(".")[:n]) for name in found for n in range(1, name.count(".") + 1)}
 
 
-def test_a_folder_is_of_all_source_that_a_kernel_may_be_made_of() -> None:
+def test_cache_folder_depends_on_every_source_that_a_kernel_may_use() -> None:
     """Modules that can make kernels, and whatever they import, found here by Python's own parser."""
     package = Path(netboard.__file__).parent
     paths = {".".join(path.relative_to(package.parent).with_suffix("").parts): path for path in package.rglob("*.py")}
@@ -87,7 +87,7 @@ def test_a_folder_is_of_all_source_that_a_kernel_may_be_made_of() -> None:
     assert len(reached) < len(paths) / 2
 
 
-def test_a_service_of_systemd_keeps_its_kernels_in_its_cache(tmp_path: Path) -> None:
+def test_systemd_service_keeps_its_kernels_in_its_cache_directory(tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["CACHE_DIRECTORY"] = f"{tmp_path}:/elsewhere"
     run = subprocess.run([sys.executable, "-c", FOLDER], env=environment, capture_output=True, check=True, text=True)
@@ -111,14 +111,14 @@ def rounded_twice(a: float, b: float, c: float) -> float:
     return sum_of_product(a, b, c)
 
 
-def test_a_strict_kernel_stays_strict_when_a_fast_one_was_the_first_to_call_it() -> None:
-    """Numba lets what it compiles inherit the options of the first caller, unless they are said."""
+def test_strict_kernel_stays_strict_if_a_fast_one_calls_its_code_first() -> None:
+    """Numba lets what it compiles inherit the options of the first caller, unless these are given explicitly."""
     least = 2.0**-30
     for caller in (rounded_once, rounded_twice):
         assert caller(1 + least, 1 - least, -1.0) == 0.0
 
 
-def test_no_kernel_leaves_open_how_it_is_compiled() -> None:
+def test_every_kernel_is_compiled_with_explicit_options() -> None:
     assert {"error_model", "fastmath", "forceinline"} <= set(STRICT)
     package = Path(netboard.__file__).parent
     asks = re.compile(r"numba\.n?jit|from numba import n?jit")
@@ -136,7 +136,7 @@ def summed_through_a_tuple(parts: tuple[tuple[np.ndarray, np.random.Generator], 
     return total
 
 
-def test_what_a_kernel_borrows_is_the_same_and_stays_its_owners() -> None:
+def test_borrowed_arguments_keep_their_values_and_reference_counts() -> None:
     arrays = [np.arange(3.0), np.arange(10.0, 14.0)]
     chance = np.random.default_rng(1)
     parts = tuple((array, chance) for array in arrays)
@@ -163,7 +163,7 @@ for number in map(float, sys.argv[1:]):
 """
 
 
-def test_kernels_that_differ_in_a_constant_never_share_machine_code(tmp_path: Path) -> None:
+def test_kernels_with_different_constants_never_share_machine_code(tmp_path: Path) -> None:
     """Two processes compile one of them each, and a third one loads both from the cache."""
     script = tmp_path / "made.py"
     script.write_text(MADE, encoding="utf-8")

@@ -31,11 +31,11 @@ def problems(text: str, *overrides: str) -> list[str]:
 # --- what is right -----------------------------------------------------------------------------------------------
 
 
-def test_nothing_given_is_all_defaults() -> None:
+def test_empty_text_gives_the_defaults() -> None:
     assert parse("") == Config()
 
 
-def test_defaults_are_the_papers_table_1() -> None:
+def test_defaults_equal_table_1_of_the_paper() -> None:
     physics, geometry = Config().physics, Config().geometry
     assert (physics.M, physics.m, physics.l, physics.I) == (0.01, 0.05, 0.25, 0.0004)
     assert (physics.k_h, physics.c_h, physics.k_s, physics.g) == (200.0, 2.0, 140.0, 9.81)
@@ -43,7 +43,7 @@ def test_defaults_are_the_papers_table_1() -> None:
     assert (Config().task.hold_time, Config().block.trials) == (1.5, 60)
 
 
-def test_a_whole_number_stands_for_a_number() -> None:
+def test_integer_is_accepted_for_a_float() -> None:
     mass = parse("[physics]\nM = 1").physics.M
     assert type(mass) is float
     assert mass == 1.0
@@ -56,7 +56,7 @@ def test_options_keep_their_types() -> None:
 
 
 @pytest.mark.slow
-def test_resolved_text_is_complete_and_reads_back() -> None:
+def test_resolved_text_is_complete_and_parses_to_the_same_configuration() -> None:
     config = parse("[physics]\nM = 0.1\n[agents.right]\ndevice = 'mouse'")
     assert parse(resolve(config)) == config
     for table, key in ALL:
@@ -77,7 +77,7 @@ OPTIONS = st.dictionaries(st.text(), st.text() | st.booleans() | st.integers(-(2
     folder=st.text(min_size=1),
     options=OPTIONS,
 )
-def test_any_configuration_reads_back_to_the_bit(
+def test_configuration_round_trip_is_bit_exact(
     mass: float, zero: float, seed: int, folder: str, options: dict[str, Any]
 ) -> None:
     config = Config(
@@ -88,11 +88,11 @@ def test_any_configuration_reads_back_to_the_bit(
     )
     again = parse(resolve(config))
     assert again == config
-    assert repr(again) == repr(config)  # tells -0.0 from 0.0 and True from 1
+    assert repr(again) == repr(config)  # distinguishes -0.0 from 0.0 and True from 1
     assert digest(again) == digest(config)
 
 
-def test_template_reads_as_the_defaults_and_explains_every_key() -> None:
+def test_template_parses_to_the_defaults_and_explains_every_key() -> None:
     assert parse(template()) == Config()
     lines = template().splitlines()
     for table, key in ALL:
@@ -104,7 +104,7 @@ def test_template_reads_as_the_defaults_and_explains_every_key() -> None:
         assert key.limits in line
 
 
-def test_digest_tells_configurations_apart() -> None:
+def test_digest_distinguishes_configurations() -> None:
     other = replace(Config(), physics=Physics(M=math.nextafter(0.01, 1)))
     assert re.fullmatch("[0-9a-f]{64}", digest(Config()))
     assert digest(other) != digest(Config())
@@ -115,14 +115,14 @@ def test_digest_tells_configurations_apart() -> None:
 
 
 @pytest.mark.parametrize(("table", "key"), ALL, **NAMED)
-def test_a_wrong_type_names_table_key_and_what_is_expected(table: Table, key: Key) -> None:
+def test_wrong_type_error_names_table_key_and_expected_type(table: Table, key: Key) -> None:
     (problem,) = problems(f"[{table.name}]\n{key.name} = [[1]]")
     if not isinstance(key.default, dict):
         assert problem == f"rig.toml: [{table.name}] {key.name}: found a list, expected {key.expected} ({key.text})"
 
 
 @pytest.mark.parametrize(("table", "key"), QUANTITIES, **NAMED)
-def test_limits_hold_and_infinity_is_outside(table: Table, key: Key) -> None:
+def test_values_beyond_limits_and_infinity_are_refused(table: Table, key: Key) -> None:
     limits = re.findall(r"(>=|>|<=|<) (\S+)", key.limits)
     assert len(limits) == 2
     for sign, bound in limits:
@@ -163,13 +163,13 @@ def test_limits_hold_and_infinity_is_outside(table: Table, key: Key) -> None:
         ("[block]\ntrials = 1\ntrials = 2", "not valid TOML: Cannot overwrite a value (at "),
     ],
 )
-def test_one_problem_is_one_line(text: str, problem: str) -> None:
+def test_each_problem_is_reported_in_one_line(text: str, problem: str) -> None:
     (line,) = problems(text)
     assert line.startswith("rig.toml: ")
     assert problem in line
 
 
-def test_all_problems_are_listed() -> None:
+def test_all_problems_are_reported_at_once() -> None:
     lines = problems("[physics]\nMass = 1\nm = -1\n[block]\ntrials = 'six'\n[nowhere]\n")
     assert len(lines) == 4
     assert {line.split(": ")[1] for line in lines} == {"[physics] Mass", "[physics] m", "[block] trials", "[nowhere]"}
@@ -178,7 +178,7 @@ def test_all_problems_are_listed() -> None:
 AT_BOTH = "[physics]\ncoupling_at = 'both'\n[block]\n"
 
 
-def test_with_the_coupling_at_both_ends_all_of_it_is_felt_or_nothing() -> None:
+def test_coupling_at_both_ends_allows_full_or_no_force() -> None:
     assert parse(AT_BOTH).block.haptics
     assert not parse(AT_BOTH + "force = 'none'").block.haptics
 
@@ -218,7 +218,7 @@ def test_with_the_coupling_at_both_ends_all_of_it_is_felt_or_nothing() -> None:
         (AT_BOTH + "right = 'still'", "[block] right"),
     ],
 )
-def test_keys_that_contradict_each_other(text: str, key: str) -> None:
+def test_contradictory_keys_are_refused(text: str, key: str) -> None:
     (line,) = problems(text)
     assert line.startswith(f"rig.toml: {key}: ")
     assert "expected" in line
@@ -240,7 +240,7 @@ def test_keys_that_contradict_each_other(text: str, key: str) -> None:
         ("agents.left.options.held=false", lambda config: config.agents.left.options == {"held": False}),
     ],
 )
-def test_an_override_goes_before_the_file(override: str, value: Any) -> None:
+def test_override_takes_precedence_over_the_file(override: str, value: Any) -> None:
     assert value(parse("[block]\ntrials = 2\nforce = 'full'\n[session]\nname = 'S01'", "rig.toml", [override]))
 
 
@@ -255,17 +255,17 @@ def test_an_override_goes_before_the_file(override: str, value: Any) -> None:
         ("task.stylus_range=0.3", "rig.toml with --set: [task] stylus_range: found 0.3"),
     ],
 )
-def test_a_wrong_override_is_named(override: str, problem: str) -> None:
+def test_invalid_override_is_named(override: str, problem: str) -> None:
     (line,) = problems("", override)
     assert line.startswith(problem)
 
 
-def test_a_wrong_table_of_the_file_is_named_whatever_overrides_it() -> None:
+def test_unknown_table_in_the_file_is_reported_despite_overrides() -> None:
     (line,) = problems("[blok]\ntrials = 5", "blok.trials=6")
     assert line.startswith("rig.toml: [blok]: unknown table")
 
 
-def test_an_override_of_what_is_no_table_reports_the_file() -> None:
+def test_override_of_a_value_used_as_a_table_reports_the_file() -> None:
     (line,) = problems("physics = 3", "physics.M=1")
     assert line == "rig.toml: [physics]: found 3, expected a table"
 
@@ -273,7 +273,7 @@ def test_an_override_of_what_is_no_table_reports_the_file() -> None:
 # --- the reader itself -------------------------------------------------------------------------------------------
 
 
-def test_a_setting_without_a_description_is_our_mistake() -> None:
+def test_setting_without_a_description_raises_a_type_error() -> None:
     from dataclasses import dataclass
 
     @dataclass(frozen=True)
@@ -284,7 +284,7 @@ def test_a_setting_without_a_description_is_our_mistake() -> None:
         read(TypeAdapter(Bare), Bare, "", "rig.toml")
 
 
-def test_every_quantity_has_limits_and_every_key_a_text() -> None:
+def test_every_quantity_has_limits_and_every_key_a_description() -> None:
     for _, key in ALL:
         assert key.text
         assert key.limits or not key.unit

@@ -31,7 +31,7 @@ def row(seed: int) -> NDArray[Any]:
 
 
 @given(st.integers(0, 2**31), st.sampled_from(SIDES))
-def test_whatever_the_partners_hand_does_a_dyadic_view_does_not_show_it(seed: int, station: str) -> None:
+def test_dyadic_view_never_depends_on_the_partners_hand(seed: int, station: str) -> None:
     other = "right" if station == "left" else "left"
     one, two = row(seed), row(seed)
     for name in OF_THE_PARTNER:
@@ -42,7 +42,7 @@ def test_whatever_the_partners_hand_does_a_dyadic_view_does_not_show_it(seed: in
     assert getattr(seen[0], station) == one[f"{station}_used_z"][0]
 
 
-def test_one_person_with_both_hands_sees_both() -> None:
+def test_bimanual_view_shows_both_hands() -> None:
     r = row(3)
     view = view_of(BIMANUAL, r[0], "left", None, 0)
     assert (view.left, view.right) == (r["left_used_z"][0], r["right_used_z"][0])
@@ -57,7 +57,7 @@ MANNED = {"right": '[block]\nright = "still"', "left": '[block]\nleft = "robot"'
 
 @pytest.mark.parametrize("text", [*ALONE.items(), *MANNED.items()])
 @given(st.integers(0, 2**31))
-def test_who_has_nothing_to_do_sees_nothing_of_it(text: tuple[Side, str], seed: int) -> None:
+def test_view_of_an_unused_station_shows_nothing_of_the_trial(text: tuple[Side, str], seed: int) -> None:
     station, toml = text
     curtain = make_curtain(parse(toml))
     assert curtain.away == (station,)
@@ -74,25 +74,25 @@ def test_who_has_nothing_to_do_sees_nothing_of_it(text: tuple[Side, str], seed: 
     ("phase", "counted", "share"),
     [(Phase.LEVELLING, 250, 0.5), (Phase.HOLDING, 375, 0.25), (Phase.HOLDING, 9999, 1.0), (Phase.RUNNING, 375, 0.0)],
 )
-def test_the_share_is_of_the_time_that_the_phase_must_last(phase: Phase, counted: int, share: float) -> None:
+def test_share_is_the_elapsed_fraction_of_the_required_time(phase: Phase, counted: int, share: float) -> None:
     r = row(1)
     r["phase"], r["counted"] = phase, counted
     assert view_of(DYADIC, r[0], "left", None, 0).share == share
 
 
-def test_a_board_that_need_not_be_level_for_long_has_no_share() -> None:
+def test_share_is_zero_without_a_required_levelling_time() -> None:
     r = row(1)
     r["phase"], r["counted"] = Phase.LEVELLING, 1
     assert view_of(make_curtain(parse("[task]\nlevel_time = 0")), r[0], "left", None, 0).share == 0.0
 
 
-def test_a_view_says_which_block_it_is_of() -> None:
+def test_view_has_the_block_number() -> None:
     curtain = make_curtain(parse("[block]\nnumber = 3\nblocks = 18"))
     view = view_of(curtain, row(1)[0], "left", None, 0)
     assert (view.block, view.blocks) == (3, 18)
 
 
-def test_a_view_is_the_boards_state_and_the_blocks_count() -> None:
+def test_view_has_the_board_state_and_the_trial_count() -> None:
     r = row(5)
     r["phase"], r["target"], r["completion"], r["trial"], r["extra"] = Phase.HOLDING, -1, 2.5, 4, 2
     view = view_of(DYADIC, r[0], "left", 2.25, 77)
@@ -104,18 +104,18 @@ def test_a_view_is_the_boards_state_and_the_blocks_count() -> None:
 
 
 @pytest.mark.parametrize(("completion", "shown"), [(0.0, None), (1.25, 1.25)])
-def test_no_completion_time_is_shown_before_there_is_one(completion: float, shown: float | None) -> None:
+def test_completion_time_is_hidden_before_the_first_success(completion: float, shown: float | None) -> None:
     r = row(1)
     r["completion"] = completion
     assert view_of(DYADIC, r[0], "right", None, 0).completion == shown
 
 
-def test_without_a_ball_there_is_none_to_see() -> None:
+def test_view_without_a_ball_has_no_ball_position() -> None:
     bare = make_curtain(parse("[physics]\nballs = 0"))
     assert view_of(bare, row(2)[0], "left", None, 0).p is None
 
 
-def test_another_attempt_is_announced_while_levelling() -> None:
+def test_repeated_attempt_is_announced_while_levelling() -> None:
     r = row(4)
     r["phase"], r["attempt"] = Phase.LEVELLING, 2
     assert view_of(DYADIC, r[0], "left", None, 0).notice == AGAIN

@@ -45,20 +45,20 @@ def block(**words: Any) -> Block:
     return replace(Config().block, **words)
 
 
-def test_the_configuration_takes_what_is_declared() -> None:
+def test_configuration_choices_equal_the_registries() -> None:
     assert words_of(Block, "force") == FORCES
     assert words_of(Physics, "hold") == EXTRAPOLATIONS
 
 
 @pytest.mark.slow
-def test_a_force_condition_needs_one_entry() -> None:
+def test_new_force_condition_needs_only_one_entry() -> None:
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     program = [sys.executable, "-c", NEW_CONDITION]
     ended = subprocess.run(program, check=False, capture_output=True, text=True, env=environment)
     assert ended.returncode == 0, ended.stderr
 
 
-def test_what_is_missing_or_one_too_many_is_said() -> None:
+def test_missing_and_surplus_registry_entries_are_named() -> None:
     with pytest.raises(RuntimeError, match=r"a kernel: lacks made_up; expected exactly .* none, made_up"):
         require("a kernel", ("none",), ("none", "made_up"))
     with pytest.raises(RuntimeError, match="a table: has old; expected"):
@@ -71,7 +71,7 @@ def test_what_is_missing_or_one_too_many_is_said() -> None:
     ("words", "where"),
     [({"force": "made_up"}, r"\[block\] force"), ({"left": "made_up"}, r"\[block\] left")],
 )
-def test_no_kernel_is_built_for_an_unknown_condition_or_partner(words: dict[str, Any], where: str) -> None:
+def test_unknown_force_condition_or_partner_is_refused(words: dict[str, Any], where: str) -> None:
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
         rendering_of(block(**words))
     with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
@@ -79,25 +79,25 @@ def test_no_kernel_is_built_for_an_unknown_condition_or_partner(words: dict[str,
 
 
 @pytest.mark.parametrize("key", ["model", "board", "coupling", "ball_sign", "fixed_ball"])
-def test_no_scene_is_built_of_an_unknown_word(key: str) -> None:
+def test_unknown_scene_setting_is_refused(key: str) -> None:
     made_up: dict[str, Any] = {key: "made_up"}
     with pytest.raises(ConfigError, match=rf'\[physics\] {key}: found "made_up"'):
         parts_of(replace(Physics(), **made_up))
 
 
-def test_no_stage_is_built_with_an_unknown_extrapolation() -> None:
+def test_unknown_extrapolation_is_refused() -> None:
     physics = replace(Physics(), hold="made_up")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=r'\[physics\] hold: found "made_up", expected one of zoh, cv, ca'):
         make_stage(replace(Config(), physics=physics))
 
 
-def test_nobody_rehearses_an_unknown_partner() -> None:
+def test_rehearsal_refuses_an_unknown_partner() -> None:
     config = replace(Config(), block=block(right="made_up"))
     with pytest.raises(ConfigError, match=r'right: found "made_up", expected person, still or robot'):
         person_at(config, "right", {})
 
 
-def test_a_number_that_no_condition_has_is_no_force_and_not_zero() -> None:
+def test_unknown_condition_number_gives_nan_instead_of_zero_force() -> None:
     felt = Rendering(len(FORCES), scaled=False, left=True, right=True, catches=False)
     force = force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, felt)
     assert np.isnan(force)

@@ -41,13 +41,13 @@ def called(words: list[str]) -> None:
     command.make_context(words[0], words[1:])
 
 
-def test_the_example_is_a_configuration_that_asks_for_keys() -> None:
+def test_example_configuration_requires_keys() -> None:
     config = parse((DEPLOY / "two-stations/netboard.toml").read_text(encoding="utf-8"))
     assert encrypted(config.network)
     assert config.network.host == config.network.bind == "10.77.0.1"
 
 
-def test_every_command_of_the_examples_head_is_there() -> None:
+def test_every_command_in_the_examples_header_exists() -> None:
     text = (DEPLOY / "two-stations/netboard.toml").read_text(encoding="utf-8")
     commands = re.findall(r"netboard (up .*? netboard\.toml)", text)
     assert len(commands) == 4
@@ -55,13 +55,13 @@ def test_every_command_of_the_examples_head_is_there() -> None:
         called(command.split())
 
 
-def test_there_is_a_unit_for_every_process() -> None:
+def test_every_process_has_a_unit() -> None:
     commands = {shlex.split(unit(path)["Service"]["ExecStart"])[1] for path in UNITS}
     assert commands == {"server", "logger", "agent", "display"}
 
 
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
-def test_units_run_commands_that_there_are(path: Path) -> None:
+def test_units_run_existing_commands(path: Path) -> None:
     program, *words = shlex.split(unit(path)["Service"]["ExecStart"].replace("%i", "left"))
     assert program == INSTALLED
     assert ("%i" in unit(path)["Service"]["ExecStart"]) == ("@" in path.name)
@@ -69,7 +69,7 @@ def test_units_run_commands_that_there_are(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
-def test_units_watch_and_wait(path: Path) -> None:
+def test_units_set_watchdog_restart_and_stop_timeout(path: Path) -> None:
     service = unit(path)["Service"]
     assert service["Type"] == "notify"
     assert int(service["WatchdogSec"]) >= 10
@@ -86,7 +86,7 @@ def test_units_watch_and_wait(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["netboard-server.service", "netboard-agent@.service"])
-def test_loops_may_have_what_they_ask_for(name: str) -> None:
+def test_real_time_units_grant_priority_and_locked_memory(name: str) -> None:
     service = unit(DEPLOY / "systemd/system" / name)["Service"]
     assert int(service["LimitRTPRIO"]) >= max(Priority) + IO_PRIORITY_STEP
     assert service["LimitMEMLOCK"] == "infinity"
@@ -161,7 +161,7 @@ def directives(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
-def test_units_may_do_what_they_need_and_no_more(path: Path) -> None:
+def test_units_are_confined_to_the_access_they_need(path: Path) -> None:
     found = directives(path)
     wanted = EVERYWHERE | OWN[path.name] | (OF_THE_SYSTEM if path.parent.name == "system" else set())
     assert wanted - found == set()
@@ -176,24 +176,24 @@ def test_units_on_one_machine_share_their_sockets() -> None:
     assert joins["netboard-server.service"] == ["netboard-logger.service"]
     assert joins["netboard-logger.service"] == ["netboard-server.service"]
     assert joins["netboard-agent@.service"] == ["netboard-server.service", "netboard-logger.service"]
-    for name in ("netboard-server.service", "netboard-agent@.service"):  # who comes second joins the first
+    for name in ("netboard-server.service", "netboard-agent@.service"):  # the unit that starts second joins the first
         assert "netboard-logger.service" in unit(DEPLOY / "systemd/system" / name)["Unit"]["After"].split()
 
 
-def test_the_drop_in_confines_a_display_further() -> None:
+def test_sandbox_drop_in_confines_the_display_further() -> None:
     in_a_namespace = {"ProtectProc=invisible", "ProtectKernelLogs=yes"}  # which a user's manager could not set up
     assert directives(SANDBOX) >= KERNEL - in_a_namespace | {"PrivateUsers=yes", "ProtectHome=read-only"}
 
 
 def exposure(path: Path, most: int) -> subprocess.CompletedProcess[str]:
-    """Let systemd judge a unit; it fails above so many tenths."""
+    """Run `systemd-analyze security`, which fails above this exposure [tenths]."""
     command = ["systemd-analyze", "security", "--offline=true", f"--threshold={most}", "--no-pager", path]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @analysed
 @pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
-def test_systemd_finds_little_exposed(path: Path, tmp_path: Path) -> None:
+def test_exposure_of_units_is_below_the_limit(path: Path, tmp_path: Path) -> None:
     alone = tmp_path / path.name  # without its drop-in
     shutil.copy(path, alone)
     judged = exposure(alone, EXPOSURE[path.parent.name])
@@ -204,7 +204,7 @@ def test_systemd_finds_little_exposed(path: Path, tmp_path: Path) -> None:
 
 
 @analysed
-def test_systemd_finds_little_exposed_of_a_display_with_the_drop_in(tmp_path: Path) -> None:
+def test_exposure_of_a_sandboxed_display_is_below_the_limit(tmp_path: Path) -> None:
     display = tmp_path / "netboard-display@.service"
     text = (SANDBOX.parent.parent / display.name).read_text(encoding="utf-8")
     added = "\n".join(sorted(directives(SANDBOX)))
@@ -217,11 +217,11 @@ def test_systemd_finds_little_exposed_of_a_display_with_the_drop_in(tmp_path: Pa
 
 @analysed
 @pytest.mark.parametrize("kind", ["system", "user"])
-def test_systemd_finds_nothing_wrong(kind: str, tmp_path: Path) -> None:
+def test_systemd_verifies_the_units(kind: str, tmp_path: Path) -> None:
     units = []
     for path in (DEPLOY / "systemd" / kind).glob("*.service"):
         units.append(tmp_path / path.name.replace("@", "@left"))
-        # What it runs must be there: anything that is will do.
+        # The program that it runs must exist; any executable will do.
         units[-1].write_text(path.read_text(encoding="utf-8").replace(INSTALLED, sys.executable), encoding="utf-8")
     checked = subprocess.run(
         ["systemd-analyze", "verify", f"--{kind}", "--man=no", *units],
@@ -234,7 +234,7 @@ def test_systemd_finds_nothing_wrong(kind: str, tmp_path: Path) -> None:
     assert (checked.returncode, ours) == (0, [])
 
 
-def test_limits_suffice_for_the_priorities() -> None:
+def test_limits_file_allows_the_priorities() -> None:
     lines = (DEPLOY / "limits.d/netboard.conf").read_text(encoding="utf-8").splitlines()
     limits = [line.split() for line in lines if not line.startswith("#")]
     assert {(group, kind, what) for group, kind, what, _ in limits} == {
@@ -255,14 +255,14 @@ PART = re.compile(r'([A-Z]+)(?:\{(\w+)\})?(==|=|\+=)"([^"]*)"')
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_rules_let_in_a_group_and_nobody_else(rule: str) -> None:
+def test_udev_rules_grant_access_to_the_group_only(rule: str) -> None:
     parts = PART.findall(rule)
     assert ", ".join(f'{key}{f"{{{of}}}" if of else ""}{how}"{value}"' for key, of, how, value in parts) == rule
     given = {key: value for key, _, how, value in parts if how == "="}
     assert (given["GROUP"], given["MODE"]) == ("netboard", "0660")
 
 
-def test_rules_and_doctor_know_the_same_devices() -> None:
+def test_udev_rules_and_doctor_list_the_same_devices() -> None:
     ruled: dict[str, set[tuple[str, str]]] = {}
     for rule in RULES:
         parts = {of or key: value for key, of, _, value in PART.findall(rule)}
@@ -274,7 +274,7 @@ def test_rules_and_doctor_know_the_same_devices() -> None:
 
 
 @pytest.mark.skipif(shutil.which("udevadm") is None, reason="udevadm is not installed")
-def test_udev_finds_nothing_wrong() -> None:
+def test_udevadm_verifies_the_rules() -> None:
     offered = subprocess.run(["udevadm", "verify", "--help"], capture_output=True, check=False)
     if offered.returncode:
         pytest.skip("this udevadm cannot verify rules")
@@ -290,7 +290,7 @@ def test_udev_finds_nothing_wrong() -> None:
 # --- container ---------------------------------------------------------------------------------------------------
 
 
-def test_the_container_copies_what_there_is() -> None:
+def test_container_copies_existing_files() -> None:
     root = DEPLOY.parent
     text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
     for line in re.findall(r"^COPY (.*) \S+$", text, re.MULTILINE):

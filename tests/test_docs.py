@@ -1,4 +1,4 @@
-"""The generated pages are up to date, and no link leads nowhere."""
+"""The generated pages are up to date, and no link is broken."""
 
 import importlib.util
 import re
@@ -31,7 +31,7 @@ def test_generated_parts_are_up_to_date(generate: ModuleType) -> None:
     assert stale == [], "run: make docs"
 
 
-def test_generating_twice_changes_nothing(generate: ModuleType) -> None:
+def test_generation_is_idempotent(generate: ModuleType) -> None:
     page = "head\n<!-- generated: x -->\nold\n<!-- end of x -->\ntail\n"
     once = generate.renewed(page, "x", "new")
     assert "new" in once
@@ -39,7 +39,7 @@ def test_generating_twice_changes_nothing(generate: ModuleType) -> None:
     assert generate.renewed(once, "x", "new") == once
 
 
-def test_a_page_without_its_marks_is_refused(generate: ModuleType) -> None:
+def test_page_without_its_marks_is_refused(generate: ModuleType) -> None:
     with pytest.raises(ValueError, match="once each"):
         generate.renewed("no marks", "x", "new")
 
@@ -51,7 +51,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_are_not_broken(page: Path) -> None:
     broken = []
     for target in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
         if re.match(r"[a-z]+:", target):

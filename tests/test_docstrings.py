@@ -142,7 +142,7 @@ def complaints(text: str, shared: Described | None = None) -> list[str]:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
-def test_docstrings(path: Path) -> None:
+def test_module_is_documented_with_units(path: Path) -> None:
     assert complaints(path.read_text(encoding="utf-8"), shared_of(path)) == []
 
 
@@ -182,7 +182,7 @@ def step(ball: Ball, h: float) -> float:
 '''
 
 
-def test_a_good_module_passes() -> None:
+def test_complete_module_has_no_complaints() -> None:
     assert complaints(GOOD) == []
 
 
@@ -198,13 +198,13 @@ def test_a_good_module_passes() -> None:
         ("New position [m].", "New position.", "step: what is returned has no [unit]"),
     ],
 )
-def test_what_is_missing_is_found(right: str, wrong: str, complaint: str) -> None:
+def test_missing_docstring_description_or_unit_is_reported(right: str, wrong: str, complaint: str) -> None:
     assert right in GOOD
     assert complaint in "\n".join(complaints(GOOD.replace(right, wrong)))
 
 
 @pytest.mark.parametrize(("description", "complaint"), [("Step [s].", None), ("Step.", "step: h has no [unit]")])
-def test_a_package_describes_for_its_functions(description: str, complaint: str | None) -> None:
+def test_description_in_the_package_applies_to_its_functions(description: str, complaint: str | None) -> None:
     text = GOOD.replace("    h : float\n        Step [s].\n", "")
     found = complaints(text, {"h": ("float", description)})
     assert complaint in "\n".join(found) if complaint else found == []

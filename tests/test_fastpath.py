@@ -1,4 +1,4 @@
-"""The fast path: what libzmq's own functions do with real sockets, called from kernels."""
+"""The fast path: libzmq's functions called from kernels, with real sockets."""
 
 from collections.abc import Iterator
 
@@ -15,8 +15,8 @@ A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
 HERE = channels.Endpoint("inproc://fast")
 
 
-class Road:
-    """A router and its fast path, and the dealers at the other end, with theirs."""
+class FastPathRig:
+    """A router with its fast path, and two dealers connected to it."""
 
     def __init__(self, context: sockets.Context) -> None:
         self.context = context
@@ -38,102 +38,100 @@ class Road:
 
 
 @pytest.fixture
-def road() -> Iterator[Road]:
+def rig() -> Iterator[FastPathRig]:
     with sockets.open_context() as context:
-        yield Road(context)
+        yield FastPathRig(context)
 
 
 def bytes_of(frame: bytes) -> np.ndarray:
     return np.frombuffer(frame, np.uint8)
 
 
-def test_a_frame_of_a_known_peer_comes_with_its_place_and_any_other_with_its_name(road: Road) -> None:
-    road.dealers[A].send(b"one")
-    road.dealers[B].send(b"other")
-    road.dealers[A].send(b"")
-    assert sorted([road.receive(), road.receive(), road.receive()]) == [(OTHER, b"other"), (1, b""), (1, b"one")]
-    assert road.receive()[0] == NOTHING
-    road.dealers[B].send(b"again")
-    assert road.receive() == (OTHER, b"again")
-    assert road.fast.sender == (B, "", "")
+def test_frame_of_a_known_peer_has_its_place_and_of_others_the_name(rig: FastPathRig) -> None:
+    rig.dealers[A].send(b"one")
+    rig.dealers[B].send(b"other")
+    rig.dealers[A].send(b"")
+    assert sorted([rig.receive(), rig.receive(), rig.receive()]) == [(OTHER, b"other"), (1, b""), (1, b"one")]
+    assert rig.receive()[0] == NOTHING
+    rig.dealers[B].send(b"again")
+    assert rig.receive() == (OTHER, b"again")
+    assert rig.fast.sender == (B, "", "")
 
 
-def test_a_peer_that_is_forgotten_is_a_stranger(road: Road) -> None:
-    road.fast.know(0, B, "")
-    road.fast.forget(1)
+def test_forgotten_peer_is_unknown(rig: FastPathRig) -> None:
+    rig.fast.know(0, B, "")
+    rig.fast.forget(1)
     for name in (A, B):
-        road.dealers[name].send(name[:3])
-    assert sorted([road.receive(), road.receive()]) == [(OTHER, b"age"), (0, b"\xff\xff\xff")]
+        rig.dealers[name].send(name[:3])
+    assert sorted([rig.receive(), rig.receive()]) == [(OTHER, b"age"), (0, b"\xff\xff\xff")]
 
 
 @pytest.mark.parametrize("parts", [(b"one", b"two"), (b"", b"two", b"three"), (b"x" * 65,), (b"x" * 4000, b"y")])
-def test_what_is_not_one_frame_or_too_long_is_empty_and_leaves_nothing_behind(
-    road: Road, parts: tuple[bytes, ...]
-) -> None:
-    road.dealers[A].send_multipart(parts)
-    road.dealers[A].send(b"next")
-    assert road.receive() == (1, b"")
-    assert road.receive() == (1, b"next")
-    assert road.receive()[0] == NOTHING
+def test_multipart_or_oversized_message_is_received_as_empty(rig: FastPathRig, parts: tuple[bytes, ...]) -> None:
+    rig.dealers[A].send_multipart(parts)
+    rig.dealers[A].send(b"next")
+    assert rig.receive() == (1, b"")
+    assert rig.receive() == (1, b"next")
+    assert rig.receive()[0] == NOTHING
 
 
-def test_a_frame_of_just_the_room_is_whole(road: Road) -> None:
-    road.dealers[A].send(bytes(range(64)))
-    assert road.receive() == (1, bytes(range(64)))
+def test_frame_as_large_as_the_buffer_is_received_whole(rig: FastPathRig) -> None:
+    rig.dealers[A].send(bytes(range(64)))
+    assert rig.receive() == (1, bytes(range(64)))
 
 
-def test_what_is_sent_arrives_and_what_cannot_be_is_told(road: Road) -> None:
-    record = road.fast.record
-    road.fast.know(0, b"nobody", "")
+def test_send_reports_delivery_and_a_full_queue(rig: FastPathRig) -> None:
+    record = rig.fast.record
+    rig.fast.know(0, b"nobody", "")
     assert fastpath.send_to(record, 0, bytes_of(b"force")) == NOT_SENT
-    road.dealers[A].send(b"here")
-    road.receive()
+    rig.dealers[A].send(b"here")
+    rig.receive()
     assert fastpath.send_to(record, 1, bytes_of(b"force")) == SENT
-    assert sockets.receive(road.dealers[A]) == b"force"
+    assert sockets.receive(rig.dealers[A]) == b"force"
     sent = [fastpath.send_to(record, 1, bytes_of(b"%d" % number)) for number in range(5000)]
     assert sent[0] == SENT
     assert sent[-1] == NOT_SENT  # its queue is full
-    heard = []
-    while (frame := sockets.receive(road.dealers[A])) is not None:
-        heard.append(frame)
-    assert heard == [b"%d" % number for number in range(sent.index(NOT_SENT))]
+    received = []
+    while (frame := sockets.receive(rig.dealers[A])) is not None:
+        received.append(frame)
+    assert received == [b"%d" % number for number in range(sent.index(NOT_SENT))]
 
 
-def test_a_dealer_hears_and_says(road: Road) -> None:
-    fast = FastPath(road.dealers[A])
-    assert fastpath.receive_one(fast.record, road.frame) == NOTHING
+def test_dealer_sends_and_receives(rig: FastPathRig) -> None:
+    fast = FastPath(rig.dealers[A])
+    assert fastpath.receive_one(fast.record, rig.frame) == NOTHING
     assert fastpath.send_one(fast.record, bytes_of(b"sample")) == SENT
-    assert road.receive() == (1, b"sample")
+    assert rig.receive() == (1, b"sample")
     for frame in (b"", b"force", b"z" * 100):
-        assert road.router.send(A, frame)
-    assert fastpath.receive_one(fast.record, road.frame) == 0
-    assert fastpath.receive_one(fast.record, road.frame) == 5
-    assert road.frame[:5].tobytes() == b"force"
-    assert fastpath.receive_one(fast.record, road.frame) == 64  # the rest is cut off
+        assert rig.router.send(A, frame)
+    assert fastpath.receive_one(fast.record, rig.frame) == 0
+    assert fastpath.receive_one(fast.record, rig.frame) == 5
+    assert rig.frame[:5].tobytes() == b"force"
+    assert fastpath.receive_one(fast.record, rig.frame) == 64  # the rest is cut off
 
 
-def test_a_dealer_that_has_nobody_says_so(road: Road) -> None:
-    alone = sockets.motion_agent(road.context, channels.Endpoint("tcp://127.0.0.1:1"), "alone")
+def test_dealer_without_a_peer_reports_not_sent(rig: FastPathRig) -> None:
+    alone = sockets.motion_agent(rig.context, channels.Endpoint("tcp://127.0.0.1:1"), "alone")
     assert fastpath.send_one(FastPath(alone).record, bytes_of(b"sample")) == NOT_SENT
     alone.close()
 
 
-def test_a_fast_path_that_is_closed_fails_and_does_no_harm(road: Road) -> None:
-    road.dealers[A].send(b"one")
-    road.fast.close()
-    record = road.fast.record
-    assert fastpath.receive(record, road.frame) == FAILED
-    assert fastpath.receive_one(record, road.frame) == FAILED
-    assert fastpath.send_one(record, road.frame) == FAILED
-    assert fastpath.send_to(record, 1, road.frame) == FAILED
+def test_closed_fast_path_fails_harmlessly(rig: FastPathRig) -> None:
+    rig.dealers[A].send(b"one")
+    rig.fast.close()
+    record = rig.fast.record
+    assert fastpath.receive(record, rig.frame) == FAILED
+    assert fastpath.receive_one(record, rig.frame) == FAILED
+    assert fastpath.send_one(record, rig.frame) == FAILED
+    assert fastpath.send_to(record, 1, rig.frame) == FAILED
     with pytest.raises(NetboardError, match="the motion channel failed: "):
-        road.fast.fail("motion")
-    assert road.router.receive() == (A, b"one")
+        rig.fast.fail("motion")
+    assert rig.router.receive() == (A, b"one")
 
 
-def test_the_time_is_the_machines_or_what_was_set(road: Road) -> None:
+def test_fast_path_time_is_the_clocks_or_the_set_time(rig: FastPathRig) -> None:
     before = now_ns()
-    read = fastpath.now_ns(road.fast.record)
+    read = fastpath.now_ns(rig.fast.record)
     assert before <= read <= now_ns()
-    road.fast.record["set_ns"] = 5
-    assert fastpath.now_ns(road.fast.record) == 5
+    rig.fast.record["set_ns"] = 5
+    assert fastpath.now_ns(rig.fast.record) == 5

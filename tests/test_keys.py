@@ -1,4 +1,4 @@
-"""Key files, the list of those who may connect, and who may do what with which key."""
+"""Key files, the list of authorised peers, and what each key permits."""
 
 import os
 import stat
@@ -39,7 +39,7 @@ def mode(path: Path) -> int:
     return stat.S_IMODE(path.stat().st_mode)
 
 
-def test_every_file_is_for_its_owner_only_and_whole(ring: keys.KeyRing, folder: Path) -> None:
+def test_key_files_are_complete_and_readable_by_the_owner_only(ring: keys.KeyRing, folder: Path) -> None:
     assert mode(folder) == 0o700
     files = {path.name for path in folder.iterdir()}
     assert files == {"server.key", "authorized.toml", *(f"{peer}.key" for peer in PEERS)}
@@ -50,7 +50,7 @@ def test_every_file_is_for_its_owner_only_and_whole(ring: keys.KeyRing, folder: 
         assert lock.server == authenticator.public_of(ring.secret)
 
 
-def test_the_list_has_no_secret(ring: keys.KeyRing, folder: Path) -> None:
+def test_authorised_list_contains_no_secret_keys(ring: keys.KeyRing, folder: Path) -> None:
     text = (folder / "authorized.toml").read_text()
     assert ring.secret not in text
     for peer in PEERS:
@@ -69,18 +69,18 @@ def test_the_list_has_no_secret(ring: keys.KeyRing, folder: Path) -> None:
         ("control", {"display.left", "display.right", "console"}),
     ],
 )
-def test_a_key_opens_the_channels_of_its_role_and_side(
+def test_key_opens_the_channels_of_its_role_and_side(
     ring: keys.KeyRing, folder: Path, channel: str, opened_by: set[str]
 ) -> None:
     assert {peer for peer in PEERS if not ring.refuses(public(folder, peer), channel)} == opened_by
     assert "not known" in ring.refuses("x" * 40, channel)
 
 
-def test_the_channels_with_keys_are_all_but_the_nerve() -> None:
+def test_all_channels_except_moves_have_keys() -> None:
     assert set(keys.OPENS) == set(channels.CHANNELS) - {"moves"}
 
 
-def test_a_key_speaks_for_what_it_is_for(ring: keys.KeyRing, folder: Path) -> None:
+def test_key_is_bound_to_its_role_and_side(ring: keys.KeyRing, folder: Path) -> None:
     key = public(folder, "display.left")
     assert ring.owner(key) == "display.left"
     assert ring.forbids(key, "display", "left") == ""
@@ -90,7 +90,7 @@ def test_a_key_speaks_for_what_it_is_for(ring: keys.KeyRing, folder: Path) -> No
     assert ring.owner("x" * 40) == ""
 
 
-def test_a_revoked_key_is_refused_at_once_and_its_successor_let_in(
+def test_revoked_key_is_refused_at_once_and_its_successor_accepted(
     ring: keys.KeyRing, folder: Path, tmp_path: Path
 ) -> None:
     key = public(folder, "agent.left")
@@ -107,7 +107,7 @@ def test_a_revoked_key_is_refused_at_once_and_its_successor_let_in(
 
 
 @pytest.mark.parametrize("text", ["no TOML at all", "[[peer]]\nname = 1\n", "other = 1\n", "[[peer]]\nname = 'a'\n"])
-def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.KeyRing, folder: Path, text: str) -> None:
+def test_broken_list_refuses_everybody_until_repaired(ring: keys.KeyRing, folder: Path, text: str) -> None:
     path, key = folder / "authorized.toml", public(folder, "agent.left")
     good = path.read_text()
     path.write_text(text)
@@ -132,14 +132,14 @@ def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.KeyRi
         ('public = "', 'public = "_', "public"),
     ],
 )
-def test_an_impossible_list_is_refused(ring: keys.KeyRing, folder: Path, old: str, new: str, problem: str) -> None:
+def test_invalid_list_is_refused(ring: keys.KeyRing, folder: Path, old: str, new: str, problem: str) -> None:
     path = folder / "authorized.toml"
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError, match=problem):
         keys.KeyRing(folder)
 
 
-def test_the_same_key_twice_is_refused(ring: keys.KeyRing, folder: Path) -> None:
+def test_duplicate_key_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     path = folder / "authorized.toml"
     text = path.read_text()
     path.write_text(text + text[text.index("[[peer]]") :])
@@ -149,7 +149,7 @@ def test_the_same_key_twice_is_refused(ring: keys.KeyRing, folder: Path) -> None
 
 @pytest.mark.skipif(os.name != "posix", reason="no modes")
 @pytest.mark.parametrize(("name", "loose", "proper"), [("", 0o750, "700"), ("agent.left.key", 0o640, "600")])
-def test_what_others_can_read_is_refused_with_what_to_do(
+def test_files_accessible_to_others_are_refused_with_the_chmod_command(
     ring: keys.KeyRing, folder: Path, name: str, loose: int, proper: str
 ) -> None:
     path = folder / name if name else folder
@@ -159,7 +159,7 @@ def test_what_others_can_read_is_refused_with_what_to_do(
     assert str(caught.value) == f"{path}: is accessible to other users (mode {loose:04o}); do: chmod {proper} {path}"
 
 
-def test_nothing_is_ever_overwritten(ring: keys.KeyRing, folder: Path) -> None:
+def test_key_files_are_never_overwritten(ring: keys.KeyRing, folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(ConfigError, match=r"server\.key: already exists and was not changed"):
         keys.init(folder)
@@ -168,21 +168,21 @@ def test_nothing_is_ever_overwritten(ring: keys.KeyRing, folder: Path) -> None:
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_two_do_not_change_the_list_at_once(ring: keys.KeyRing, folder: Path) -> None:
+def test_concurrent_change_of_the_list_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     (folder / "authorized.toml.new").touch(0o600)
     with pytest.raises(ConfigError, match=r"authorized\.toml\.new: already exists"):
         keys.revoke(folder, "logger")
     assert (folder / "authorized.toml.new").exists()
 
 
-def test_a_lost_key_file_is_said_with_what_to_do(folder: Path) -> None:
+def test_missing_key_file_is_reported_with_the_command_to_make_it(folder: Path) -> None:
     with pytest.raises(ConfigError, match=r"display\.right\.key: does not exist; .*keys add display right, and"):
         keys.credentials(folder, "display.right")
     with pytest.raises(ConfigError, match=r"server\.key: does not exist; make it with: netboard keys init"):
         keys.KeyRing(folder)
 
 
-def test_a_file_that_holds_no_key_is_refused(ring: keys.KeyRing, folder: Path) -> None:
+def test_file_without_a_valid_key_is_refused(ring: keys.KeyRing, folder: Path) -> None:
     path = folder / "agent.left.key"
     path.write_text(path.read_text().replace('secret = "', 'secret = "_'))
     with pytest.raises(ConfigError, match=r"agent\.left\.key: secret"):
@@ -194,7 +194,7 @@ def test_a_file_that_holds_no_key_is_refused(ring: keys.KeyRing, folder: Path) -
 @pytest.mark.parametrize(
     ("role", "side", "problem"), [("agent", "", "expected a side"), ("logger", "left", "has no side")]
 )
-def test_a_side_is_for_those_who_have_one(folder: Path, role: keys.Role, side: str, problem: str) -> None:
+def test_side_is_required_or_forbidden_by_the_role(folder: Path, role: keys.Role, side: str, problem: str) -> None:
     keys.init(folder)
     with pytest.raises(ConfigError, match=problem):
         keys.add(folder, role, side, folder)
@@ -214,11 +214,11 @@ def test_a_side_is_for_those_who_have_one(folder: Path, role: keys.Role, side: s
         ({"curve": "on"}, True),
     ],
 )
-def test_keys_are_in_use_where_another_machine_can_be_reached(settings: dict[str, str], on: bool) -> None:
+def test_encryption_is_on_if_another_machine_can_be_reached(settings: dict[str, str], on: bool) -> None:
     assert keys.encrypted(Network(**settings)) is on  # type: ignore[arg-type]
 
 
-def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.KeyRing, folder: Path) -> None:
+def test_addresses_carry_the_keys_if_encryption_is_on(ring: keys.KeyRing, folder: Path) -> None:
     network = Network(bind="0.0.0.0", keys=str(folder))
     lock = keys.reach(network, "agent.left").reach(channels.MOTION).lock
     assert lock == keys.credentials(folder, "agent.left")
@@ -238,7 +238,7 @@ def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.KeyRing, fold
         (Network(host="10.0.0.1", curve="off"), False),
     ],
 )
-def test_an_open_address_without_keys_must_be_asked_for(network: Network, refused: bool) -> None:
+def test_open_address_without_keys_needs_the_insecure_option(network: Network, refused: bool) -> None:
     if refused:
         with pytest.raises(ConfigError, match="--insecure"):
             keys.refuse_open_network(network)
@@ -256,7 +256,7 @@ class TestCommands:
         assert result.exit_code == code, result.output
         return result.output
 
-    def test_a_rig_gets_its_keys(self) -> None:
+    def test_keys_are_created_added_listed_and_revoked(self) -> None:
         assert "server.key: created" in self.run("init")
         assert "agent.left.key: created" in self.run("add", "agent", "left")
         assert "carry/logger.key: created" in self.run("add", "logger", "--to", "carry")
@@ -266,14 +266,14 @@ class TestCommands:
         assert "revoked" in self.run("revoke", "agent.left")
         assert keys.read_list(Path("keys"))[0].revoked is not None
 
-    def test_a_station_lists_what_it_has(self) -> None:
+    def test_station_lists_only_its_own_keys(self) -> None:
         self.run("init")
         self.run("add", "agent", "left", "--to", "station")
         listed = self.run("list", "--set", "network.keys=station")
         assert "agent.left.key" in listed
         assert "Authorised peers" not in listed
 
-    def test_mistakes_are_one_line(self) -> None:
+    def test_errors_are_reported_in_one_line(self) -> None:
         assert self.run("revoke", "nobody", code=2).count("\n") == 1
         assert self.run("add", "display", code=2).count("\n") == 1
         assert "king" in self.run("add", "king", code=2)

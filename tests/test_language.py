@@ -194,19 +194,19 @@ def main() -> None:
             sys.stdout.writelines(f"{hit}\n" for hit in found)
 
 
-def test_no_text_uses_a_replaced_term() -> None:
+def test_no_text_uses_a_replaced_term_beyond_its_leftovers() -> None:
     allowed = leftovers()
     over = [hit for file, found in all_hits().items() if len(found) > allowed.get(file, 0) for hit in found]
     assert not over, "replaced terms (docs/reference/glossary.md):\n" + "\n".join(map(str, over))
 
 
-def test_leftovers_only_shrink() -> None:
+def test_leftover_counts_are_up_to_date() -> None:
     hits = all_hits()
     fewer = [file for file, count in leftovers().items() if len(hits.get(file, ())) < count]
     assert fewer == [], "fewer terms are left than listed; run: python tests/test_language.py"
 
 
-def test_every_other_meaning_is_needed() -> None:
+def test_every_exception_for_another_meaning_is_used() -> None:
     used = {other_meaning(hit) for hits in all_terms().values() for hit in hits}
     assert set(OTHER_MEANINGS) - used == set()
 

@@ -16,7 +16,7 @@ def folder(package: str) -> Path:
     return ROOT / "services" if name == "services" else ROOT / "src" / "netboard" / name.replace(".", "/")
 
 
-def test_listed_packages_are_those_of_the_tree() -> None:
+def test_listed_packages_equal_the_tree() -> None:
     source = ROOT / "src"
     found = {".".join(init.parent.relative_to(source).parts) for init in source.rglob("__init__.py")}
     assert sorted(SETUPTOOLS["packages"]) == sorted(found | {"netboard.services"})
@@ -27,11 +27,11 @@ def test_every_folder_with_modules_is_a_package() -> None:
     assert {folder for folder in folders if not (folder / "__init__.py").is_file()} == set()
 
 
-def test_no_package_is_deeper_than_wing_and_room() -> None:
+def test_packages_are_at_most_wing_and_room_deep() -> None:
     assert all(package.count(".") <= 2 for package in SETUPTOOLS["packages"])
 
 
-def test_what_is_beside_the_code_is_packaged() -> None:
+def test_data_files_are_packaged() -> None:
     listed = {folder(package) / name for package, names in SETUPTOOLS["package-data"].items() for name in names}
     kinds = ("*.md", "*.c", "*.toml", "*.jinja", "*.css")
     assert listed == {path for kind in kinds for path in (ROOT / "src").rglob(kind)}
@@ -47,7 +47,7 @@ def test_no_service_shadows_a_standard_module() -> None:
     assert names & set(sys.stdlib_module_names) == set()
 
 
-def test_one_version_everywhere() -> None:
+def test_version_is_the_same_everywhere() -> None:
     assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## [{VERSION}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 

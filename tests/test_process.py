@@ -40,7 +40,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", STOP_SIGNALS)
-def test_a_stop_signal_is_an_answer_and_a_second_one_interrupts_as_usual(number: signal.Signals) -> None:
+def test_first_stop_signal_is_handled_and_the_next_interrupts_as_usual(number: signal.Signals) -> None:
     before = signal.getsignal(number)
     with Stopping() as stopping:
         assert not stopping()
@@ -50,7 +50,7 @@ def test_a_stop_signal_is_an_answer_and_a_second_one_interrupts_as_usual(number:
     assert signal.getsignal(number) == before
 
 
-def test_without_a_signal_the_handlers_are_put_back() -> None:
+def test_signal_handlers_are_restored_without_a_signal() -> None:
     before = [signal.getsignal(number) for number in STOP_SIGNALS]
     with Stopping() as stopping:
         assert not stopping()
@@ -58,7 +58,7 @@ def test_without_a_signal_the_handlers_are_put_back() -> None:
 
 
 @pytest.mark.slow
-def test_a_steady_loop_is_not_interrupted_by_the_collector(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_steady_loop_disables_the_garbage_collector(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.base.process._granted", {})
     interval = sys.getswitchinterval()
     try:
@@ -72,7 +72,7 @@ def test_a_steady_loop_is_not_interrupted_by_the_collector(monkeypatch: pytest.M
 
 
 class Machine:
-    """A machine that grants what it is told to, and notes what it was asked for."""
+    """A fake machine that logs all requests, and grants them or refuses with an error."""
 
     def __init__(self, answer: int = 0) -> None:
         self.answer = answer
@@ -95,7 +95,7 @@ class Machine:
 
 
 def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
-    """Let what is asked for reach this machine only."""
+    """Redirect all requests to the fake machine."""
     monkeypatch.setattr("netboard.base.process._granted", {})
     monkeypatch.setattr("netboard.base.process.os.sched_setscheduler", machine.grant)
     monkeypatch.setattr("netboard.base.process.os.sched_setaffinity", machine.grant)
@@ -111,7 +111,7 @@ ASKED = ("scheduling", "cpus", "memory", "timer_slack", "core_sleep")
 
 
 @linux
-def test_everything_is_asked_for_and_granted(
+def test_all_real_time_settings_are_requested_and_granted(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
@@ -133,7 +133,7 @@ def test_everything_is_asked_for_and_granted(
 
 
 @linux
-def test_what_is_refused_is_one_line_each_and_not_fatal(
+def test_refused_settings_are_logged_in_one_line_each_and_not_fatal(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
     on(Machine(errno.EPERM), monkeypatch, tmp_path)
@@ -147,16 +147,14 @@ def test_what_is_refused_is_one_line_each_and_not_fatal(
     assert io_priority(came, Priority.AGENT) is None
 
 
-def test_what_is_switched_off_is_not_asked_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_disabled_settings_are_not_requested(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = Machine() if sys.platform != "linux" else on(Machine(), monkeypatch, tmp_path)
     came = prepare(Realtime(scheduling=False, lock_memory=False), Priority.AGENT, "")
     assert came == dict.fromkeys(ASKED, OFF)
     assert machine.asked == []
 
 
-def test_a_system_that_does_not_offer_it_is_said_too(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_unsupported_platform_is_reported(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr("netboard.base.process.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
         came = prepare(Realtime(), Priority.AGENT, "0")
@@ -164,9 +162,7 @@ def test_a_system_that_does_not_offer_it_is_said_too(
 
 
 @linux
-def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_memory_is_not_locked_under_a_memlock_limit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
     monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 1000)
     monkeypatch.setattr("netboard.base.process.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
@@ -179,7 +175,7 @@ def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
     ("have", "expected"),
     [({0}, ["", "", ""]), ({0, 1}, ["1", "", ""]), ({0, 1, 2}, ["2", "1", "0"]), ({1, 4, 5, 9}, ["9", "5", "4"])],
 )
-def test_each_loop_gets_a_cpu_of_its_own_where_there_are_enough(
+def test_each_loop_gets_its_own_cpu_if_there_are_enough(
     monkeypatch: pytest.MonkeyPatch, have: set[int], expected: list[str]
 ) -> None:
     monkeypatch.setattr("netboard.base.process.os.sched_getaffinity", lambda which: have, raising=False)
@@ -188,13 +184,13 @@ def test_each_loop_gets_a_cpu_of_its_own_where_there_are_enough(
     assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
 
 
-def test_where_cpus_cannot_be_chosen_none_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_cpu_is_chosen_without_cpu_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr("netboard.base.process.os.sched_getaffinity", raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]
 
 
 @linux
-def test_who_may_wait_stays_off_the_loops_cpus(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_other_processes_leave_the_cpus_of_the_loops(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
     leave_reserved_cpus(Realtime())
     leave_reserved_cpus(Realtime(server_cpus="0-1", agent_cpus="2,3"))
@@ -203,21 +199,21 @@ def test_who_may_wait_stays_off_the_loops_cpus(monkeypatch: pytest.MonkeyPatch, 
     assert machine.asked == [(0, {0, 1, 3})]
 
 
-def test_lists_of_cpus() -> None:
+def test_cpu_list_is_parsed() -> None:
     assert cpu_set("") == set()
     assert cpu_set("2") == {2}
     assert cpu_set("0,2-4,7") == {0, 2, 3, 4, 7}
 
 
 @pytest.mark.parametrize("cpus", ["3-", "-", "1-2-3"])
-def test_a_list_that_is_none_is_refused(cpus: str) -> None:
+def test_invalid_cpu_list_is_refused(cpus: str) -> None:
     with pytest.raises(OSError, match="expected CPUs such as 0,2-3"):
         cpu_set(cpus)
 
 
 @pytest.fixture
 def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """What listens where a started process shall report."""
+    """The socket of a service manager, which receives the notifications of the process."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
         listening.bind(str(tmp_path / "notify"))
         listening.setblocking(False)
@@ -225,7 +221,7 @@ def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[sock
         yield listening
 
 
-def heard(supervisor: socket.socket) -> list[bytes]:
+def notifications(supervisor: socket.socket) -> list[bytes]:
     words = []
     try:
         while True:
@@ -235,24 +231,24 @@ def heard(supervisor: socket.socket) -> list[bytes]:
 
 
 @linux
-def test_who_asks_whether_to_stop_is_ready_then_alive_then_stopping(
+def test_stop_polling_notifies_ready_then_watchdog_then_stopping(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [100.0]
     monkeypatch.setattr("netboard.base.process.time.monotonic", lambda: now[0])
     with Stopping() as stopping:
-        assert heard(supervisor) == []
+        assert notifications(supervisor) == []
         stopping()
         stopping()
-        assert heard(supervisor) == [b"READY=1"]
+        assert notifications(supervisor) == [b"READY=1"]
         for now[0] in (100.9, 101.0, 101.1, 102.1):
             stopping()
-        assert heard(supervisor) == [b"WATCHDOG=1", b"WATCHDOG=1"]
-    assert heard(supervisor) == [b"STOPPING=1"]
+        assert notifications(supervisor) == [b"WATCHDOG=1", b"WATCHDOG=1"]
+    assert notifications(supervisor) == [b"STOPPING=1"]
 
 
 @linux
-def test_a_supervisor_that_does_not_listen_for_a_while_is_told_again(
+def test_notifications_are_repeated_after_a_full_supervisor_socket(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now = [100.0]
@@ -264,27 +260,27 @@ def test_a_supervisor_that_does_not_listen_for_a_while_is_told_again(
                 pass
         stopping = Stopping()
         stopping()
-        assert set(heard(supervisor)) == {b"busy"}
+        assert set(notifications(supervisor)) == {b"busy"}
         for now[0] in range(101, 1101):
             stopping()
-        words = heard(supervisor)
+        words = notifications(supervisor)
         assert (words[0], set(words[1:])) == (b"READY=1", {b"WATCHDOG=1"})
         now[0] += 1
         stopping()
-        assert heard(supervisor) == [b"WATCHDOG=1"]
+        assert notifications(supervisor) == [b"WATCHDOG=1"]
     assert caplog.messages == []
 
 
 @linux
-def test_a_process_asked_to_stop_does_not_say_that_it_is_alive(supervisor: socket.socket) -> None:
+def test_no_watchdog_notification_after_a_stop_signal(supervisor: socket.socket) -> None:
     with Stopping() as stopping:
         os.kill(os.getpid(), signal.SIGTERM)
         assert stopping()
-        assert heard(supervisor) == []
+        assert notifications(supervisor) == []
 
 
 @linux
-def test_a_supervisor_that_is_gone_is_said_once(
+def test_missing_supervisor_is_logged_once(
     supervisor: socket.socket, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "notify").unlink()
@@ -294,7 +290,7 @@ def test_a_supervisor_that_is_gone_is_said_once(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
-def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_process_stops_with_its_parent_if_requested(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(STOP_WITH_PARENT, "1")
     with Stopping() as stopping:
         assert not stopping()
@@ -305,7 +301,7 @@ def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monke
         assert not stopping()
 
 
-def test_what_happens_any_number_of_times_is_said_now_and_then(
+def test_frequent_messages_are_logged_at_a_limited_rate(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seldom = process.RateLimitedLog(logging.getLogger("test"))
@@ -317,7 +313,7 @@ def test_what_happens_any_number_of_times_is_said_now_and_then(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_resident_memory_is_that_of_the_pages() -> None:
+def test_resident_memory_equals_the_resident_pages() -> None:
     pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     assert resident_memory() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE"), rel=0.05)
     assert resident_memory(os.getpid()) <= peak_memory()

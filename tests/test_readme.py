@@ -10,22 +10,22 @@ WORDS = (
 )
 
 
-def test_the_two_commands_come_first() -> None:
+def test_readme_starts_with_the_two_make_commands() -> None:
     top = README.splitlines()[:18]
     assert any(line.startswith("make demo") for line in top)
     assert any(line.startswith("make test") for line in top)
 
 
-def test_the_processes_are_named() -> None:
+def test_readme_names_the_processes() -> None:
     part = README.partition("## Processes")[2].partition("\n## ")[0]
     for command in ("server", "agent", "display", "logger", "replay"):
         assert f"`netboard {command}" in part
 
 
-def test_the_glossary_has_every_word() -> None:
+def test_glossary_has_every_term() -> None:
     for word in WORDS.split():
         assert f"| **{word}** |" in GLOSSARY, word
 
 
-def test_limits_are_stated() -> None:
+def test_readme_states_the_limits() -> None:
     assert "## What it does not do yet" in README

@@ -17,19 +17,19 @@ def details(reason: str, peer: str = "x") -> dict[str, str]:
     return {"peer": peer, "reason": reason}
 
 
-def test_a_kind_is_told_at_once_then_ever_more_seldom_and_whole_at_the_end() -> None:
+def test_refusals_are_reported_at_once_then_less_often_and_in_total_last() -> None:
     count = RefusalCount()
-    told = []
+    reported = []
     for millisecond in range(10_000):
         count.count(("x", "why"), details("why"))
-        told += [(millisecond, report["times"]) for report in count.reports(millisecond * 1_000_000)]
-    assert told == [(0, "1"), (1000, "1001"), (3000, "3001"), (7000, "7001")]
+        reported += [(millisecond, report["times"]) for report in count.reports(millisecond * 1_000_000)]
+    assert reported == [(0, "1"), (1000, "1001"), (3000, "3001"), (7000, "7001")]
     assert count.rest() == [details("why") | {"times": "10000"}]
     assert count.rest() == []
     assert count.totals == {"why": 10_000}
 
 
-def test_what_came_at_once_and_never_again_is_told_whole_too() -> None:
+def test_single_burst_of_refusals_is_reported_in_full() -> None:
     count = RefusalCount()
     for _ in range(400):
         count.count(("x", "why"), details("why"))
@@ -37,20 +37,20 @@ def test_what_came_at_once_and_never_again_is_told_whole_too() -> None:
     assert [report["times"] for report in count.reports(SECOND)] == ["400"]
 
 
-def test_no_more_reports_are_made_than_can_be_recorded_and_none_is_lost() -> None:
+def test_number_of_reports_is_limited_and_none_is_lost() -> None:
     count = RefusalCount()
     for number in range(60):
         count.count((str(number),), details("why", str(number)))
-    told: list[dict[str, str]] = []
+    reported: list[dict[str, str]] = []
     for look in range(20):
         reports = count.reports(look * CHECK_INTERVAL_NS)
         assert len(reports) <= MAX_REPORTS
         assert count.reports(look * CHECK_INTERVAL_NS + 1) == [] or len(reports) < MAX_REPORTS
-        told += reports
-    assert sorted(int(report["peer"]) for report in told) == list(range(60))
+        reported += reports
+    assert sorted(int(report["peer"]) for report in reported) == list(range(60))
 
 
-def test_kinds_and_reasons_beyond_those_remembered_are_counted_together() -> None:
+def test_kinds_and_reasons_beyond_the_maximum_are_counted_together() -> None:
     count = RefusalCount()
     for number in range(4 * MAX_KINDS):
         count.count((str(number),), {"channel": "log"} | details(f"why {number}", str(number)))
@@ -62,7 +62,7 @@ def test_kinds_and_reasons_beyond_those_remembered_are_counted_together() -> Non
     assert sum(count.totals.values()) == 4 * MAX_KINDS
 
 
-def test_strangers_beyond_those_told_apart_are_counted_by_channel_and_reason() -> None:
+def test_excess_unknown_peers_are_counted_by_channel_and_reason() -> None:
     count = RefusalCount()
     for number in range(400):
         count.count((str(number),), {"channel": "motion"} | details("its key is not known here", str(number)))

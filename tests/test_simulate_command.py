@@ -41,7 +41,7 @@ def _a_folder_with_hands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     write_hands("a.csv")
 
 
-def test_one_file() -> None:
+def test_one_file_is_simulated_and_summarised() -> None:
     result = simulate("--input", "a.csv", "--output", "out.csv")
     assert result.exit_code == 0, result.output
     found = read("out.csv")
@@ -55,7 +55,7 @@ def test_one_file() -> None:
 
 
 @pytest.mark.slow
-def test_many_files_have_the_same_results_as_alone_to_the_bit() -> None:
+def test_files_simulated_together_give_the_same_bits_as_alone() -> None:
     write_hands("more/b.csv", 1.0, rate=240)
     write_hands("more/c.csv", 2.0)
     together = simulate("--input", "a.csv", "--input", "more", "--output", "all/")
@@ -74,7 +74,7 @@ def test_patterns_may_be_expanded_by_the_shell_or_not() -> None:
         assert sorted(path.name for path in Path(folder).iterdir()) == ["a_out.csv", "b_out.csv"]
 
 
-def test_the_scene_comes_from_a_file_and_from_the_command() -> None:
+def test_scene_comes_from_a_file_and_command_line_options() -> None:
     Path("scene.toml").write_text(
         "[physics]\nk_h = 300.0\nmodel = 'lagrangian'\n[block]\ntrials = 3\n", encoding="utf-8"
     )
@@ -91,14 +91,14 @@ def test_the_scene_comes_from_a_file_and_from_the_command() -> None:
     assert results[0] == results[1] != results[2] == results[3]
 
 
-def test_the_configuration_of_a_rig_that_lies_about_is_not_taken() -> None:
+def test_netboard_toml_in_the_working_folder_is_ignored() -> None:
     assert simulate("-i", "a.csv", "-o", "one.csv").exit_code == 0
     Path("netboard.toml").write_text("[physics]\nk_h = 300.0\n", encoding="utf-8")
     assert simulate("-i", "a.csv", "-o", "two.csv").exit_code == 0
     assert Path("one.csv").read_bytes() == Path("two.csv").read_bytes()
 
 
-def test_the_initial_state() -> None:
+def test_initial_state_is_set_by_options() -> None:
     words = ["--z0", "-0.001", "--vz0", "0.01", "--theta0", "0.02", "--omega0", "-0.1", "--p0", "-0.15", "--v0", "0.05"]
     assert simulate("-i", "a.csv", "-o", "out.csv", *words).exit_code == 0
     found = read("out.csv")
@@ -107,7 +107,7 @@ def test_the_initial_state() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("places", [["--p0", "0.1,-0.1"], ["--p0", "0.1", "--p0", "-0.1"]])
-def test_several_balls(places: list[str]) -> None:
+def test_several_balls_have_their_own_columns(places: list[str]) -> None:
     words = ["--set", "physics.balls=2", "--method", "euler", *places]
     assert simulate("-i", "a.csv", "-o", "out.csv", *words).exit_code == 0
     found = read("out.csv")
@@ -115,7 +115,7 @@ def test_several_balls(places: list[str]) -> None:
     assert (found["p"][0], found["p2"][0]) == (0.1, -0.1)
 
 
-def test_a_fixed_ball() -> None:
+def test_fixed_ball_stays_in_place() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--ball", "fixed", "--p0", "0.1")
     assert result.exit_code == 0
     assert "1 fixed ball" in result.output
@@ -123,14 +123,14 @@ def test_a_fixed_ball() -> None:
 
 
 @pytest.mark.parametrize("hold", ["zoh", "cv", "ca"])
-def test_holds_differ(hold: str) -> None:
+def test_extrapolations_differ_from_interpolation(hold: str) -> None:
     assert simulate("-i", "a.csv", "-o", "best.csv").exit_code == 0
     assert simulate("-i", "a.csv", "-o", f"{hold}.csv", "--hold", hold).exit_code == 0
     off = np.abs(read("best.csv")["f_left"] - read(f"{hold}.csv")["f_left"]).max()
     assert 1e-7 < off < 0.1
 
 
-def test_methods_by_name() -> None:
+def test_method_is_chosen_by_name() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--method", "rk4", "--dt", "0.0005", "--substeps", "2")
     assert result.exit_code == 0
     assert "rk4, as requested" in result.output
@@ -140,7 +140,7 @@ def test_methods_by_name() -> None:
     assert f'method: found "rk5", expected auto or one of {", ".join(NUMBER)}' in result.output
 
 
-def test_energy() -> None:
+def test_energy_option_adds_balanced_energy_columns() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--energy")
     assert result.exit_code == 0
     found = read("out.csv")
@@ -150,7 +150,7 @@ def test_energy() -> None:
     assert simulate("-i", "a.csv", "-o", "b.csv", "--energy", "--hold", "ca").exit_code == 2
 
 
-def test_parquet_says_where_it_comes_from() -> None:
+def test_parquet_metadata_give_the_provenance() -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     assert simulate("-i", "a.csv", "-o", "out.csv", "--p0", "0.1").exit_code == 0
     assert simulate("-i", "a.csv", "-o", "out.parquet", "--p0", "0.1").exit_code == 0
@@ -163,7 +163,7 @@ def test_parquet_says_where_it_comes_from() -> None:
     assert "k_h = 200.0" in about["configuration"]
 
 
-def test_odd_rates_are_pointed_out() -> None:
+def test_velocity_that_contradicts_the_position_is_reported() -> None:
     text = Path("a.csv").read_text(encoding="ascii").splitlines()
     rows = np.array([[float(word) for word in line.split(",")] for line in text[1:]])
     rows[:, 2] *= -1
@@ -173,10 +173,10 @@ def test_odd_rates_are_pointed_out() -> None:
     assert "odd.csv: v_left is not the rate of z_left: it makes -1 times the movement" in result.output
 
 
-def test_a_method_that_does_not_hold_the_scene_is_pointed_out() -> None:
+def test_unstable_method_is_reported() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--method", "rk4", "--set", "physics.c_h=9")
     assert result.exit_code == 0
-    words = " ".join(result.output.split())  # however the lines are folded
+    words = " ".join(result.output.split())  # however the lines are wrapped
     assert "a.csv: rk4 is unstable for this scene in steps of 1 ms: the result is invalid" in words
 
 
@@ -201,7 +201,7 @@ def test_a_method_that_does_not_hold_the_scene_is_pointed_out() -> None:
         (["-i", "a.csv", "--method", "exact"], '"exact", which is for boards that cannot tilt'),
     ],
 )
-def test_what_is_refused(words: list[str], said: str) -> None:
+def test_invalid_options_are_refused(words: list[str], said: str) -> None:
     result = simulate("-o", "out.csv", *words)
     assert result.exit_code == 2
     assert said in result.output
@@ -209,11 +209,11 @@ def test_what_is_refused(words: list[str], said: str) -> None:
 
 
 @pytest.mark.parametrize("words", [[], ["-i", "a.csv"], ["-i", "a.csv", "-o", "b.csv", "--hold", "none"]])
-def test_wrong_usage(words: list[str]) -> None:
+def test_wrong_usage_exits_with_code_2(words: list[str]) -> None:
     assert simulate(*words).exit_code == 2
 
 
-def test_a_result_that_is_there_stays_unless_forced() -> None:
+def test_existing_result_is_overwritten_only_with_force() -> None:
     Path("out.csv").write_text("mine", encoding="ascii")
     result = simulate("-i", "a.csv", "-o", "out.csv")
     assert result.exit_code == 2
@@ -223,7 +223,7 @@ def test_a_result_that_is_there_stays_unless_forced() -> None:
     assert list(read("out.csv")) == COLUMNS
 
 
-def test_one_bad_file_does_not_keep_the_others() -> None:
+def test_invalid_file_does_not_stop_the_others() -> None:
     write_hands("c.csv")
     Path("b.csv").write_text("t,z_left,v_left,z_right,v_right\n0,0,0,0,0\n1,0,0,x,0\n", encoding="ascii")
     result = simulate("-i", "*.csv", "-o", "all")
@@ -232,7 +232,7 @@ def test_one_bad_file_does_not_keep_the_others() -> None:
     assert sorted(path.name for path in Path("all").iterdir()) == ["a.csv", "c.csv"]
 
 
-def test_a_method_that_fails_says_where_and_leaves_nothing() -> None:
+def test_diverging_method_reports_the_time_and_leaves_no_file() -> None:
     result = simulate("-i", "a.csv", "-o", "out.csv", "--method", "euler", "--set", "physics.c_h=100")
     assert result.exit_code == 2
     assert "netboard: a.csv: the state is not finite from t = 0.0" in result.output

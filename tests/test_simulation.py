@@ -149,7 +149,7 @@ LAGRANGIAN = Physics(model="lagrangian")
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.daily(1)
-def test_smooth_hands_are_within_a_millionth_at_any_rate(seed: int) -> None:
+def test_smooth_hands_have_an_error_below_1e_6_at_any_rate(seed: int) -> None:
     waves = waving(seed)
     expected = truth(waves, T, Physics(), COLD)
     assert error(simulate(sampled(waves, T), Physics(), COLD), expected) < 2e-8
@@ -164,7 +164,7 @@ def test_smooth_hands_are_within_a_millionth_at_any_rate(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.daily(1)
-def test_reaches_are_within_a_millionth_although_their_jerk_jumps_between_samples(seed: int) -> None:
+def test_minimum_jerk_reaches_have_an_error_below_1e_6(seed: int) -> None:
     hands = reaching(seed)
     expected = truth(hands, T, Physics(), COLD, breaks=hands.breaks())
     assert error(simulate(sampled(hands, T), Physics(), COLD), expected) < 1e-6
@@ -184,13 +184,13 @@ def test_reaches_are_within_a_millionth_although_their_jerk_jumps_between_sample
     ids=["lagrangian", "lagrangian fixed", "fixed", "heavier", "hardly damped", "stiff"],
 )
 @pytest.mark.daily(3)
-def test_other_scenes_are_within_a_millionth(physics: Physics, free: bool) -> None:
+def test_other_scenes_have_an_error_below_1e_6(physics: Physics, free: bool) -> None:
     waves, t = waving(7), T[:1001]
     expected = truth(waves, t, physics, COLD, free)
     assert error(simulate(sampled(waves, t), physics, COLD, free=free), expected) < 2e-7
 
 
-def test_the_held_hands_are_those_of_a_live_tick() -> None:
+def test_extrapolated_hands_equal_those_of_a_live_tick() -> None:
     """Solved anew from sample to sample, with what each hold says of the hands."""
     hands, physics = sampled(waving(3), T[:21]), Physics()
     az = np.vstack([np.zeros(2), np.diff(hands.vz, axis=0) / 1e-3])
@@ -213,7 +213,7 @@ def test_the_held_hands_are_those_of_a_live_tick() -> None:
 # --- hands between samples ---------------------------------------------------------------------------------------
 
 
-def test_sparse_samples_are_filled_in_exactly_where_hands_are_polynomials_of_degree_7() -> None:
+def test_sparse_samples_of_degree_7_polynomials_are_interpolated_exactly() -> None:
     left, right = Polynomial([1, -2, 3, 1, -5, 2, 4, -3]), Polynomial([0, 1, 0, -2, 0, 0, 3, 5])
     t = np.array([0.0, 0.02, 0.031, 0.05, 0.06, 0.08])
     hands = Hands(t, np.stack([left(t), right(t)], 1), np.stack([left.deriv()(t), right.deriv()(t)], 1))
@@ -225,7 +225,7 @@ def test_sparse_samples_are_filled_in_exactly_where_hands_are_polynomials_of_deg
     np.testing.assert_allclose(held.vz, np.stack([left.deriv()(times), right.deriv()(times)], 1), rtol=0, atol=1e-11)
 
 
-def test_samples_close_together_do_not_tell_how_others_far_apart_are_joined() -> None:
+def test_close_samples_do_not_distort_the_interpolation_of_distant_ones() -> None:
     t = np.array([0.0, 0.004, 0.008, 0.0080001, 0.012, 0.016])
     hands = sampled(waving(0), t)
     hands.z[3] += 1e-6  # 10 m/s in the twinkling of an eye
@@ -234,14 +234,14 @@ def test_samples_close_together_do_not_tell_how_others_far_apart_are_joined() ->
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_few_samples_are_filled_in_too(count: int) -> None:
+def test_two_or_three_samples_are_interpolated(count: int) -> None:
     t = np.arange(count) * 0.01
     held = hold_hands(Hands(t, np.stack([t**3, -t], 1), np.stack([3 * t**2, 0 * t - 1], 1)), "hermite")
     times = held.ticks / held.scale
     np.testing.assert_allclose(held.z, np.stack([times**3, -times], 1), atol=1e-15)
 
 
-def test_dense_samples_are_taken_as_they_are() -> None:
+def test_dense_samples_are_used_unchanged() -> None:
     hands = sampled(waving(0), T[:50])
     held = hold_hands(hands, "hermite")
     assert held.z is hands.z
@@ -258,7 +258,7 @@ def test_gaps_are_found() -> None:
 
 
 @pytest.mark.parametrize("hold", INTERPOLATIONS)
-def test_across_a_gap(hold: str) -> None:
+def test_hands_hold_still_across_a_gap_or_are_interpolated(hold: str) -> None:
     hands = sampled(waving(1), GAPPED)
     held = hold_hands(hands, hold)
     before, within = (styluses_along(held, np.array([round(t * held.scale)])) for t in (0.0095, 0.0205))
@@ -276,7 +276,7 @@ def test_across_a_gap(hold: str) -> None:
     assert within[0, 1::2].tolist() == [0.0, 0.0]
 
 
-def test_samples_too_close_to_tell_apart_are_refused() -> None:
+def test_samples_too_close_in_time_are_refused() -> None:
     with pytest.raises(ConfigError, match="samples 2 and 3 are less than 1e-11 s apart"):
         hold_hands(Hands(np.array([0.0, 1.0, 1.0 + 1e-13]), np.zeros((3, 2)), np.zeros((3, 2))), "zoh")
 
@@ -287,7 +287,7 @@ def test_samples_too_close_to_tell_apart_are_refused() -> None:
 @pytest.mark.parametrize(
     ("first", "dt", "rows"), [(0.0, 1e-3, 101), (-0.05, 3e-3, 34), (1.7e9, 1e-3, 101), (12.5, 1 / 3e3, 301)]
 )
-def test_rows_go_from_the_first_sample_to_the_last(first: float, dt: float, rows: int) -> None:
+def test_rows_cover_the_first_to_the_last_sample(first: float, dt: float, rows: int) -> None:
     t = first + np.arange(101) / 1000
     motion = simulate(sampled(waving(0), t), Physics(), COLD, dt=dt)
     assert motion.states.shape == (rows, 6)
@@ -296,18 +296,18 @@ def test_rows_go_from_the_first_sample_to_the_last(first: float, dt: float, rows
     assert motion.states[0].tolist() == list(COLD)
 
 
-def test_times_are_decimals() -> None:
+def test_times_are_exact_decimals() -> None:
     assert simulate(sampled(waving(0), T[:101]), Physics(), COLD).t.tolist() == [i / 1000 for i in range(101)]
 
 
-def test_the_clock_does_not_matter() -> None:
+def test_result_is_independent_of_the_time_origin() -> None:
     """Only the differences of times do, and the digits that float64 has left for them."""
     waves = waving(0)
     at_zero, later = (simulate(Hands(t, *waves(T[:301])), Physics(), COLD).states for t in (T[:301], 5000.0 + T[:301]))
     np.testing.assert_array_equal(at_zero, later)
 
 
-def test_chunks_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_result_is_independent_of_the_chunk_size(monkeypatch: pytest.MonkeyPatch) -> None:
     hands = sampled(waving(0), np.arange(101) / 700)
     whole = simulate(hands, Physics(), COLD)
     monkeypatch.setattr(netboard.physics.simulation, "_CHUNK", 7)
@@ -319,7 +319,7 @@ def test_chunks_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shares[-1] == 1.0
 
 
-def test_a_method_takes_one_step_from_row_to_row_or_as_many_as_asked_for() -> None:
+def test_method_takes_the_requested_substeps_per_row() -> None:
     hands, good = sampled(waving(0), T[:101]), simulate(sampled(waving(0), T[:101]), Physics(), COLD)
     errors = []
     for substeps in (1, 2, 4):
@@ -331,14 +331,14 @@ def test_a_method_takes_one_step_from_row_to_row_or_as_many_as_asked_for() -> No
     assert errors[1] / errors[2] > 12
 
 
-def test_the_automatic_choice_takes_more_steps_where_the_scene_is_quicker() -> None:
+def test_automatic_step_is_shorter_for_faster_scenes() -> None:
     hands = sampled(waving(0), T[:11])
     longest = [simulate(hands, Physics(c_h=c_h), COLD).longest for c_h in (0.5, 2.0, 20.0)]
     assert longest == sorted(longest, reverse=True)
     assert choose_steps(Physics(coupling="none", k_s=0.0, board="level")).longest == 0.005
 
 
-def test_the_exact_method_for_level_boards_agrees() -> None:
+def test_exact_method_agrees_for_a_level_board() -> None:
     level, hands = Physics(board="level"), sampled(waving(0), T[:301])
     motions = [simulate(hands, level, COLD, steps=choose_steps(level, method=method)) for method in ("auto", "exact")]
     np.testing.assert_allclose(motions[0].states, motions[1].states, rtol=1e-9, atol=1e-12)
@@ -358,36 +358,36 @@ def test_the_exact_method_for_level_boards_agrees() -> None:
         (Physics(ball_stop=0.02), COLD, True, "p0: found -0.03, expected within the stops, 0.02 m from the centre"),
     ],
 )
-def test_a_start_that_the_scene_cannot_have(physics: Physics, start: Sequence[float], free: bool, words: str) -> None:
+def test_impossible_initial_state_is_refused(physics: Physics, start: Sequence[float], free: bool, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         simulate(sampled(waving(0), T[:11]), physics, tuple(start), free=free)
 
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf, 1e-12, 0.0101])
-def test_rows_too_close_or_too_far_apart(dt: float) -> None:
+def test_invalid_row_interval_is_refused(dt: float) -> None:
     with pytest.raises(ConfigError, match=r"dt: found .*, expected from 1e-09 s to the 0.01 s of the hands"):
         simulate(sampled(waving(0), T[:11]), Physics(), COLD, dt=dt)
 
 
-def test_too_many_rows() -> None:
+def test_too_many_rows_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"dt: found 1e-08, which makes 3e\+08 rows, expected at most 1e\+08"):
         simulate(sampled(waving(0), T), Physics(), COLD, dt=1e-8)
 
 
-def test_too_many_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(netboard.physics.simulation, "MAX_STEPS", 10)
     with pytest.raises(ConfigError, match="method: dop853 needs 20 steps for a scene this quick"):
         simulate(sampled(waving(0), T[:11]), Physics(), COLD)
 
 
-def test_a_method_there_is_not() -> None:
+def test_unknown_or_unsuitable_method_is_refused() -> None:
     with pytest.raises(ConfigError, match=r'method: found "rk5", expected auto or one of euler, .*rk4'):
         choose_steps(Physics(), method="rk5")
     with pytest.raises(ConfigError, match='"exact", which is for boards that cannot tilt'):
         choose_steps(Physics(), method="exact")
 
 
-def test_too_many_tables() -> None:
+def test_too_many_step_lengths_are_refused_for_etdrk4() -> None:
     random = np.random.default_rng(0)
     hands = sampled(waving(0), np.cumsum(random.uniform(0.5e-3, 1.5e-3, 500)))
     with pytest.raises(ConfigError, match="method: etdrk4 needs a table for each length of step"):
@@ -395,13 +395,13 @@ def test_too_many_tables() -> None:
 
 
 @pytest.mark.parametrize(("method", "c_h", "held"), [("rk4", 8.0, True), ("rk4", 10.0, False), ("etdrk4", 10.0, True)])
-def test_a_method_that_holds_the_scene_or_not(method: str, c_h: float, held: bool) -> None:
+def test_stability_of_a_method_is_detected(method: str, c_h: float, held: bool) -> None:
     physics = Physics(c_h=c_h)
     motion = simulate(sampled(waving(0), T[:11]), physics, COLD, steps=choose_steps(physics, method=method))
     assert is_stably_integrated(motion, physics) is held
 
 
-def test_a_method_that_does_not_hold_the_scene_at_all() -> None:
+def test_diverging_method_is_refused_with_the_time() -> None:
     stiff = Physics(k_h=10_000.0, c_h=100.0)
     with pytest.raises(ConfigError, match=r"not finite from t = 0\.\d+ s on, with euler in steps of 0.001 s, 31.\d of"):
         simulate(sampled(waving(0), T[:501]), stiff, COLD, steps=choose_steps(stiff, method="euler"))
@@ -415,7 +415,7 @@ def test_a_method_that_does_not_hold_the_scene_at_all() -> None:
     ("balls", "names"),
     [(0, []), (1, ["p", "vp"]), (3, ["p", "vp", "p2", "vp2", "p3", "vp3"])],
 )
-def test_columns(balls: int, names: list[str]) -> None:
+def test_columns_depend_on_the_number_of_balls(balls: int, names: list[str]) -> None:
     physics, start = Physics(balls=balls), (0.0,) * (4 + 2 * balls)
     motion = simulate(sampled(waving(0), T[:11]), physics, start, steps=choose_steps(physics, method="euler"))
     assert list(columns_of(motion)) == ["t", "z", "vz", "theta", "omega", *names, "f_left", "f_right"]
@@ -433,7 +433,7 @@ def test_energy_is_balanced(physics: Physics) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(data=st.data(), count=st.integers(2, 12), hold=st.sampled_from(INTERPOLATIONS), free=st.booleans())
-def test_any_hands_move_the_board(data: st.DataObject, count: int, hold: str, free: bool) -> None:
+def test_any_hands_give_a_finite_motion(data: st.DataObject, count: int, hold: str, free: bool) -> None:
     def floats(limit: float, *shape: int) -> Array:
         numbers = st.lists(st.floats(-limit, limit), min_size=int(np.prod(shape)), max_size=int(np.prod(shape)))
         return np.reshape(data.draw(numbers), shape)

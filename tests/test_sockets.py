@@ -31,11 +31,11 @@ pytestmark = pytest.mark.integration
 ANYWHERE = channels.Endpoint("tcp://127.0.0.1:*")
 TIMEOUT = 30.0
 WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""How a peer without keys greets, by ZeroMQ's RFC 23."""
+"""The greeting of a peer without keys (ZeroMQ's RFC 23)."""
 
 
 class Made:
-    """Makes sockets as `netboard.network.transport.sockets` does, in one context, and closes them all in the end."""
+    """Creates sockets by `netboard.network.transport.sockets` in one context, which is destroyed at the end."""
 
     def __init__(self, context: sockets.Context) -> None:
         self.context = context
@@ -65,15 +65,15 @@ def endpoint_of(end: Any) -> channels.Endpoint:
 
 
 def until(what: Callable[[], Any]) -> Any:
-    """Wait for something to come true."""
+    """Wait until a condition holds."""
     end = time.monotonic() + TIMEOUT
     while not (found := what()):
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "timeout"
         time.sleep(0.002)
     return found
 
 
-def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
+def test_sockets_have_the_options_of_their_channels(made: Made) -> None:
     motion, log = made.motion_server(ANYWHERE), made.log_server(ANYWHERE)
     agent = made.motion_agent(endpoint_of(motion), "agent.left@test")
     logger = made.log_client(endpoint_of(log), "logger@test")
@@ -101,13 +101,13 @@ def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
         assert raw(end).getsockopt(zmq.MAXMSGSIZE) == largest
 
 
-def test_a_server_takes_the_largest_frame_of_each_kind_that_it_is_sent() -> None:
+def test_size_limits_admit_the_largest_frame_of_each_kind() -> None:
     largest = {kind.message: kind.most_bytes + 64 for kind in KINDS.values()}  # encryption takes some bytes more
     assert max(largest[kind] for kind in (Hello, Stylus, Goodbye)) <= sockets.MAX_SAMPLE
     assert max(largest[kind] for kind in (Hello, LogRequest, LogAck, Pong, Frames, Command)) <= sockets.MAX_REQUEST
 
 
-def test_of_what_a_player_points_at_the_newest_counts_and_nothing_waits_for_an_agent(made: Made) -> None:
+def test_pointer_channel_keeps_only_the_newest_and_never_queues(made: Made) -> None:
     where = channels.addresses(Network(port=free_port()))
     early = made.pointer_sender(where.pointer("left"))
     assert not sockets.send(early, b"stale")
@@ -118,18 +118,18 @@ def test_of_what_a_player_points_at_the_newest_counts_and_nothing_waits_for_an_a
     assert until(lambda: sockets.send(early, b"newest") and sockets.receive(agent) == b"newest")
 
 
-def test_a_taken_port_is_said_in_words(made: Made) -> None:
+def test_port_in_use_is_reported_clearly(made: Made) -> None:
     first = made.motion_server(ANYWHERE)
     with pytest.raises(NetboardError, match=r"cannot listen on tcp://127.0.0.1:.*is another server running"):
         made.motion_server(endpoint_of(first))
 
 
-def test_nothing_is_queued_for_a_server_that_is_not_there(made: Made) -> None:
+def test_nothing_is_queued_for_an_absent_server(made: Made) -> None:
     agent = made.motion_agent(channels.Endpoint("tcp://127.0.0.1:9"), "agent.left@test")
     assert not sockets.send(agent, b"stale")
 
 
-def test_a_peer_that_is_not_there_is_no_error(made: Made) -> None:
+def test_sending_to_an_absent_peer_is_not_an_error(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
     assert not server.send(b"nobody", b"frame")
     assert server.receive() is None
@@ -143,7 +143,7 @@ def talk(made: Made) -> tuple[endpoints.Router, sockets.Socket]:
     return server, peer
 
 
-def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: Made) -> None:
+def test_frames_go_both_ways_and_multipart_messages_count_as_empty(made: Made) -> None:
     server, peer = talk(made)
     peer.send_multipart((b"too", b"console@other", b"parts"))
     assert sockets.send(peer, b"good")
@@ -157,7 +157,7 @@ def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: M
     assert not poller.wait_readable(peer, 0.0005)
 
 
-def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
+def test_waiter_wakes_for_any_of_several_sockets(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
     waiter = poller.Waiter((server.socket, other.socket))
@@ -170,7 +170,7 @@ def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
     assert not waiter.wait(0.0)
 
 
-def test_one_learns_which_of_several_sockets_have_signalled(made: Made) -> None:
+def test_poller_reports_which_sockets_have_signalled(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
     files = [server.socket.fileno(), other.socket.fileno()]
@@ -183,7 +183,7 @@ def test_one_learns_which_of_several_sockets_have_signalled(made: Made) -> None:
     assert poller.signalled(files, 0.0005) == []
 
 
-def test_views_go_to_who_looks_and_only_the_newest_is_kept(made: Made) -> None:
+def test_views_reach_subscribers_and_only_the_newest_is_kept(made: Made) -> None:
     publisher = made.view_publisher(ANYWHERE)
     assert not publisher.wanted()
     assert not publisher.send(b"for nobody")
@@ -207,7 +207,7 @@ def test_views_go_to_who_looks_and_only_the_newest_is_kept(made: Made) -> None:
     assert not publisher.send(b"for nobody")
 
 
-def test_who_subscribes_to_something_else_is_not_counted(made: Made) -> None:
+def test_subscription_to_another_topic_is_not_counted(made: Made) -> None:
     publisher = made.view_publisher(ANYWHERE)
     odd = made.context.socket(zmq.SUB)
     odd.connect(endpoint_of(publisher).address)
@@ -220,7 +220,7 @@ def test_who_subscribes_to_something_else_is_not_counted(made: Made) -> None:
 
 
 class SmallRing:
-    """Knows one key."""
+    """A key ring that accepts one key."""
 
     def __init__(self, owner: str) -> None:
         self.public, self.secret = authenticator.new_keys()
@@ -269,19 +269,19 @@ class TestAuthenticator:
     def let_in(self, own: authenticator.Authenticator, agent: sockets.Socket) -> None:
         until(lambda: reports_of(own) or sockets.send(agent, b"hello"))
 
-    def test_who_is_let_in_is_known_by_the_key(
+    def test_accepted_peer_is_identified_by_its_key(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
         peer, frame = until(server.receive)
         assert frame == b"hello"
         assert peer.startswith(b"agent.left@test.")
-        assert len(peer) > len("agent.left@test.") + 10, "nobody can guess it"
+        assert len(peer) > len("agent.left@test.") + 10, "the suffix is too short to be unguessable"
         assert server.key == ring.known
         assert server.forbids("agent", "left") == ""
         assert server.forbids("agent", "right") == "somebody else"
 
-    def test_a_frame_in_another_name_is_nobodys_and_the_secret_of_a_name_is_not_told(
+    def test_frame_under_another_name_is_refused_without_revealing_the_name(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.lefty@test"))
@@ -290,7 +290,7 @@ class TestAuthenticator:
         assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", told["reason"])
         assert told["address"] == "127.0.0.1"
 
-    def test_a_fast_path_knows_a_peer_by_its_key_too(
+    def test_fast_path_identifies_a_peer_by_its_key(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         agent = self.agent(made, server, ring.lock(), "agent.left@test")
@@ -310,7 +310,7 @@ class TestAuthenticator:
             assert fast.sender == (name, ring.known, "127.0.0.1")
         fast.close()
 
-    def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
+    def test_key_of_one_server_is_refused_by_another_in_the_same_process(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         other_ring = SmallRing("agent.left")
@@ -325,7 +325,7 @@ class TestAuthenticator:
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
         assert until(server.receive)[1] == b"hello"
 
-    def test_a_refusal_is_reported_once_for_a_while_and_counted_whole(self, own: authenticator.Authenticator) -> None:
+    def test_repeated_refusal_is_rate_limited_and_fully_counted(self, own: authenticator.Authenticator) -> None:
         for _ in range(400):
             own.refuse("motion", "10.0.0.1", "key5", "why")
         told = {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why"}
@@ -335,7 +335,7 @@ class TestAuthenticator:
         assert own.final_reports() == [told | {"times": "401"}]
         assert own.totals == {"why": 401}
 
-    def test_a_crowd_of_strangers_is_told_of_and_keeps_nobody_out(
+    def test_flood_of_failed_handshakes_is_reported_and_blocks_no_valid_peer(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
@@ -351,7 +351,7 @@ class TestAuthenticator:
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no sockets in the file system")
-class TestSocketsInTheFileSystem:
+class TestIpcSockets:
     where = channels.Addresses("ignored", "ignored", 30_000 + os.getpid() % 30_000, "ipc")
 
     @pytest.fixture(autouse=True)
@@ -361,7 +361,7 @@ class TestSocketsInTheFileSystem:
         for channel in (channels.MOTION, channels.LOG, channels.CONTROL):
             Path(self.where.listen(channel).address.removeprefix("ipc://")).unlink(missing_ok=True)
 
-    def test_a_frame_goes_through(self, made: Made) -> None:
+    def test_frame_passes_through_ipc(self, made: Made) -> None:
         endpoint = self.where.listen(channels.CONTROL)
         folder = Path(endpoint.address.removeprefix("ipc://")).parent
         server = made.control_server(endpoint)
@@ -370,12 +370,12 @@ class TestSocketsInTheFileSystem:
         until(lambda: sockets.send(peer, b"hello"))
         assert until(server.receive) == (b"console@test", b"hello")
 
-    def test_a_second_server_does_not_take_over(self, made: Made) -> None:
+    def test_second_server_on_the_same_path_is_refused(self, made: Made) -> None:
         made.motion_server(self.where.listen(channels.MOTION))
         with pytest.raises(NetboardError, match="is another server running"):
             made.motion_server(self.where.listen(channels.MOTION))
 
-    def test_what_a_dead_server_left_is_no_obstacle(self, made: Made) -> None:
+    def test_stale_socket_file_is_replaced(self, made: Made) -> None:
         endpoint = self.where.listen(channels.LOG)
         file = endpoint.address.removeprefix("ipc://")
         with contextlib.suppress(FileNotFoundError):
@@ -389,7 +389,7 @@ class TestSocketsInTheFileSystem:
             peer.connect(file)
             assert peer.getpeername() == file
 
-    def test_a_folder_open_to_others_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_folder_open_to_other_users_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(channels, "Path", lambda _: tmp_path / "own")  # the usual one may be in use
         self.where.reach(channels.MOTION)
         (tmp_path / "own").chmod(0o755)
@@ -397,7 +397,7 @@ class TestSocketsInTheFileSystem:
             self.where.reach(channels.MOTION)
 
 
-def test_libzmq_is_not_asked_for_what_the_system_refuses(caplog: pytest.LogCaptureFixture) -> None:
+def test_refused_io_thread_settings_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     with sockets.open_context(io_priority=10_000, io_cpus=(9999,)) as context:
         context.socket(zmq.PAIR).close()
@@ -405,14 +405,14 @@ def test_libzmq_is_not_asked_for_what_the_system_refuses(caplog: pytest.LogCaptu
     assert all("refused" in message for message in caplog.messages)
 
 
-def test_libzmq_gets_the_cpus_that_there_are(caplog: pytest.LogCaptureFixture) -> None:
+def test_io_thread_accepts_available_cpus(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     with sockets.open_context(io_cpus=os.sched_getaffinity(0)) as context:
         context.socket(zmq.PAIR).close()
     assert caplog.messages == []
 
 
-def test_a_peer_whose_handshake_failed_connects_anew(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_peer_reconnects_after_a_failed_handshake(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sockets, "RENEW_S", 0.05)
     with net.create_server(("127.0.0.1", 0)) as impostor:
         where = channels.Endpoint(f"tcp://127.0.0.1:{impostor.getsockname()[1]}")
@@ -427,7 +427,7 @@ def test_a_peer_whose_handshake_failed_connects_anew(made: Made, monkeypatch: py
 
 
 def gone(connection: net.socket) -> bool:
-    """Whether the other end has hung up."""
+    """Return whether the other end has closed the connection."""
     connection.settimeout(0.1)
     try:
         return not connection.recv(4096)
@@ -437,7 +437,7 @@ def gone(connection: net.socket) -> bool:
         return True
 
 
-def test_what_is_owed_to_a_peer_that_stands_still_comes_when_it_goes_on(made: Made) -> None:
+def test_newest_queued_message_arrives_once_a_stalled_peer_continues(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
     peer = made.motion_agent(endpoint_of(server), "agent.left")
     until(lambda: sockets.send(peer, b"hello"))
@@ -459,7 +459,7 @@ def test_what_is_owed_to_a_peer_that_stands_still_comes_when_it_goes_on(made: Ma
     assert sockets.receive(peer) is None
 
 
-def test_what_is_owed_can_be_cancelled(made: Made) -> None:
+def test_queued_message_can_be_cancelled(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
     peer = made.motion_agent(endpoint_of(server), "agent.left")
     until(lambda: sockets.send(peer, b"hello"))
@@ -479,7 +479,7 @@ def test_what_is_owed_can_be_cancelled(made: Made) -> None:
     assert until(lambda: sockets.receive(peer)) in (bytes(60_000), b"the last")
 
 
-def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
+def test_message_queued_for_an_absent_peer_is_dropped(made: Made) -> None:
     server = made.motion_server(ANYWHERE)
     server.send_or_queue(b"agent.left", b"another block")
     peer = made.motion_agent(endpoint_of(server), "agent.left")
@@ -490,7 +490,7 @@ def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
     assert until(lambda: sockets.receive(peer)) == b"welcome"
 
 
-def test_the_network_gives_way_to_the_loop_while_it_is_asked_to() -> None:
+def test_io_threads_have_low_priority_while_requested() -> None:
     with sockets.open_context() as context:
         context.set_low_priority(True)  # without a priority there is nothing to give
         assert context.threads == ()

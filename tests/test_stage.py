@@ -51,14 +51,14 @@ def events(rows: NDArray[Any]) -> list[tuple[int, Cause]]:
     return [(int(row["tick"]), Cause(int(row["event"]))) for row in rows if row["event"]]
 
 
-def test_a_row_is_made_of_its_four_parts_and_every_field_is_one_word() -> None:
+def test_row_has_its_four_parts_and_eight_bytes_per_field() -> None:
     names = [*INPUT.names, *STATE.names, *OUTPUT.names, *SERVICE.names]  # type: ignore[misc]
     assert list(TICK.names or ()) == names
     assert all(TICK[name].itemsize == 8 for name in names)
     assert TICK.itemsize == 8 * len(names)
 
 
-def test_one_call_with_many_ticks_and_many_calls_with_one_give_the_same_bits() -> None:
+def test_advancing_many_ticks_at_once_or_singly_gives_the_same_bits() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     heights = 0.01 * np.sin(np.arange(4000) * 1e-3 * 4)
     at_once = started(inputs(4000, heights, -heights))
@@ -71,7 +71,7 @@ def test_one_call_with_many_ticks_and_many_calls_with_one_give_the_same_bits() -
     assert end.tobytes() == state.tobytes()
 
 
-def test_rows_may_be_a_ring() -> None:
+def test_rows_may_be_a_ring_buffer() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(100, 0.01, 0.0))
     ring, state = np.zeros(8, TICK), stage.initial()
@@ -81,7 +81,7 @@ def test_rows_may_be_a_ring() -> None:
     assert state.tobytes() == play(stage, rows).tobytes()
 
 
-def test_the_forces_of_a_level_board_at_rest_are_those_of_statics() -> None:
+def test_forces_of_a_board_at_rest_satisfy_static_equilibrium() -> None:
     """The values are those of the paper's scene with the ball fixed opposite a right target."""
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(500))
@@ -95,7 +95,7 @@ def test_the_forces_of_a_level_board_at_rest_are_those_of_statics() -> None:
     assert last["left_force"] == -last["left_coupling"]
 
 
-def test_a_trial_from_the_level_board_to_success_and_the_next_target() -> None:
+def test_trial_runs_from_levelling_to_success_and_the_next_target() -> None:
     """Hands that compensate the ball's weight at once: tilt right for a while, brake, hold."""
     stage = make_stage(parse(RIGHT_FIRST))
     t = np.arange(14_000) * 1e-3
@@ -129,7 +129,7 @@ def steered(stage: Stage, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     return rows["left_sent_z"].copy(), rows["right_sent_z"].copy()
 
 
-def test_a_ball_that_falls_fails_the_attempt_and_the_same_trial_comes_again() -> None:
+def test_fallen_ball_fails_the_attempt_and_repeats_the_trial() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(6000))
     rows["left_sent_z"][1000:], rows["right_sent_z"][1000:] = 0.03, -0.03
@@ -142,7 +142,7 @@ def test_a_ball_that_falls_fails_the_attempt_and_the_same_trial_comes_again() ->
     assert (after["p"], after["vp"]) == (-0.15, 0.0)
 
 
-def test_without_haptics_the_hands_are_sent_nothing_and_the_board_moves_alike() -> None:
+def test_haptics_off_zeroes_the_forces_and_keeps_the_motion() -> None:
     on, off = started(inputs(2000, 0.01)), started(inputs(2000, 0.01))
     play(make_stage(parse(RIGHT_FIRST)), on)
     play(make_stage(parse(RIGHT_FIRST + 'force = "none"')), off)
@@ -152,7 +152,7 @@ def test_without_haptics_the_hands_are_sent_nothing_and_the_board_moves_alike() 
     assert all(np.array_equal(on[name], off[name]) for name in STATE.names or ())
 
 
-def test_nothing_is_felt_before_the_block_nor_paused() -> None:
+def test_forces_are_zero_before_the_block_and_while_paused() -> None:
     rows = inputs(3000, 0.01)
     rows["command"][1000], rows["command"][2000] = Cause.START, Cause.PAUSE
     play(make_stage(parse(RIGHT_FIRST)), rows)
@@ -162,7 +162,7 @@ def test_nothing_is_felt_before_the_block_nor_paused() -> None:
     assert not felt[2001:].any()
 
 
-def test_a_sample_is_extrapolated_by_its_velocity_over_at_most_10_ms() -> None:
+def test_sample_is_extrapolated_by_velocity_for_at_most_10_ms() -> None:
     rows = inputs(3, 0.010, 0.0)
     rows["left_sent_vz"] = 0.1
     rows["left_stamp_ns"] = rows["time_ns"] - np.array([2_000_000, 10_000_000, 40_000_000])
@@ -178,7 +178,7 @@ def speeding_up(count: int, acceleration: float = 4.0) -> NDArray[Any]:
     return rows
 
 
-def test_a_stylus_that_speeds_up_is_met_where_it_is_from_the_second_sample_on() -> None:
+def test_constant_acceleration_is_extrapolated_exactly_from_the_second_sample() -> None:
     rows = speeding_up(6)
     play(make_stage(Config()), rows)
     t = np.arange(6) * 1e-3 + 0.4e-3
@@ -187,7 +187,7 @@ def test_a_stylus_that_speeds_up_is_met_where_it_is_from_the_second_sample_on() 
     assert rows["left_used_az"].tolist() == pytest.approx([0.0, *[4.0] * 5], rel=1e-9)
 
 
-def test_a_hold_can_be_simpler() -> None:
+def test_constant_velocity_and_zero_order_extrapolation() -> None:
     rows = speeding_up(4)
     play(make_stage(parse('[physics]\nhold = "cv"')), rows)
     assert rows["left_used_z"] == pytest.approx(rows["left_sent_z"] + 0.4e-3 * rows["left_sent_vz"], rel=1e-12)
@@ -196,7 +196,7 @@ def test_a_hold_can_be_simpler() -> None:
     assert rows["left_used_z"].tolist() == rows["left_sent_z"].tolist()
 
 
-def test_in_a_burst_of_loss_the_acceleration_counts_for_5_ms_and_the_velocity_for_10() -> None:
+def test_during_loss_acceleration_applies_for_5_ms_and_velocity_for_10() -> None:
     rows = speeding_up(24)
     for name in ("left_stamp_ns", "left_sent_z", "left_sent_vz"):
         rows[name][9:] = rows[name][8]
@@ -209,7 +209,7 @@ def test_in_a_burst_of_loss_the_acceleration_counts_for_5_ms_and_the_velocity_fo
 
 
 @pytest.mark.parametrize(("gap_ns", "slope"), [(6_000_000, 0.0), (100_000, 0.0), (-1_000_000, 0.0), (1_000_000, 50.0)])
-def test_an_acceleration_is_told_from_neighbours_alone_and_bounded(gap_ns: int, slope: float) -> None:
+def test_acceleration_needs_neighbouring_samples_and_is_bounded(gap_ns: int, slope: float) -> None:
     rows = inputs(2)
     rows["left_sent_vz"] = 0.0, 0.2
     rows["left_stamp_ns"][1] = rows["left_stamp_ns"][0] + gap_ns
@@ -217,7 +217,7 @@ def test_an_acceleration_is_told_from_neighbours_alone_and_bounded(gap_ns: int, 
     assert rows["left_used_az"][1] == slope
 
 
-def test_a_stylus_is_clipped_to_its_range_and_then_at_rest() -> None:
+def test_stylus_beyond_its_range_is_clipped_with_zero_velocity() -> None:
     rows = inputs(2, 0.2, -0.2)
     rows["left_sent_vz"] = 1.0
     play(make_stage(Config()), rows)
@@ -227,7 +227,7 @@ def test_a_stylus_is_clipped_to_its_range_and_then_at_rest() -> None:
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
-def test_a_sample_that_is_no_number_counts_as_none_and_the_last_height_stays(bad: float) -> None:
+def test_non_finite_sample_is_ignored_and_the_last_height_kept(bad: float) -> None:
     rows = started(inputs(100, 0.01, 0.0))
     rows["left_sent_z"][50:] = bad
     state = play(make_stage(Config()), rows)
@@ -236,7 +236,7 @@ def test_a_sample_that_is_no_number_counts_as_none_and_the_last_height_stays(bad
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), 1e300, -10.1])
-def test_a_rate_that_no_hand_has_counts_as_no_sample(bad: float) -> None:
+def test_sample_with_an_impossible_velocity_is_ignored(bad: float) -> None:
     rows = started(inputs(100, 0.01, 0.0))
     rows["left_sent_vz"][50:] = bad
     play(make_stage(Config()), rows)
@@ -245,7 +245,7 @@ def test_a_rate_that_no_hand_has_counts_as_no_sample(bad: float) -> None:
     assert np.abs(rows["left_coupling"]).max() < 5.0
 
 
-def test_a_side_without_a_live_sample_feels_nothing() -> None:
+def test_side_without_a_live_sample_has_zero_force() -> None:
     rows = started(inputs(200, 0.01, 0.01))
     rows["left_live"][100:] = 0
     play(make_stage(Config()), rows)
@@ -253,7 +253,7 @@ def test_a_side_without_a_live_sample_feels_nothing() -> None:
     assert rows["right_force"][100:].all()
 
 
-def test_a_board_that_is_no_longer_finite_is_a_fault_and_is_put_at_rest() -> None:
+def test_non_finite_board_is_a_fault_and_is_reset_to_rest() -> None:
     stage = make_stage(Config())
     rows, state = started(inputs(10)), stage.initial()
     stage.advance(state, rows, 0, 5)
@@ -264,7 +264,7 @@ def test_a_board_that_is_no_longer_finite_is_a_fault_and_is_put_at_rest() -> Non
     assert np.isfinite([float(state[name][0]) for name in ("z", "vz", "theta", "omega", "p", "vp")]).all()
 
 
-def test_a_board_that_stands_upright_is_a_fault_and_is_put_at_rest() -> None:
+def test_upright_board_is_a_fault_and_is_reset_to_rest() -> None:
     stage = make_stage(Config())
     rows, state = started(inputs(10)), stage.initial()
     stage.advance(state, rows, 0, 5)
@@ -281,7 +281,7 @@ def test_a_board_that_stands_upright_is_a_fault_and_is_put_at_rest() -> None:
     scale=st.sampled_from([0.001, 0.02, 0.2]),
     commands=st.lists(st.tuples(st.integers(0, 1999), st.sampled_from([*range(-3, 20), Cause.START])), max_size=12),
 )
-def test_whatever_comes_in_the_state_stays_finite_and_the_counts_stay_true(
+def test_any_input_keeps_the_state_finite_and_the_counts_correct(
     seed: int, scale: float, commands: list[tuple[int, int]]
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -329,7 +329,7 @@ def waving(count: int = 1500) -> NDArray[Any]:
     return rows
 
 
-def test_the_board_and_the_trial_do_not_know_what_is_felt() -> None:
+def test_board_and_trial_are_independent_of_the_force_condition() -> None:
     played = []
     for block in CONDITIONS.values():
         rows = started(waving())
@@ -337,14 +337,14 @@ def test_the_board_and_the_trial_do_not_know_what_is_felt() -> None:
     assert len(set(played)) == 1
 
 
-def test_partner_and_environment_add_up_to_the_whole_of_a_board_at_rest() -> None:
+def test_partner_and_environment_forces_add_up_for_a_board_at_rest() -> None:
     rows = inputs(1000, 0.02, 0.005)
     parts = felt_by(CONDITIONS["partner_only"], rows) + felt_by(CONDITIONS["environment_only"], rows)
     # The tilt of 1.7 deg spares the board 0.1 % of the ball's weight, and has not quite ended.
     assert parts[-1] == pytest.approx(felt_by(CONDITIONS["full"], rows)[-1], abs=1e-3)
 
 
-def test_the_environment_knows_nothing_of_the_partners_hand_and_the_partner_of_nothing_else() -> None:
+def test_partner_only_and_environment_only_forces_are_separate() -> None:
     """While the ball is fixed: what it does when it rolls is the work of both."""
     here, there, mine = waving(), waving(), waving()
     for name in ("sent_z", "sent_vz"):
@@ -356,7 +356,7 @@ def test_the_environment_knows_nothing_of_the_partners_hand_and_the_partner_of_n
     assert not np.array_equal(felt_by(environment, here)[:, 0], felt_by(environment, mine)[:, 0])
 
 
-def test_the_own_force_knows_neither_partner_nor_ball() -> None:
+def test_own_only_force_is_independent_of_partner_and_ball() -> None:
     here, there = waving(), waving()
     there["right_sent_z"], there["right_sent_vz"] = -here["right_sent_z"], -here["right_sent_vz"]
     own = CONDITIONS["own_only"]
@@ -365,13 +365,13 @@ def test_the_own_force_knows_neither_partner_nor_ball() -> None:
     assert felt[1:, 0] == pytest.approx(-(0.218 + 25.9259 * here["left_sent_z"][1:]), abs=1e-3)
 
 
-def test_the_parts_are_those_of_the_height_that_is_used_clipped_and_at_whatever_rate() -> None:
+def test_partner_only_force_uses_the_clipped_height() -> None:
     rows = inputs(100, 0.2, 0.0)
     rows["left_sent_vz"] = 1.0
     assert felt_by(CONDITIONS["partner_only"], rows)[1:, 1] == pytest.approx(-25.9259 * 0.075, abs=1e-4)
 
 
-def test_an_unrelated_force_is_that_of_the_row_and_only_while_a_trial_is_on() -> None:
+def test_unrelated_force_is_that_of_the_row_during_trials_only() -> None:
     rows = waving()
     felt = felt_by(CONDITIONS["unrelated"], rows)
     assert np.array_equal(felt[1:], np.stack([rows["left_other"], rows["right_other"]], axis=1)[1:])
@@ -380,7 +380,7 @@ def test_an_unrelated_force_is_that_of_the_row_and_only_while_a_trial_is_on() ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("force", [name for name in CONDITIONS if name != "none"])
-def test_a_scale_multiplies_and_a_side_without_a_person_or_a_sample_feels_nothing(force: str) -> None:
+def test_force_scale_multiplies_and_unmanned_sides_have_zero_force(force: str) -> None:
     rows, block = waving(), CONDITIONS[force]
     whole = felt_by(block, rows)
     assert whole[1:].any(axis=0).all()
@@ -394,7 +394,7 @@ def test_a_scale_multiplies_and_a_side_without_a_person_or_a_sample_feels_nothin
     assert not felt_by(block, rows)[700:, 1].any()
 
 
-def test_in_a_catch_trial_nothing_is_felt_from_its_levelling_to_its_end() -> None:
+def test_catch_trial_has_zero_force_from_levelling_to_its_end() -> None:
     stage = make_stage(parse(RIGHT_FIRST + "catch = [2]"))
     rows = started(inputs(300, 0.01))
     rows["command"][[100, 200]] = Cause.SKIP, Cause.REPEAT
@@ -406,33 +406,33 @@ def test_in_a_catch_trial_nothing_is_felt_from_its_levelling_to_its_end() -> Non
 
 
 @pytest.mark.parametrize("delay", [0, 1, 37, 500])
-def test_a_hand_is_told_the_force_of_so_many_ticks_before_from_the_ring_and_from_a_recording(delay: int) -> None:
+def test_delayed_force_is_the_same_from_ring_buffer_and_recording(delay: int) -> None:
     stage = make_stage(parse(RIGHT_FIRST + f"force_delay_ms = {delay}"))
     rows = started(waving(2000))
     undelayed = felt_by("", waving(2000))
-    ring, state, told = np.zeros(512, TICK), stage.initial(), []
+    ring, state, sent_forces = np.zeros(512, TICK), stage.initial(), []
     for i in range(2000):
         ring[i % 512] = rows[i]
         stage.advance(state, ring, i)
         row = stage.commanded_row(ring, i)
-        told.append((row["left_force"], row["right_force"]))
+        sent_forces.append((row["left_force"], row["right_force"]))
         rows[i] = ring[i % 512]
     assert np.array_equal(rows["left_force"], undelayed[:, 0])
-    assert np.array_equal(told[delay:], undelayed[: 2000 - delay])
-    assert not np.any(told[:delay])
-    assert np.array_equal(commanded_forces(rows, delay), told)
+    assert np.array_equal(sent_forces[delay:], undelayed[: 2000 - delay])
+    assert not np.any(sent_forces[:delay])
+    assert np.array_equal(commanded_forces(rows, delay), sent_forces)
     words = ring.view(np.int64).reshape(512, -1)
     assert stage.commanded_row(words, 1999).tobytes() == stage.commanded_row(ring, 1999).tobytes()
 
 
-def test_of_a_recording_with_a_gap_it_is_known_what_was_told_and_nothing_is_told_in_a_pause() -> None:
+def test_commanded_forces_of_a_recording_with_a_gap_and_a_pause() -> None:
     rows = started(waving(300))
     rows["command"][200] = Cause.PAUSE
     play(make_stage(parse(RIGHT_FIRST)), rows)
-    told = commanded_forces(np.delete(rows, slice(100, 110)), 20)
+    sent_forces = commanded_forces(np.delete(rows, slice(100, 110)), 20)
     kept = np.delete(np.arange(300), slice(100, 110))
     known = (kept > 20) & (kept <= 200) & ~((kept >= 120) & (kept < 130))
-    assert np.array_equal(told[:, 0] != 0, known)
+    assert np.array_equal(sent_forces[:, 0] != 0, known)
     assert commanded_forces(rows[:0], 20).shape == (0, 2)
 
 
@@ -449,7 +449,7 @@ def commanded(stage: Stage, *commands: tuple[int, Cause], count: int = 100, **be
     return state[0], rows
 
 
-def test_a_block_begins_in_its_middle() -> None:
+def test_block_can_start_at_a_later_trial() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     for trial, side in ((1, 1), (2, -1), (7, 1)):
         begun = stage.initial(trial=trial, attempt=3, successes=trial - 1, failures=4, extra=6, block_ticks=9)[0]
@@ -460,7 +460,7 @@ def test_a_block_begins_in_its_middle() -> None:
     assert (state["phase"], state["trial"], state["attempt"], state["p"]) == (Phase.LEVELLING, 2, 3, 0.15)
 
 
-def test_skipped_trials_are_done_without_success_until_the_block_is_over() -> None:
+def test_skipped_trials_end_the_block_without_successes() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     state, rows = commanded(stage, (10, Cause.SKIP), (20, Cause.SKIP), (30, Cause.SKIP))
     assert events(rows) == [(0, Cause.START), (10, Cause.SKIP), (20, Cause.LAST)]
@@ -469,7 +469,7 @@ def test_skipped_trials_are_done_without_success_until_the_block_is_over() -> No
     assert rows["p"][[10, 11]].tolist() == [-0.15, 0.15]
 
 
-def test_a_trial_skipped_in_a_pause_leaves_the_pause_and_the_next_begins_with_its_first_attempt() -> None:
+def test_trial_skipped_in_a_pause_keeps_the_pause() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     state, rows = commanded(stage, (10, Cause.PAUSE), (20, Cause.SKIP), (30, Cause.RESUME))
     assert rows["phase"][[20, 21, 30]].tolist() == [Phase.PAUSED] * 3
@@ -479,7 +479,7 @@ def test_a_trial_skipped_in_a_pause_leaves_the_pause_and_the_next_begins_with_it
     assert (ended["phase"], ended["trial"]) == (Phase.FINISHED, 2)
 
 
-def test_trials_are_added_and_vetoed_before_within_and_in_pauses_of_a_block_and_none_is_owed() -> None:
+def test_trials_can_be_added_and_vetoed_before_and_during_a_block() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     wishes = [(5, Cause.VETO), (6, Cause.REPEAT), (7, Cause.REPEAT), (8, Cause.VETO), (10, Cause.PAUSE)]
     state, rows = commanded(stage, *wishes, (12, Cause.REPEAT))
@@ -493,7 +493,7 @@ def test_trials_are_added_and_vetoed_before_within_and_in_pauses_of_a_block_and_
     assert (longer["phase"], longer["trial"]) == (Phase.FINISHED, 3)
 
 
-def test_a_repeat_takes_nothing_from_the_trial_and_counts_at_its_very_end() -> None:
+def test_repeat_at_any_tick_does_not_alter_the_current_trial() -> None:
     """The same movement with a trial added at any tick: the trial ends at the same tick, and the block one later."""
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(8000, *steered(stage, np.arange(8000) * 1e-3)))
@@ -514,7 +514,7 @@ def test_a_repeat_takes_nothing_from_the_trial_and_counts_at_its_very_end() -> N
         assert (state["trial"], state["extra"]) == (3, 1)
 
 
-def test_time_counts_while_trials_go_on_and_ends_a_block_after_an_attempt() -> None:
+def test_block_duration_counts_trial_time_and_ends_after_an_attempt() -> None:
     stage = make_stage(
         parse("[block]\nduration = 0.05\n[task]\ntime_limit = 0.1\nlevel_time = 0.0\nlevel_height = 0.05")
     )
@@ -533,9 +533,7 @@ def test_time_counts_while_trials_go_on_and_ends_a_block_after_an_attempt() -> N
     st.lists(st.sampled_from([*Cause, *[Cause.SKIP] * 6, *[Cause.REPEAT] * 3]), min_size=1, max_size=300),
     st.integers(1, 5),
 )
-def test_whatever_is_commanded_the_table_is_kept_no_trial_is_owed_and_the_block_ends(
-    commands: list[Cause], trials: int
-) -> None:
+def test_any_commands_follow_the_transition_table_and_the_block_ends(commands: list[Cause], trials: int) -> None:
     stage = make_stage(parse(f"[block]\ntrials = {trials}\nfirst_target = 'right'"))
     rows = started(inputs(len(commands) + 1, 0.02, -0.02))
     rows["command"][1:] = commands
@@ -547,7 +545,7 @@ def test_whatever_is_commanded_the_table_is_kept_no_trial_is_owed_and_the_block_
             assert TABLE[Phase(phase)][Cause(int(row["event"]))][0] == then
     alternating = np.where(rows["trial"] % 2 == 1, 1, -1)
     assert np.array_equal(rows["target"], alternating)
-    # Whoever skips every trial there is comes to the end.
+    # Skipping every remaining trial ends the block.
     ending = inputs(2 * (int(state["trial"]) + trials + int(state["extra"]) + 2), 0.02, -0.02)
     ending["command"][0], ending["command"][1:] = Cause.RESUME, Cause.SKIP
     after = state.reshape(1).copy()
@@ -562,7 +560,7 @@ def test_whatever_is_commanded_the_table_is_kept_no_trial_is_owed_and_the_block_
 # --- the same again --------------------------------------------------------------------------------------------------
 
 
-def test_verification_finds_the_first_bit_that_differs() -> None:
+def test_verification_finds_the_first_differing_bit() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(1000, 0.01))
     play(stage, rows)
@@ -576,7 +574,7 @@ def test_verification_finds_the_first_bit_that_differs() -> None:
     assert not other.identical
 
 
-def test_verification_starts_afresh_after_a_gap_and_says_so() -> None:
+def test_verification_restarts_after_a_gap_and_counts_it() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(1000, 0.01))
     play(stage, rows)
@@ -585,7 +583,7 @@ def test_verification_starts_afresh_after_a_gap_and_says_so() -> None:
     assert verify(stage, rows[:0]).identical
 
 
-def test_any_row_can_start_a_verification() -> None:
+def test_verification_can_start_at_any_row() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(1000, 0.01))
     end = play(stage, rows)

@@ -33,7 +33,7 @@ def test_no_character_of_a_name_is_lost(names: list[str], others: int, width: in
 
 
 @given(st.lists(st.text("abcde ", max_size=200).filter(lambda text: text.strip() != ""), min_size=1, max_size=4))
-def test_text_wraps_and_nothing_of_it_is_lost(texts: list[str]) -> None:
+def test_text_wraps_without_loss(texts: list[str]) -> None:
     table = FittedTable("", "")
     for number, text in enumerate(texts):
         table.add_row(str(number), text)
@@ -51,7 +51,7 @@ def test_columns_that_do_not_fit_follow_below_with_the_names() -> None:
     assert narrow.count("Peers") == 1
 
 
-def test_the_first_columns_by_which_rows_differ_are_their_names() -> None:
+def test_row_names_are_the_first_columns_that_distinguish_the_rows() -> None:
     table = FittedTable("trial", "attempt", "outcome")
     table.add_row("1", "1", "fell")
     assert table.names == 1
@@ -61,14 +61,14 @@ def test_the_first_columns_by_which_rows_differ_are_their_names() -> None:
     assert table.names == 1
 
 
-def test_brackets_are_no_markup_and_styles_stay() -> None:
+def test_brackets_are_not_markup_and_styles_are_kept() -> None:
     table = FittedTable("length [m]", "")
     table.add_row("[red]", Text("given up", "red"), style="bold")
     assert "length [m]" in printed(table, 80)
     assert "[red]" in printed(table, 80)
 
 
-def test_a_row_has_at_most_as_many_cells_as_there_are_columns() -> None:
+def test_row_with_too_many_cells_is_refused() -> None:
     table = FittedTable("a", "b")
     table.add_row("1")
     with pytest.raises(ValueError, match="found 3, expected at most 2"):
@@ -76,7 +76,7 @@ def test_a_row_has_at_most_as_many_cells_as_there_are_columns() -> None:
 
 
 @pytest.mark.parametrize(("terminal", "shown"), [(True, True), (True, False), (False, True)])
-def test_progress_bars_are_for_terminals(terminal: bool, shown: bool) -> None:
+def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> None:
     console = Console(width=100, file=StringIO(), force_terminal=terminal, record=True)
     with progress_bars(console, "{task.completed} ticks", shown=shown) as progress:
         task = progress.add_task("reading", total=10)
