@@ -64,7 +64,7 @@ def _record(
     writer = RecordingWriter(path, metadata, text, Recording(), utc_ns)
     records = [
         EventRecord(0, -1, START_NS, "agent_joined", JOINED),
-        *(ClockRecord(k, peer, 0, 0, 0, 0, *told, 0.0) for k, (peer, *told) in enumerate(clocks)),
+        *(ClockRecord(k, peer, 0, 0, 0, 0, *estimate, 0.0) for k, (peer, *estimate) in enumerate(clocks)),
         *(TickRecord(row.tobytes()) for row in (make_rows(1) if rows is None else rows)),
     ]
     for number, record in enumerate(records):

@@ -81,8 +81,8 @@ def write(path):
     writer.finish(OPENED_NS + number * MS)
 
 
-def told(path):
-    """Say what is in the recording."""
+def content_of(path):
+    """Return the content of the recording."""
     with Recording(path) as recording:
         rows = recording.ticks()
         return {
@@ -103,4 +103,4 @@ if __name__ == "__main__":
     HERE.mkdir(exist_ok=True)
     made = HERE / f"format-{sys.argv[1]}.mcap"
     write(made)
-    made.with_suffix(".json").write_text(json.dumps(told(made), indent=1) + "\n", encoding="utf-8")
+    made.with_suffix(".json").write_text(json.dumps(content_of(made), indent=1) + "\n", encoding="utf-8")

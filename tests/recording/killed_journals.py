@@ -1,4 +1,4 @@
-"""Kills a process that writes a journal at random times, repeatedly, and checks the remaining file.
+"""Kill a process that writes a journal, repeatedly and at random times, and check the remaining file.
 
 Run as a program, in a process without threads of its own: it forks a server for each round, and prints what it found.
 Every round goes on with the journal that the one before left behind.
@@ -25,7 +25,7 @@ LONGEST = 0.04  # of a round [s]
 
 
 def serve(path: Path, report: int, seed: int) -> None:
-    """Go on with the session until killed, telling what is appended and how much of it is said to be on disk."""
+    """Continue the session until killed; report each appended entry and the number of durable entries."""
     chance = random.Random(seed)
     if path.exists():
         journal, _, entries, _ = Journal.reopen(path)
@@ -62,14 +62,14 @@ def a_round(path: Path, seed: int, chance: random.Random) -> dict[str, Any]:
     select.select([], [], [], chance.uniform(0, LONGEST))
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    told = read_all(reports)
+    lines = read_all(reports)
     os.close(reports)
-    appended = [_entry(line[1:]) for line in told if line.startswith(b"+")]
-    durable = max((int(line[1:]) for line in told if line.startswith(b"=")), default=0)
+    appended = [_entry(line[1:]) for line in lines if line.startswith(b"+")]
+    durable = max((int(line[1:]) for line in lines if line.startswith(b"=")), default=0)
     found = read_lines(path.read_bytes(), str(path))
     entries = list(found.entries)
-    assert entries == [*before, *appended][: len(entries)], "the journal says something else than what was appended"
-    assert len(entries) >= durable, f"{durable} entries were said to be on disk, {len(entries)} are there"
+    assert entries == [*before, *appended][: len(entries)], "the journal differs from the appended entries"
+    assert len(entries) >= durable, f"{durable} entries were reported as durable, {len(entries)} are on disk"
     progress = progress_of(found.header, entries, PLAN, str(path))
     check(entries, progress, PLAN)
     return {

@@ -31,7 +31,7 @@ def after(spans: Spans, time: int) -> int:
 
 @dataclass
 class Staged:
-    """What is wrong in a session: spans in which a process stalls, or a line holds what is on it."""
+    """The faults of a session: spans in which a process stalls, or a link holds back its messages."""
 
     ticks: int = 1000
     server: Spans = ()
@@ -66,16 +66,16 @@ class Staged:
             free, due = awake + WORK, due + MS
         return rows
 
-    def told_later(self, rows: NDArray[np.void], offset_ns: int = 0) -> list[BackfillRecord]:
-        """What the agents report of the samples that no tick used while the newest one was more than 3 ms old."""
+    def backfill(self, rows: NDArray[np.void], offset_ns: int = 0) -> list[BackfillRecord]:
+        """Backfill records: the samples that no tick used while the newest one was more than 3 ms old."""
         records = []
         for side in SIDES:
             samples, seq = self._samples(side), rows[f"{side}_seq"]
             skipped = [k for a, b in pairwise(seq) if samples[b][0] - samples[a][0] > 3 * MS for k in range(a + 1, b)]
-            told = np.zeros(len(skipped), RENDERED)
-            told["seq"] = skipped
-            told["stamp_ns"] = [START + offset_ns + samples[k][0] for k in skipped]
-            records.append(BackfillRecord(len(records), side, offset_ns, told.tobytes()))
+            reported = np.zeros(len(skipped), RENDERED)
+            reported["seq"] = skipped
+            reported["stamp_ns"] = [START + offset_ns + samples[k][0] for k in skipped]
+            records.append(BackfillRecord(len(records), side, offset_ns, reported.tobytes()))
         return records
 
     def _samples(self, side: str) -> list[tuple[int, int]]:

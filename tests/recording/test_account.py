@@ -47,7 +47,7 @@ def session(ticks: int, events: dict[int, EventRecord] | None = None, rows: dict
 
 
 def write_part(path: Path, log: Sequence[Any], held: Iterable[int], ended: str = "complete") -> Path:
-    """Record some numbers of a log; what is missing between and before them is noted as lost."""
+    """Record some numbers of a log; the missing numbers between them are noted as lost."""
     writer = RecordingWriter(path, metadata(), CONFIG_TEXT, Settings(chunk_bytes=2048), OPENED_NS)
     expected: int | None = None
     for number in held:
@@ -130,8 +130,8 @@ def test_overlapping_parts_add_up_to_one_session(tmp_path: Path) -> None:
 
 
 def test_lost_records_have_the_cause_reported_by_the_server(tmp_path: Path) -> None:
-    told = EventRecord(7777, 400, 0, "log_lost", {"first": "100", "count": "50", "cause": "the spill is full"})
-    log = session(500, {400: told})
+    report = EventRecord(7777, 400, 0, "log_lost", {"first": "100", "count": "50", "cause": "the spill is full"})
+    log = session(500, {400: report})
     held = [*range(100), *range(150, 200), *range(210, len(log))]
     account = account_of([write_part(tmp_path / "a.mcap", log, held)])
     assert spread(account.lost) == ticks_in(log, [*range(100, 150), *range(200, 210)])

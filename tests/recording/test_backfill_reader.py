@@ -21,7 +21,7 @@ MS = 1_000_000
 CLOCK_NS = 77 * 10**12
 COUNT, BEGAN, CUT, BACK = 900, 100, 300, 800
 """Ticks; the agent's first; those between are without a sample of it."""
-TOLD = slice(350, BACK)
+REPORTED = slice(350, BACK)
 
 
 def ticks() -> Any:
@@ -34,9 +34,9 @@ def ticks() -> Any:
     return rows
 
 
-def told() -> Any:
-    rows = np.zeros(COUNT, RENDERED)[TOLD]
-    rows["seq"] = np.arange(COUNT)[TOLD]
+def backfilled() -> Any:
+    rows = np.zeros(COUNT, RENDERED)[REPORTED]
+    rows["seq"] = np.arange(COUNT)[REPORTED]
     rows["stamp_ns"] = 10**12 + MS * rows["seq"] - 300_000 + CLOCK_NS
     rows["rendered"], rows["safeguards"] = 1e-3 * rows["seq"], 16
     return rows
@@ -52,7 +52,7 @@ def records(rows: Any) -> list[BackfillRecord]:
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("backfill") / "a.mcap"
     writer = new_writer(path)
-    stream = [*(TickRecord(row.tobytes()) for row in ticks()), *records(told())]
+    stream = [*(TickRecord(row.tobytes()) for row in ticks()), *records(backfilled())]
     for number, record in enumerate(stream):
         writer.write(record, number, OPENED_NS + MS * number)
     writer.finish(OPENED_NS + MS * len(stream))
@@ -61,7 +61,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def expected() -> Any:
     rows = ticks()
-    rows["left_rendered"][TOLD], rows["left_safeguards"][TOLD] = 1e-3 * np.arange(COUNT)[TOLD], 16
+    rows["left_rendered"][REPORTED], rows["left_safeguards"][REPORTED] = 1e-3 * np.arange(COUNT)[REPORTED], 16
     return rows
 
 
@@ -112,21 +112,21 @@ def test_unknown_force_outside_of_trials_is_not_counted() -> None:
 
 
 def test_force_held_by_a_stalled_agent_is_filled_in() -> None:
-    rows, tells = ticks(), told()
-    kept = tells[(tells["seq"] < 400) | (tells["seq"] >= 430)].copy()
+    rows, reports = ticks(), backfilled()
+    kept = reports[(reports["seq"] < 400) | (reports["seq"] >= 430)].copy()
     kept["seq"][kept["seq"] >= 430] -= 30
     Backfilled(records(kept)).fill(rows)
     np.testing.assert_array_equal(rows["left_rendered"][399:430], 0.399)
     rows = ticks()
-    Backfilled(records(tells[(tells["seq"] < 400) | (tells["seq"] >= 430)])).fill(rows)
+    Backfilled(records(reports[(reports["seq"] < 400) | (reports["seq"] >= 430)])).fill(rows)
     assert np.isnan(rows["left_rendered"][402:430]).all()
 
 
 def test_safeguards_of_all_samples_of_a_tick_are_combined() -> None:
-    rows, tells = ticks(), told()
-    tells["stamp_ns"] = 10**12 + CLOCK_NS + (MS * tells["seq"]) // 2
-    tells["safeguards"] = 1 << (tells["seq"] % 8)
-    Backfilled(records(tells)).fill(rows)
+    rows, reports = ticks(), backfilled()
+    reports["stamp_ns"] = 10**12 + CLOCK_NS + (MS * reports["seq"]) // 2
+    reports["safeguards"] = 1 << (reports["seq"] % 8)
+    Backfilled(records(reports)).fill(rows)
     assert rows["left_safeguards"][300] == (1 << (600 % 8)) | (1 << (599 % 8))
 
 

@@ -188,7 +188,7 @@ def test_recording_without_its_index_attachments_is_readable(tmp_path: Path, row
         data = path.read_bytes()
         for name in (b"netboard.places", b"netboard.attempts.json"):
             data = data.replace(name, b"x" * len(name))
-        # Their names in the index count too, so its checksum is told to be none.
+        # Their names in the index count too, so its checksum is set to none.
         data = data[:-12] + bytes(4) + data[-8:]
         (tmp_path / "b.mcap").write_bytes(data)
         with Recording(tmp_path / "b.mcap") as bare:

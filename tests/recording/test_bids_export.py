@@ -123,10 +123,10 @@ def test_bimanual_block_belongs_to_one_participant(dataset: Path) -> None:
     assert same_bits(numbers(words["left_stylus_y"], np.dtype(float)), rows["left_y"])
     assert same_bits(numbers(words["right_stylus_force_on_hand"], np.dtype(float)), rows["right_force"])
     (sidecar,) = dataset.glob("sub-P22/ses-D07S2/motion/*run-02_motion.json")
-    told = json.loads(sidecar.read_text(encoding="utf-8"))
-    assert (told["POSChannelCount"], told["TrackedPointsCount"]) == (6, 2)
-    assert told["MotionChannelCount"] == len(words)
-    assert told["SamplingFrequencyEffective"] == pytest.approx(1000 * 299 / 300)
+    metadata = json.loads(sidecar.read_text(encoding="utf-8"))
+    assert (metadata["POSChannelCount"], metadata["TrackedPointsCount"]) == (6, 2)
+    assert metadata["MotionChannelCount"] == len(words)
+    assert metadata["SamplingFrequencyEffective"] == pytest.approx(1000 * 299 / 300)
 
 
 def test_participant_dyad_and_session_tables_link_the_partners(dataset: Path) -> None:
@@ -144,12 +144,12 @@ def test_events_list_attempts_levelling_and_outcomes(dataset: Path, tmp_path: Pa
     with Recording(write(tmp_path / "same.mcap", make_rows(1))) as recording:
         attempts = recording.attempts()
     events = table(next(dataset.glob("sub-D07A/ses-*/motion/*run-01_events.tsv")))
-    told = [row for row in events if row["trial_type"] == "attempt"]
-    assert [row["outcome"] for row in told] == [attempt.outcome for attempt in attempts]
-    assert [float(row["onset"]) for row in told] == [attempt.tick / 1000 for attempt in attempts]
-    assert [float(row["duration"]) for row in told] == [attempt.duration for attempt in attempts]
-    assert [row["completion_time"] for row in told] == ["n/a", "0.04", "n/a", "n/a", "n/a"]
-    assert [row["catch_trial"] for row in told] == ["false", "false", "true", "true", "true"]
+    rows = [row for row in events if row["trial_type"] == "attempt"]
+    assert [row["outcome"] for row in rows] == [attempt.outcome for attempt in attempts]
+    assert [float(row["onset"]) for row in rows] == [attempt.tick / 1000 for attempt in attempts]
+    assert [float(row["duration"]) for row in rows] == [attempt.duration for attempt in attempts]
+    assert [row["completion_time"] for row in rows] == ["n/a", "0.04", "n/a", "n/a", "n/a"]
+    assert [row["catch_trial"] for row in rows] == ["false", "false", "true", "true", "true"]
     levelling = [row for row in events if row["trial_type"] == "levelling"]
     assert [float(row["onset"]) for row in levelling] == [attempt.began / 1000 for attempt in attempts]
     assert [row["trial_type"] for row in events if row["duration"] == "0"] == ["fell", "success", "timed_out", "abort"]

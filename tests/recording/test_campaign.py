@@ -20,12 +20,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Specimen:
 
 
 @pytest.fixture
-def _careless_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Do not wait for the disk: what is tested is what is in the file, many times over."""
+def _without_fsync(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skip fsync: these tests inspect the content of the file only."""
     monkeypatch.setattr(os, "fsync", lambda handle: None)
 
 
-@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.usefixtures("_without_fsync")
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["last chunk", "cuts", "flips", "zeroed"])
 def test_damage_costs_only_the_chunks_it_touches(tmp_path: Path, whole: Specimen, way: str) -> None:

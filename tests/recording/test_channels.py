@@ -1,4 +1,4 @@
-"""The channel table against what it describes."""
+"""The channel table agrees with the records that it describes."""
 
 import contextlib
 import json

@@ -23,7 +23,7 @@ from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan
 pytestmark = pytest.mark.slow
 
 
-def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
     return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 
@@ -35,10 +35,10 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_sound_recording_is_complete(sound: Path) -> None:
-    heard: list[int] = []
-    report = check(sound, replay=True, tell=heard.append)
-    assert (report.result, said(report), said(report, Severity.LOSS)) == ("complete", "", "")
-    assert report.ticks == len(proofs.rows()) == sum(heard)
+    progress: list[int] = []
+    report = check(sound, replay=True, tell=progress.append)
+    assert (report.result, findings_text(report), findings_text(report, Severity.LOSS)) == ("complete", "", "")
+    assert report.ticks == len(proofs.rows()) == sum(progress)
     assert report.replay is not None
     assert report.replay.identical
     assert report.replay.checked == report.ticks
@@ -47,7 +47,7 @@ def test_sound_recording_is_complete(sound: Path) -> None:
 
 
 def test_every_finding_names_a_registered_check(sound: Path) -> None:
-    """A new check is one entry with a function and a text; what it finds is reported under its name."""
+    """A new check is one entry with a function and a text; its findings are reported under its name."""
     names = {one.part for one in CHECKS}
     assert {finding.part for finding in check(sound, replay=True).findings} <= names
     assert all(one.about.endswith(".") for one in CHECKS)
@@ -68,8 +68,8 @@ def test_flipped_bit_is_damage_and_the_rest_is_recoverable(tmp_path: Path, sound
     path.write_bytes(broken)
     report = check(path)
     assert report.result == "damaged"
-    assert "netboard recover" in said(report)
-    assert "recoverable" in said(report)
+    assert "netboard recover" in findings_text(report)
+    assert "recoverable" in findings_text(report)
     assert report.ticks > 0.5 * len(proofs.rows())
     assert [file.name for file in tmp_path.iterdir()] == ["flipped.mcap"]
 
@@ -78,7 +78,7 @@ def test_check_of_a_truncated_file_reports_the_recoverable_ticks(tmp_path: Path,
     path = tmp_path / "cut.mcap"
     path.write_bytes(sound.read_bytes()[: sound.stat().st_size * 2 // 3])
     report = check(path)
-    assert "was not finished, or is cut short" in said(report)
+    assert "was not finished, or is cut short" in findings_text(report)
     assert report.ticks == recover(path).messages["/ticks"] > 0
 
 
@@ -88,20 +88,20 @@ def test_check_of_an_unfinished_part_reports_the_recoverable_ticks(tmp_path: Pat
     writer.abandon()
     report = check(tmp_path / "a.mcap.part")
     assert (report.result, report.ticks) == ("damaged", 1000)
-    assert "recoverable: 1000 ticks, 0 to 999" in said(report)
+    assert "recoverable: 1000 ticks, 0 to 999" in findings_text(report)
 
 
 def test_check_of_another_file_type_finds_nothing_to_recover(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"%PDF-1.4 hello")
     report = check(tmp_path / "a.mcap")
     assert report.result == "damaged"
-    assert "nothing can be recovered" in said(report)
+    assert "nothing can be recovered" in findings_text(report)
 
 
 def test_changed_configuration_is_detected_by_its_checksum(tmp_path: Path) -> None:
     other = resolve(proofs.config()).replace("k_h = 200.0", "k_h = 201.0")
     path = proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], text=other, said={"config_sha256": "0" * 64})
-    assert "its configuration is damaged" in said(check(path))
+    assert "its configuration is damaged" in findings_text(check(path))
 
 
 def test_wrong_configuration_is_detected_by_metadata_and_replay(tmp_path: Path) -> None:
@@ -109,14 +109,14 @@ def test_wrong_configuration_is_detected_by_metadata_and_replay(tmp_path: Path) 
     other = replace(config, physics=replace(config.physics, k_h=201.0))
     path = proofs.write(tmp_path / "a.mcap", proofs.rows(), other, said={"dyad": "D99"})
     report = check(path, replay=True)
-    assert "dyad 'D99', expected 'D01'" in said(report)
-    assert "not identical: tick" in said(report)
+    assert "dyad 'D99', expected 'D01'" in findings_text(report)
+    assert "not identical: tick" in findings_text(report)
 
 
 def test_dropped_ticks_without_a_note_are_damage(tmp_path: Path) -> None:
     rows = np.delete(proofs.rows(), slice(700, 705))
     report = check(proofs.write(tmp_path / "a.mcap", rows), replay=True)
-    assert "5 ticks are missing without a note by the logger, from tick 700 on" in said(report)
+    assert "5 ticks are missing without a note by the logger, from tick 700 on" in findings_text(report)
     assert report.replay is not None
     assert (report.replay.identical, report.replay.gaps) == (True, 1)
 
@@ -130,8 +130,8 @@ def test_dropped_ticks_noted_by_the_logger_are_a_loss(tmp_path: Path) -> None:
     writer.note_lost(writer.next_record, 5, now)
     writer.finish(proofs.fill(writer, rows[705:], events=int(np.count_nonzero(before["event"]))))
     report = check(tmp_path / "a.mcap")
-    assert (report.result, said(report)) == ("complete with listed losses", "")
-    assert "5 records were lost after tick 699: the server no longer had them" in said(report, Severity.LOSS)
+    assert (report.result, findings_text(report)) == ("complete with listed losses", "")
+    assert "5 records were lost after tick 699: the server no longer had them" in findings_text(report, Severity.LOSS)
 
 
 @pytest.mark.parametrize("place", [10, -10])
@@ -139,14 +139,16 @@ def test_swapped_tick_times_are_damage(tmp_path: Path, place: int) -> None:
     rows = proofs.rows()
     rows["time_ns"][[place, place + 1]] = rows["time_ns"][[place + 1, place]]
     report = check(proofs.write(tmp_path / "a.mcap", rows))
-    assert "ticks are not 1 ms after the one before" in said(report)
+    assert "ticks are not 1 ms after the one before" in findings_text(report)
 
 
 def test_ticks_out_of_order_are_damage(tmp_path: Path) -> None:
     rows = proofs.rows()
     words = rows.view(np.int64).reshape(len(rows), -1)
     words[[300, 301]] = words[[301, 300]]
-    assert "come after one with the same or a higher number" in said(check(proofs.write(tmp_path / "a.mcap", rows)))
+    assert "come after one with the same or a higher number" in findings_text(
+        check(proofs.write(tmp_path / "a.mcap", rows))
+    )
 
 
 def test_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
@@ -154,21 +156,21 @@ def test_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
     for trials in (1, 3):
         settings = replace(config, block=replace(config.block, trials=trials))
         report = check(proofs.write(tmp_path / f"{trials}.mcap", proofs.rows(), settings))
-        assert f"2 of {trials} trials done" in said(report)
+        assert f"2 of {trials} trials done" in findings_text(report)
 
 
 def test_unfinished_block_is_a_loss(tmp_path: Path) -> None:
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:-2000], ended="the server began another session"))
-    assert (report.result, said(report)) == ("complete with listed losses", "")
-    assert "ends before its session" in said(report, Severity.LOSS)
-    assert "1 of 2 trials done" in said(report, Severity.LOSS)
+    assert (report.result, findings_text(report)) == ("complete with listed losses", "")
+    assert "ends before its session" in findings_text(report, Severity.LOSS)
+    assert "1 of 2 trials done" in findings_text(report, Severity.LOSS)
 
 
 def test_target_on_the_wrong_side_is_damage(tmp_path: Path) -> None:
     config = proofs.config()
     settings = replace(config, block=replace(config.block, first_target="right"))
     report = check(proofs.write(tmp_path / "a.mcap", proofs.rows(), settings))
-    assert "have their target on the wrong side: trial 1" in said(report)
+    assert "have their target on the wrong side: trial 1" in findings_text(report)
 
 
 def test_force_that_contradicts_the_condition_is_damage(tmp_path: Path) -> None:
@@ -176,7 +178,7 @@ def test_force_that_contradicts_the_condition_is_damage(tmp_path: Path) -> None:
     for changes in ({"force": "none"}, {"catch": (1,)}):
         settings = replace(config, block=replace(config.block, **changes))
         path = proofs.write(tmp_path / f"{next(iter(changes))}.mcap", proofs.rows(), settings)
-        assert "ticks have a force where there is none" in said(check(path))
+        assert "ticks have a force where there is none" in findings_text(check(path))
 
 
 @pytest.mark.parametrize("field", ["theta", "left_force", "right_used_z"])
@@ -185,7 +187,7 @@ def test_only_the_replay_detects_a_change_in_the_last_bit(tmp_path: Path, field:
     rows[field].view()[4321:4322] = np.nextafter(rows[field][4321], np.inf)
     path = proofs.write(tmp_path / "a.mcap", rows)
     assert check(path).result == "complete"
-    assert f"tick 4321, {field}" in said(check(path, replay=True))
+    assert f"tick 4321, {field}" in findings_text(check(path, replay=True))
 
 
 def test_recovered_file_lists_its_losses(tmp_path: Path, sound: Path) -> None:
@@ -193,8 +195,8 @@ def test_recovered_file_lists_its_losses(tmp_path: Path, sound: Path) -> None:
     broken[len(broken) // 2] ^= 1
     (tmp_path / "a.mcap").write_bytes(broken)
     report = check(recover(tmp_path / "a.mcap").output)
-    assert (report.result, said(report)) == ("complete with listed losses", "")
-    assert "recovered from a.mcap; lost:" in said(report, Severity.LOSS)
+    assert (report.result, findings_text(report)) == ("complete with listed losses", "")
+    assert "recovered from a.mcap; lost:" in findings_text(report, Severity.LOSS)
 
 
 Change = Callable[[list[ClockRecord]], None]
@@ -219,7 +221,7 @@ def _loosened(probes: list[ClockRecord]) -> None:
 def test_inconsistent_clock_probe_is_damage(tmp_path: Path, change: Change, words: str) -> None:
     clocks = proofs.probes(30)
     change(clocks)
-    assert words in said(check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], clocks=clocks)))
+    assert words in findings_text(check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], clocks=clocks)))
 
 
 def test_journal_that_contradicts_the_recording_is_damage(tmp_path: Path) -> None:
@@ -228,10 +230,10 @@ def test_journal_that_contradicts_the_recording_is_damage(tmp_path: Path) -> Non
     with Recording(path) as recording:
         attempts = recording.attempts()
     _keep_journal(tmp_path, attempts, 0.0)
-    assert "agrees on all 2 attempts" in said(check(path), Severity.SOUND)
+    assert "agrees on all 2 attempts" in findings_text(check(path), Severity.SOUND)
     journal_path(tmp_path, config).unlink()
     _keep_journal(tmp_path, attempts, 0.5)
-    assert "contradicts the recording: trial 1, attempt 1 took" in said(check(path))
+    assert "contradicts the recording: trial 1, attempt 1 took" in findings_text(check(path))
 
 
 def _keep_journal(folder: Path, attempts: tuple[Attempt, ...], wrong: float) -> None:

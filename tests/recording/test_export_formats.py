@@ -85,7 +85,7 @@ def test_exported_ticks_import_bit_exactly(tmp_path: Path, name: str, seed: int)
     rows = make_rows(seed)
     export([write(tmp_path / "S01.mcap", rows)], name, tmp_path / "out", quiet)
     table = tmp_path / "out" / "ticks" / f"S01.{name}"
-    made = import_table(table, tmp_path, Config(), ImportOptions(), UTC_NS, lambda *told: None)
+    made = import_table(table, tmp_path, Config(), ImportOptions(), UTC_NS, lambda *progress: None)
     with Recording(made.path) as recording:
         expected = without_payloads(rows) if name == "csv" else rows
         assert recording.ticks().tobytes() == expected.tobytes()
@@ -110,11 +110,11 @@ def test_octave_reads_mat_files(two: list[Path], tmp_path: Path) -> None:
     script = tmp_path / "read.m"
     script.write_text(OCTAVE, encoding="utf-8")
     command = [octave, "--quiet", "--no-init-file", str(script)]
-    said = subprocess.run(command, cwd=tmp_path / "out", capture_output=True, text=True, check=True).stdout.split()
+    printed = subprocess.run(command, cwd=tmp_path / "out", capture_output=True, text=True, check=True).stdout.split()
     rows = make_rows(1)
-    assert said[:5] == ["int64", "double", "cell", str(START_NS), "299000000"]
-    assert said[5] == "".join(f"{bits:016x}" for bits in rows["left_z"].view(np.uint64).tolist())
-    assert said[6:] == ["fell", "success", "timed_out", "abort", "unfinished", "0", "2"]
+    assert printed[:5] == ["int64", "double", "cell", str(START_NS), "299000000"]
+    assert printed[5] == "".join(f"{bits:016x}" for bits in rows["left_z"].view(np.uint64).tolist())
+    assert printed[6:] == ["fell", "success", "timed_out", "abort", "unfinished", "0", "2"]
 
 
 def test_recording_too_large_for_matlab_is_refused(

@@ -78,9 +78,13 @@ def test_tables_of_the_other_channels_are_complete(path: Path) -> None:
     assert np.isnan(clocks["drift_ppm"][0])
     assert int(frames["painted_ns"][0]) == 2**61 + 3
     assert whole(path, REMARKS)["seq"].size == 0
-    said = whole(path, RECORDINGS)
-    assert (said["recording"][0], said["file"][0], int(said["origin_ns"][0])) == ("S01", "S01.mcap", START_NS)
-    assert json.loads(said["metadata"][0])["dyad"] == "D01"
+    recordings = whole(path, RECORDINGS)
+    assert (recordings["recording"][0], recordings["file"][0], int(recordings["origin_ns"][0])) == (
+        "S01",
+        "S01.mcap",
+        START_NS,
+    )
+    assert json.loads(recordings["metadata"][0])["dyad"] == "D01"
 
 
 def test_recording_without_ticks_has_empty_tables(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def occupy(folder: Path) -> None:
-    """Let somebody else take all the space that is left."""
+    """Fill the remaining space with another file."""
     with (folder / "somebody").open("wb", buffering=0) as file:
         try:
             while True:
@@ -113,8 +113,8 @@ def occupy(folder: Path) -> None:
             pass
 
 
-def until_refused(path: Path, before: int) -> tuple[int | None, RecordingError]:
-    """Record, let the disk fill up, and go on until it refuses; what was durable then, and the refusal."""
+def record_until_full(path: Path, before: int) -> tuple[int | None, RecordingError]:
+    """Record while the disk fills up until a write fails; return the durable count and the error."""
     writer = new_writer(path, Settings(flush_ms=10.0))
     durable: int | None = None
     now = OPENED_NS
@@ -130,14 +130,14 @@ def until_refused(path: Path, before: int) -> tuple[int | None, RecordingError]:
         if writer.is_open:
             writer.finish(now, str(error))
         return durable, error
-    raise AssertionError("the disk never refused")
+    raise AssertionError("no write failed")
 
 
 def test_recording_on_a_disk_that_fills_up_is_finished_properly(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(partfile, "_RESERVE", MEGABYTE)
-    durable, error = until_refused(small_disk / "a.mcap", 500)
+    durable, error = record_until_full(small_disk / "a.mcap", 500)
     assert "No space left" in str(error)
     assert sorted(file.name for file in small_disk.iterdir()) == ["a.mcap", "somebody"]
     with Recording(small_disk / "a.mcap") as recording:
@@ -152,7 +152,7 @@ def test_without_reserved_space_the_part_is_recoverable_to_its_last_chunk(
     small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(partfile, "allocate", lambda *_: False)
-    durable, error = until_refused(small_disk / "a.mcap", 500)
+    durable, error = record_until_full(small_disk / "a.mcap", 500)
     assert "No space left" in str(error)
     report = recover(small_disk / "a.mcap.part", tmp_path / "whole.mcap")
     assert report.damage == ()
@@ -170,13 +170,13 @@ def test_recording_that_cannot_start_leaves_no_file(small_disk: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="no such limit there")
 def test_part_at_the_file_size_limit_is_recoverable_to_its_last_chunk(tmp_path: Path) -> None:
-    """A stand-in for a full disk that needs no rights: the kernel refuses what goes beyond a size."""
+    """A substitute for a full disk without root rights: a file size limit of the kernel."""
     import resource
 
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
     try:
-        durable, error = until_refused(tmp_path / "a.mcap", -1)
+        durable, error = record_until_full(tmp_path / "a.mcap", -1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert "File too large" in str(error)

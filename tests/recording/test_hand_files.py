@@ -149,10 +149,10 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
 def test_any_text_is_parsed_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str, header: bool) -> None:
     path = file_of(tmp_path_factory.mktemp("any"), (HEADER if header else "") + text)
     try:
-        said = f"{path}: {len(read_hands(path, gaps='hold').t)} samples"
+        message = f"{path}: {len(read_hands(path, gaps='hold').t)} samples"
     except ConfigError as refusal:
-        said = str(refusal)
-    assert said.startswith(f"{path}: ")
+        message = str(refusal)
+    assert message.startswith(f"{path}: ")
 
 
 # --- rates that are not those of the heights ---------------------------------------------------------------------

@@ -63,7 +63,7 @@ def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_exported_ticks_import_bit_exactly(rehearsed: Path, tmp_path: Path, kind: str) -> None:
     if kind == "parquet":
         pytest.importorskip("pyarrow")
-    export([rehearsed], kind, tmp_path / "out", lambda *told: None)
+    export([rehearsed], kind, tmp_path / "out", lambda *progress: None)
     table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.{kind}"
     with imported(table, tmp_path, Config()) as back, Recording(rehearsed) as recording:
         assert back.ticks().tobytes() == recording.ticks().tobytes()
@@ -155,7 +155,7 @@ def test_phase_and_completion_columns_define_the_attempts(tmp_path: Path) -> Non
     assert (attempt.trial, attempt.outcome, attempt.tick, attempt.stop) == (1, "success", 1000, 2000)
     assert attempt.completion == pytest.approx(0.6)
     columns["completion"] = [0.345 if word else "" for word in phase]
-    with imported(write_csv(tmp_path / "told.csv", columns), tmp_path) as found:
+    with imported(write_csv(tmp_path / "completion.csv", columns), tmp_path) as found:
         assert found.attempts()[0].completion == pytest.approx(0.345)
 
 
@@ -248,12 +248,12 @@ def test_error_at_the_end_of_a_table_leaves_no_recording(
     rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tables, "ROWS", 1000)
-    export([rehearsed], "csv", tmp_path / "out", lambda *told: None)
+    export([rehearsed], "csv", tmp_path / "out", lambda *progress: None)
     table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join([*lines[:-1], lines[5]]), encoding="utf-8")
     with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected increasing numbers"):
-        import_table(table, tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, lambda *told: None)
+        import_table(table, tmp_path / "made", CONFIG, ImportOptions(), UTC_NS, lambda *progress: None)
     assert list((tmp_path / "made").iterdir()) == []
 
 
@@ -274,9 +274,9 @@ def test_import_command_summarises_the_import(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     (path,) = (tmp_path / "made").iterdir()
     assert path.name.startswith("S01_D77_block01_")
-    said = " ".join(result.output.split())
-    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood not there, and NaN" in said
-    assert "left_force" in said
+    printed = " ".join(result.output.split())
+    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood not there, and NaN" in printed
+    assert "left_force" in printed
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output
     assert "unknown" in result.output  # the target

@@ -25,7 +25,7 @@ TESTS = Path(__file__).parents[1]
 ENTRIES: list[Entry] = [Opened("r1", {"dyad": "D03"}), *(Note(f"note {k}", "r1", k) for k in range(30))]
 
 
-def said(path: Path) -> tuple[Entry, ...]:
+def entries_in(path: Path) -> tuple[Entry, ...]:
     return read_lines(path.read_bytes(), str(path)).entries
 
 
@@ -58,7 +58,7 @@ def test_entries_are_on_disk_in_order_after_close(journal: Journal, path: Path) 
     assert journal.appended == len(ENTRIES)
     journal.close()
     journal.close()
-    assert said(path) == tuple(ENTRIES)
+    assert entries_in(path) == tuple(ENTRIES)
     assert journal.durable == len(ENTRIES)
 
 
@@ -93,7 +93,7 @@ def test_reopened_journal_continues_after_its_entries(journal: Journal, path: Pa
     assert (again.durable, again.appended) == (1, 1)
     again.append(ENTRIES[1])
     again.close()
-    assert said(path) == tuple(ENTRIES[:2])
+    assert entries_in(path) == tuple(ENTRIES[:2])
     assert again.durable == 2
 
 
@@ -124,14 +124,14 @@ def test_truncated_journal_continues_after_its_last_complete_line(tmp_path: Path
         journal.append(entry)
     journal.close()
     os.truncate(path, head + cut % (path.stat().st_size - head + 1))
-    kept = said(path)
+    kept = entries_in(path)
     assert list(kept) == ENTRIES[: len(kept)]
     again, _, entries, _ = Journal.reopen(path)
     assert entries == kept
     for entry in ENTRIES[:count]:
         again.append(entry)
     again.close()
-    assert said(path) == (*kept, *ENTRIES[:count])
+    assert entries_in(path) == (*kept, *ENTRIES[:count])
 
 
 def test_torn_line_is_reported_and_overwritten_by_the_next_entry(
@@ -149,7 +149,7 @@ def test_torn_line_is_reported_and_overwritten_by_the_next_entry(
     assert path.read_bytes() == torn, "reopening alone changed the file"
     again.append(ENTRIES[1])
     again.close()
-    assert said(path) == tuple(ENTRIES[:2])
+    assert entries_in(path) == tuple(ENTRIES[:2])
 
 
 def test_invalid_entry_raises_in_the_caller(journal: Journal, path: Path) -> None:
@@ -157,7 +157,7 @@ def test_invalid_entry_raises_in_the_caller(journal: Journal, path: Path) -> Non
         journal.append(AttemptEnded(1, 1, 1, "success", float("nan"), (), 0, False, "r1", 0, 0))
     journal.append(BlockEnded(1, "stopped"))
     journal.close()
-    assert said(path) == (BlockEnded(1, "stopped"),)
+    assert entries_in(path) == (BlockEnded(1, "stopped"),)
 
 
 def test_entry_is_durable_only_after_fsync(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ def test_temporary_disk_error_is_retried_and_logged_once(
     for entry in ENTRIES:
         journal.append(entry)
     journal.close()
-    assert said(path) == tuple(ENTRIES)
+    assert entries_in(path) == tuple(ENTRIES)
     assert journal.trouble == ""
     assert caplog.text.count("cannot be written: No space left on device") == 1
 
@@ -218,7 +218,7 @@ def test_permanent_disk_error_is_raised_on_close(journal: Journal, path: Path, m
         again.close()
     assert again.durable == 1
     assert "No space left on device" in again.trouble
-    assert said(path) == (ENTRIES[0],)
+    assert entries_in(path) == (ENTRIES[0],)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be deleted there")
@@ -231,7 +231,7 @@ def test_deleted_journal_is_written_again(journal: Journal, path: Path) -> None:
     again.append(ENTRIES[1])
     again.append(ENTRIES[2])
     again.close()
-    assert said(path) == tuple(ENTRIES[:3])
+    assert entries_in(path) == tuple(ENTRIES[:3])
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ KINDS = {
 }
 
 
-def said(report: Report, severity: Severity = Severity.DAMAGE) -> str:
+def findings_text(report: Report, severity: Severity = Severity.DAMAGE) -> str:
     return " | ".join(finding.text for finding in report.findings if finding.severity == severity)
 
 
@@ -55,7 +55,7 @@ def test_no_operator_action_counts_as_damage(tmp_path: Path, kind: str, seed: in
     made = session_of(config, rows, chance.choice((500, 3000)), chance.choice((0, stopped // 2)))
     cuts = sorted(chance.sample(range(600, len(made.records)), chance.randrange(3)))
     for path in write(tmp_path, made, cuts):
-        assert said(check(path)) == "", path
+        assert findings_text(check(path)) == "", path
 
 
 def made_of(config: Config = CONFIG, **given: int) -> Session:
@@ -74,8 +74,8 @@ def test_repeat_vetoed_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path
     rows = Operated(config, None, {1000: Cause.REPEAT, succeeded: Cause.VETO}).rows()
     assert (rows["event"][-1], rows["extra"][-1]) == (Cause.LAST, 1)
     report = report_on(tmp_path, session_of(config, rows))
-    assert (said(report), report.result) == ("", "complete")
-    assert "1 of 1 trials done" in said(report, Severity.SOUND)
+    assert (findings_text(report), report.result) == ("", "complete")
+    assert "1 of 1 trials done" in findings_text(report, Severity.SOUND)
 
 
 # --- the journal --------------------------------------------------------------------------------------------------
@@ -86,15 +86,15 @@ def ended(made: Session) -> list[AttemptEnded]:
 
 
 def changed(made: Session, place: int, change: Callable[[AttemptEnded], AttemptEnded]) -> None:
-    """Change one of the attempts that the journal tells of."""
+    """Change one of the attempts in the journal."""
     entry = ended(made)[place]
     made.entries[made.entries.index(entry)] = change(entry)
 
 
 def test_frames_reported_too_late_are_a_loss(tmp_path: Path) -> None:
     report = report_on(tmp_path, made_of(reported_ticks=5000))
-    assert said(report) == ""
-    assert "differs in the flag for a frozen display" in said(report, Severity.LOSS)
+    assert findings_text(report) == ""
+    assert "differs in the flag for a frozen display" in findings_text(report, Severity.LOSS)
 
 
 def test_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) -> None:
@@ -104,15 +104,17 @@ def test_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) ->
     made.entries.append(Resumed("another run"))
     made.entries.append(Ended("the session was ended"))
     report = report_on(tmp_path, made)
-    assert said(report) == ""
-    assert f"ends before these attempts: trial {last.trial}, attempt {last.attempt}" in said(report, Severity.LOSS)
+    assert findings_text(report) == ""
+    assert f"ends before these attempts: trial {last.trial}, attempt {last.attempt}" in findings_text(
+        report, Severity.LOSS
+    )
 
 
 @pytest.mark.parametrize("place", [0, -1])
 def test_attempt_missing_in_a_finished_journal_is_damage(tmp_path: Path, place: int) -> None:
     made = made_of()
     made.entries.remove(ended(made)[place])
-    assert "is in the recording only" in said(report_on(tmp_path, made))
+    assert "is in the recording only" in findings_text(report_on(tmp_path, made))
 
 
 def test_attempt_missing_in_the_middle_of_a_journal_is_damage(tmp_path: Path) -> None:
@@ -120,14 +122,14 @@ def test_attempt_missing_in_the_middle_of_a_journal_is_damage(tmp_path: Path) ->
     made.entries.remove(ended(made)[0])
     made.entries.pop()
     assert not isinstance(made.entries[-1], Ended)
-    assert "trial 1, attempt 1 is in the recording only" in said(report_on(tmp_path, made))
+    assert "trial 1, attempt 1 is in the recording only" in findings_text(report_on(tmp_path, made))
 
 
 @pytest.mark.parametrize("flags", [("late_ticks",), ("lost_samples", "frozen_display")])
 def test_flag_not_supported_by_the_ticks_is_damage(tmp_path: Path, flags: tuple[str, ...]) -> None:
     made = made_of()
     changed(made, 1, lambda entry: replace(entry, flags=flags))
-    assert "trial 2, attempt 1 has the flags" in said(report_on(tmp_path, made))
+    assert "trial 2, attempt 1 has the flags" in findings_text(report_on(tmp_path, made))
 
 
 def test_attempt_split_over_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) -> None:
@@ -136,19 +138,19 @@ def test_attempt_split_over_two_files_is_judged_by_its_outcome_alone(tmp_path: P
     changed(made, 0, lambda entry: replace(entry, flags=("stuck_left",)))
     cut = first.tick - 300
     parts = write(tmp_path, made, [cut])
-    assert [said(check(path)) for path in parts] == ["", ""]
+    assert [findings_text(check(path)) for path in parts] == ["", ""]
     for path in parts:
         path.unlink()
     changed(made, 0, lambda entry: replace(entry, completion=9.0))
-    assert "took 9.0 s in the journal" in said(check(write(tmp_path, made, [cut])[1]))
+    assert "took 9.0 s in the journal" in findings_text(check(write(tmp_path, made, [cut])[1]))
 
 
 def test_run_missing_from_the_journal_is_a_loss(tmp_path: Path) -> None:
     made = made_of()
     made.entries[:] = [Opened("another run", {}), Ended("the session was ended")]
     report = report_on(tmp_path, made)
-    assert said(report) == ""
-    assert "trial 1, attempt 1" in said(report, Severity.LOSS)
+    assert findings_text(report) == ""
+    assert "trial 1, attempt 1" in findings_text(report, Severity.LOSS)
 
 
 # --- time and losses ----------------------------------------------------------------------------------------------
@@ -156,17 +158,17 @@ def test_run_missing_from_the_journal_is_a_loss(tmp_path: Path) -> None:
 
 def test_reported_server_stall_is_a_loss(tmp_path: Path) -> None:
     report = report_on(tmp_path, made_of(stood_still=2000))
-    assert said(report) == ""
-    assert "the server stalled 1 times, for 30 ms in all" in said(report, Severity.LOSS)
+    assert findings_text(report) == ""
+    assert "the server stalled 1 times, for 30 ms in all" in findings_text(report, Severity.LOSS)
 
 
-@pytest.mark.parametrize("told", [("29", 0), ("31", 0), ("30", 1)])
-def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path, told: tuple[str, int]) -> None:
+@pytest.mark.parametrize("reported", [("29", 0), ("31", 0), ("30", 1)])
+def test_time_jump_that_differs_from_the_reported_stall_is_damage(tmp_path: Path, reported: tuple[str, int]) -> None:
     made = made_of(stood_still=2000)
     (event,) = (r for r in made.records if isinstance(r, EventRecord) and r.name == "stood_still")
     place = made.records.index(event)
-    made.records[place] = replace(event, tick=event.tick + told[1], details={"milliseconds": told[0]})
-    assert "1 ticks are not 1 ms after the one before: 2000" in said(report_on(tmp_path, made))
+    made.records[place] = replace(event, tick=event.tick + reported[1], details={"milliseconds": reported[0]})
+    assert "1 ticks are not 1 ms after the one before: 2000" in findings_text(report_on(tmp_path, made))
 
 
 def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
@@ -194,16 +196,16 @@ def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
 @pytest.mark.parametrize("losses", [(10,), (3, 7), (1,) * 10])
 def test_noted_consecutive_losses_are_a_loss(tmp_path: Path, losses: tuple[int, ...]) -> None:
     report = lossy(tmp_path, losses, len(losses))
-    assert said(report) == ""
-    assert "records were lost after tick 1994" in said(report, Severity.LOSS)
+    assert findings_text(report) == ""
+    assert "records were lost after tick 1994" in findings_text(report, Severity.LOSS)
 
 
 def test_more_missing_ticks_than_noted_are_damage(tmp_path: Path) -> None:
-    assert "ticks are missing without a note by the logger" in said(lossy(tmp_path, (3, 7), 1))
+    assert "ticks are missing without a note by the logger" in findings_text(lossy(tmp_path, (3, 7), 1))
 
 
 def test_random_operators_trigger_every_event(tmp_path: Path) -> None:
-    """The random operators above do what there is to do."""
+    """The random operators above trigger every possible event."""
     events: set[int] = set()
     for seed in range(12):
         rows = Operated(CONFIG, random.Random(seed), {}).rows()

@@ -9,12 +9,12 @@ from netboard.recording.replay.loading import load
 
 
 def test_recording_is_loaded_with_progress_reports(tmp_path):
-    told = []
+    progress = []
     path = recorded(tmp_path, two_trials())
-    recording = load(path, told.append)
+    recording = load(path, progress.append)
     np.testing.assert_array_equal(recording.ticks, two_trials())
     assert recording.name == path.name
-    assert told[-1] == 10_000
+    assert progress[-1] == 10_000
 
 
 def test_empty_or_missing_recording_is_refused(tmp_path):

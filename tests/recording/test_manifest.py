@@ -70,8 +70,8 @@ def command(*words: str, code: int = 0) -> str:
 
 @pytest.mark.slow
 def test_study_is_imported_once_and_existing_recordings_are_kept(study: Path) -> None:
-    said = command("--manifest", "study.toml", "-o", "out", "--workers", "2")
-    assert "4 imported, 0 already there, 0 failed" in said
+    printed = command("--manifest", "study.toml", "-o", "out", "--workers", "2")
+    assert "4 imported, 0 already there, 0 failed" in printed
     found = {path.name: path.read_bytes() for path in Path("out").iterdir()}
     assert len(found) == 4
     for name in found:
@@ -116,9 +116,9 @@ def test_invalid_manifest_is_refused_with_the_place_and_nothing_is_written(
     text = study.read_text()
     assert right in text
     study.write_text(text.replace(right, wrong))
-    said = command("--manifest", "study.toml", "-o", "out", code=2)
-    assert problem in said
-    assert "study.toml" in said
+    printed = command("--manifest", "study.toml", "-o", "out", code=2)
+    assert problem in printed
+    assert "study.toml" in printed
     assert not Path("out").exists()
 
 
@@ -146,9 +146,9 @@ def test_table_that_fails_late_does_not_stop_the_other_imports(study: Path) -> N
     write_table(Path("D01/b2.csv"), 20_010)
     with Path("D01/b2.csv").open("a") as file:
         file.write("0,0,0,0\n")
-    said = command("--manifest", "study.toml", "-o", "out", code=1)
-    assert "3 imported, 0 already there, 1 failed" in said
-    assert "line 13 (D01/b2.csv): D01/b2.csv: line 20012, column time" in said
+    printed = command("--manifest", "study.toml", "-o", "out", code=1)
+    assert "3 imported, 0 already there, 1 failed" in printed
+    assert "line 13 (D01/b2.csv): D01/b2.csv: line 20012, column time" in printed
     assert sorted(path.suffix for path in Path("out").iterdir()) == [".mcap"] * 3
 
 

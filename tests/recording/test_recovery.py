@@ -36,8 +36,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def _careless_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Do not wait for the disk: what is tested is what is in the file, hundreds of times over."""
+def _without_fsync(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skip fsync: these tests inspect the content of the file only."""
     monkeypatch.setattr(os, "fsync", lambda handle: None)
 
 
@@ -63,7 +63,7 @@ def chunk_ticks(path: Path) -> list[tuple[int, int, list[int]]]:
 
 
 def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> tuple[list[int], Report]:
-    """Recover some bytes; check that the result is sound and that its rows are what was written."""
+    """Recover some bytes; check that the result is sound and that its rows equal the written ones."""
     source, output = tmp_path / "broken.mcap.part", tmp_path / "out.mcap"
     output.unlink(missing_ok=True)
     source.write_bytes(data)
@@ -78,7 +78,7 @@ def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> t
     return numbers, report
 
 
-@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.usefixtures("_without_fsync")
 def test_file_cut_anywhere_gives_every_chunk_before_the_cut(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
@@ -91,7 +91,7 @@ def test_file_cut_anywhere_gives_every_chunk_before_the_cut(tmp_path: Path, whol
             assert (report.first_tick, report.last_tick) == (0, numbers[-1])
 
 
-@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.usefixtures("_without_fsync")
 @pytest.mark.slow
 def test_cut_anywhere_in_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> None:
     rows = np.zeros(8, TICK)
@@ -108,7 +108,7 @@ def test_cut_anywhere_in_the_last_chunk_gives_all_chunks_before(tmp_path: Path) 
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.usefixtures("_without_fsync")
 def test_flipped_bit_costs_at_most_its_chunk(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
@@ -140,7 +140,7 @@ def test_zeroed_range_costs_only_the_chunks_it_touches(tmp_path: Path, whole: Pa
     assert report.finished
 
 
-@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.usefixtures("_without_fsync")
 @given(st.data())
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 def test_any_damage_gives_original_rows_or_a_recording_error(tmp_path: Path, whole: Path, data: st.DataObject) -> None:

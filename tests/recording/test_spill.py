@@ -31,7 +31,7 @@ def batch(first: int, stop: int) -> LogBatch:
 
 
 def settle(spill: Spill) -> None:
-    """Wait until the thread has done what it was asked for."""
+    """Wait until the thread has processed its queue."""
     if spill.closed:
         return
     done = Event()
@@ -55,7 +55,7 @@ def finish(spill: Spill, rest: Iterator[LogBatch] | None = None) -> None:
 
 
 def taken(spill: Spill, cursor: int) -> tuple[list[bytes], int]:
-    """Everything from a record on, as a logger gets it, and how much is lost."""
+    """All records from a number on, as a logger gets them, and the number of lost ones."""
     got: list[bytes] = []
     lost = 0
     for _ in range(10_000):
@@ -69,7 +69,7 @@ def taken(spill: Spill, cursor: int) -> tuple[list[bytes], int]:
         got += part.records
         lost += part.lost
         cursor = part.first + len(part.records)
-    raise AssertionError("never came to an end")
+    raise AssertionError("the spill never ended")
 
 
 @pytest.fixture

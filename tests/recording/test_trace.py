@@ -27,7 +27,7 @@ runner = CliRunner()
 
 def traced(staged: Staged, *events: EventRecord) -> Trace:
     rows = staged.rows()
-    return trace(stamps_from({name: rows[name] for name in COLUMNS}, events, staged.told_later(rows, 7)), LIMIT)
+    return trace(stamps_from({name: rows[name] for name in COLUMNS}, events, staged.backfill(rows, 7)), LIMIT)
 
 
 def span(milliseconds: float, start: int = AT - 400_000) -> tuple[int, int]:
@@ -129,9 +129,9 @@ def test_stall_of_an_agent_is_known_only_from_its_backfill() -> None:
     columns = {name: rows[name] for name in COLUMNS}
     (one,) = trace(stamps_from(columns), LIMIT).episodes
     assert (one.cause.name, one.evidence.read_late_ns) == ("network", 0)
-    (told,) = trace(stamps_from(columns, (), staged.told_later(rows)), LIMIT).episodes
-    assert told.cause.name == "agent"
-    assert told.evidence.read_late_ns == pytest.approx(4_450_000, abs=2)
+    (known,) = trace(stamps_from(columns, (), staged.backfill(rows)), LIMIT).episodes
+    assert known.cause.name == "agent"
+    assert known.evidence.read_late_ns == pytest.approx(4_450_000, abs=2)
 
 
 def test_every_cause_is_tested_and_has_a_unique_title() -> None:
@@ -205,21 +205,21 @@ def test_trace_command_names_the_cause_and_the_remedy(tmp_path: Path) -> None:
 
 def test_json_lists_every_episode_in_seconds(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", CASES["server"][0])
-    told = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--json"]).output)
-    (one,) = told["episodes"]
+    printed = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--json"]).output)
+    (one,) = printed["episodes"]
     assert one["cause"] == "server"
     assert one["agents"] == {"left": "on time", "right": "on time"}
     assert one["size"] == pytest.approx(5e-3)
     assert one["time"] == pytest.approx(0.4)
-    assert told["missed_per_100000"] == told["missed"] * 100
-    assert "isolate" in told["advice"]["server"]
+    assert printed["missed_per_100000"] == printed["missed"] * 100
+    assert "isolate" in printed["advice"]["server"]
 
 
 def test_lower_limit_shows_more_episodes(tmp_path: Path) -> None:
     recorded(tmp_path / "S01.mcap", Staged(server=[span(0.3)]))
     assert "no episode" in runner.invoke(app, ["trace", "S01.mcap"]).output
-    told = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--late", "0.2", "--json"]).output)
-    assert [one["tick"] for one in told["episodes"]] == [470]
+    printed = json.loads(runner.invoke(app, ["trace", "S01.mcap", "--late", "0.2", "--json"]).output)
+    assert [one["tick"] for one in printed["episodes"]] == [470]
 
 
 @pytest.mark.parametrize("version", [1, 2, 3])
@@ -235,15 +235,15 @@ def test_older_formats_can_be_traced(version: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "what"),
+    ("provenance", "what"),
     [
         ({"rehearsed": "true"}, "is a rehearsal: its stamps are simulated"),
         ({"what_if": "physics.g=0", "source": "S01.mcap"}, "is computed from S01.mcap"),
         ({"imported": "measured"}, "is imported from a table"),
     ],
 )
-def test_simulated_stamps_are_refused(tmp_path: Path, said: dict[str, str], what: str) -> None:
-    proofs.write(tmp_path / "S01.mcap", Staged(50).rows(), said=said)
+def test_simulated_stamps_are_refused(tmp_path: Path, provenance: dict[str, str], what: str) -> None:
+    proofs.write(tmp_path / "S01.mcap", Staged(50).rows(), said=provenance)
     result = runner.invoke(app, ["trace", "S01.mcap"])
     assert result.exit_code == 1
     assert what in result.stderr

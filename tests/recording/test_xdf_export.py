@@ -1,4 +1,4 @@
-"""XDF files as pyxdf reads them: values to the bit, stamps, what the streams are, what is left of a damaged file."""
+"""XDF files as pyxdf reads them: bit-exact values, stamps, stream descriptions, and recovery from damage."""
 
 import json
 import tracemalloc
@@ -155,12 +155,12 @@ def test_every_recording_has_a_file_and_progress_is_reported(tmp_path: Path) -> 
     paths = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for path in paths:
         write_recording(path, random_rows(6000))
-    told: list[tuple[str, int, int]] = []
+    reported: list[tuple[str, int, int]] = []
     (tmp_path / "out").mkdir()
-    xdf.write(paths, tmp_path / "out", lambda *what: told.append(what))
+    xdf.write(paths, tmp_path / "out", lambda *what: reported.append(what))
     assert {file.name for file in (tmp_path / "out").iterdir()} == {"a.xdf", "b.xdf"}
     for name in ("a.mcap", "b.mcap"):
-        steps = [(done, total) for what, done, total in told if what == name]
+        steps = [(done, total) for what, done, total in reported if what == name]
         assert steps == sorted(steps)
         assert steps[-1] == (6000, 6000)
 

@@ -44,8 +44,8 @@ def test_marks_show_notes_events_and_gaps_without_duplicates():
         event(2300, "stood_still", milliseconds="31"),
         event(4100, "attempt_ended", trial="1", attempt="1", outcome="success", flags="late"),
     )
-    told = [(mark.tick, mark.kind, mark.label) for mark in loaded_recording(ticks, *events).marks]
-    assert [mark for mark in told if mark[1] in ("note", "event", "gap")] == [
+    marks = [(mark.tick, mark.kind, mark.label) for mark in loaded_recording(ticks, *events).marks]
+    assert [mark for mark in marks if mark[1] in ("note", "event", "gap")] == [
         (2050, "note", "he laughs"),
         (2200, "note", "she too"),
         (2300, "event", "stood still 31"),
