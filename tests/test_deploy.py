@@ -168,7 +168,7 @@ def test_units_are_confined_to_the_access_they_need(path: Path) -> None:
     allowed = {line for line in found if line.startswith("DeviceAllow=")}
     assert allowed <= OWN[path.name]
     if "PrivateUsers=yes" in found:
-        assert "LimitRTPRIO=80" not in found  # what a namespace of users leaves of it has not been tried
+        assert "LimitRTPRIO=80" not in found  # its effect within a user namespace is untested
 
 
 def test_units_on_one_machine_share_their_sockets() -> None:

@@ -184,7 +184,7 @@ def test_unstable_method_is_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["-i", "none.csv"], "netboard: none.csv: no such file"),
         (["-i", "a.csv", "--scene", "none.toml"], "netboard: none.toml: cannot be read: No such file or directory"),
@@ -201,10 +201,10 @@ def test_unstable_method_is_reported() -> None:
         (["-i", "a.csv", "--method", "exact"], '"exact", which is for boards that cannot tilt'),
     ],
 )
-def test_invalid_options_are_refused(words: list[str], said: str) -> None:
+def test_invalid_options_are_refused(words: list[str], message: str) -> None:
     result = simulate("-o", "out.csv", *words)
     assert result.exit_code == 2
-    assert said in result.output
+    assert message in result.output
     assert not Path("out.csv").exists()
 
 

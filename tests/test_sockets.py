@@ -286,9 +286,9 @@ class TestAuthenticator:
     ) -> None:
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.lefty@test"))
         assert until(server.receive) == endpoints.NOBODY
-        (told,) = reports_of(own)
-        assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", told["reason"])
-        assert told["address"] == "127.0.0.1"
+        (report,) = reports_of(own)
+        assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", report["reason"])
+        assert report["address"] == "127.0.0.1"
 
     def test_fast_path_identifies_a_peer_by_its_key(
         self, made: Made, ring: SmallRing, own: authenticator.Authenticator, server: endpoints.Router
@@ -318,8 +318,8 @@ class TestAuthenticator:
         other = made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, other_own))
         lock = replace(ring.lock(), server=other_ring.public)
         stray = self.agent(made, other, lock, "agent.left@stray")
-        (told,) = until(lambda: reports_of(other_own))
-        assert told["reason"] == "unknown"
+        (report,) = until(lambda: reports_of(other_own))
+        assert report["reason"] == "unknown"
         assert not sockets.send(stray, b"hello")
         assert reports_of(own) == []
         self.let_in(own, self.agent(made, server, ring.lock(), "agent.left@test"))
@@ -328,11 +328,11 @@ class TestAuthenticator:
     def test_repeated_refusal_is_rate_limited_and_fully_counted(self, own: authenticator.Authenticator) -> None:
         for _ in range(400):
             own.refuse("motion", "10.0.0.1", "key5", "why")
-        told = {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why"}
-        assert own.reports(0) == [told | {"times": "400"}]
+        expected = {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why"}
+        assert own.reports(0) == [expected | {"times": "400"}]
         own.refuse("motion", "10.0.0.1", "key5", "why")
         assert own.reports(0) == []
-        assert own.final_reports() == [told | {"times": "401"}]
+        assert own.final_reports() == [expected | {"times": "401"}]
         assert own.totals == {"why": 401}
 
     def test_flood_of_failed_handshakes_is_reported_and_blocks_no_valid_peer(
@@ -446,15 +446,15 @@ def test_newest_queued_message_arrives_once_a_stalled_peer_continues(made: Made)
     server.send_or_queue(name, b"another block")
     server.send_or_queue(name, b"the newest block")
     assert not server.send(name, b"more")
-    heard = []
+    received = []
 
-    def told() -> bool:
+    def newest_received() -> bool:
         server.send_queued()
-        heard.append(sockets.receive(peer))
-        return heard[-1] == b"the newest block"
+        received.append(sockets.receive(peer))
+        return received[-1] == b"the newest block"
 
-    until(told)
-    assert b"another block" not in heard
+    until(newest_received)
+    assert b"another block" not in received
     server.send_queued()
     assert sockets.receive(peer) is None
 
@@ -492,7 +492,7 @@ def test_message_queued_for_an_absent_peer_is_dropped(made: Made) -> None:
 
 def test_io_threads_have_low_priority_while_requested() -> None:
     with sockets.open_context() as context:
-        context.set_low_priority(True)  # without a priority there is nothing to give
+        context.set_low_priority(True)  # without a priority there is nothing to lower
         assert context.threads == ()
     able = hasattr(os, "sched_setscheduler") and sockets._granted(
         "SCHED_FIFO", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(3))

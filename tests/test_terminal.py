@@ -81,5 +81,5 @@ def test_progress_bars_appear_on_terminals_only(terminal: bool, shown: bool) -> 
     with progress_bars(console, "{task.completed} ticks", shown=shown) as progress:
         task = progress.add_task("reading", total=10)
         progress.update(task, completed=4, refresh=True)
-    said = console.export_text()
-    assert ("reading" in said and "4 ticks" in said) == (terminal and shown)
+    output = console.export_text()
+    assert ("reading" in output and "4 ticks" in output) == (terminal and shown)
