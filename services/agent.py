@@ -2,14 +2,12 @@
 
 import typer
 
-from netboard.services.options import RUN, ConfigFile, HandSide, Overrides, examples, load
+from netboard.services.options import ConfigFile, HandSide, Overrides, examples, load
 
 app = typer.Typer()
 
 
-@app.command(
-    rich_help_panel=RUN, epilog=examples("netboard agent --side left", "netboard agent --side right -c rig.toml")
-)
+@app.command(epilog=examples("netboard agent --side left", "netboard agent --side right -c rig.toml"))
 def agent(side: HandSide, config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Run the agent of one device: it reads the stylus, and renders the force within safety limits."""
     settings = load(config, overrides)

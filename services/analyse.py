@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ANALYSE, NewFolder, Overrides, Recordings, examples, telling, text_of
+from netboard.services.options import NewFolder, Overrides, Recordings, examples, telling, text_of
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -38,7 +38,6 @@ def _print_template(wanted: bool) -> None:
 
 
 @app.command(
-    rich_help_panel=ANALYSE,
     epilog=examples(
         "netboard analyse recordings/ -o study",
         "netboard analyse recordings/ --set filters.fast=10 --set exclusions.warm_up=5",

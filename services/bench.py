@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from netboard.benchmarks.harness.running import Study
 
 app = typer.Typer(
+    name="bench",
     help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
     no_args_is_help=True,
 )

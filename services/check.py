@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import RECORDINGS, examples
+from netboard.services.options import examples
 
 app = typer.Typer()
 
@@ -18,7 +18,6 @@ ENDINGS = (".mcap", ".part", ".spill")
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json"
     ),

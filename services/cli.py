@@ -5,46 +5,23 @@ of its own services. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usag
 is printed as one line on stderr; ``--debug`` shows its traceback.
 """
 
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.services import (
-    agent,
-    analyse,
-    bench,
-    check,
-    cohort,
-    configuration,
-    console,
-    control,
-    demo,
-    devices,
-    display,
-    doctor,
-    explain,
-    export,
-    importing,
-    info,
-    keys,
-    logger,
-    lsl,
-    plan,
-    power,
-    recover,
-    replay,
-    server,
-    session,
-    sessions,
-    simulate,
-    status,
-    tracing,
-    up,
-    whatif,
-)
-from netboard.services.options import ANALYSE, RUN, SET_UP, examples, missing_extra
+from netboard.services.options import examples, missing_extra
+
+COMMANDS = {
+    "Run an experiment": ("demo", "up", "server", "agent", "display", "logger", "lsl", "plan", "session"),
+    "Operate a session": ("console", "status", "control"),
+    "Recordings": ("replay", "info", "tracing", "check", "recover", "sessions", "whatif", "export", "importing"),
+    "Analysis and simulation": ("analyse", "explain", "simulate", "cohort", "power", "bench"),
+    "Set-up": ("doctor", "configuration", "keys", "devices"),
+}
+"""Modules of this package, in the groups and in the order in which ``netboard --help`` lists their commands."""
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -84,32 +61,13 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["--help", "-h"]},
 )
-RUNNING = (demo, up, server, agent, display, logger, lsl, console, status, control)
-OTHERS = (
-    replay,
-    info,
-    tracing,
-    check,
-    recover,
-    sessions,
-    whatif,
-    export,
-    importing,
-    analyse,
-    explain,
-    simulate,
-    cohort,
-    power,
-    doctor,
-)
-for part in (*RUNNING, *OTHERS):
-    app.add_typer(part.app)
-app.add_typer(configuration.app, name="config", rich_help_panel=SET_UP)
-app.add_typer(keys.app, name="keys", rich_help_panel=SET_UP)
-app.add_typer(devices.app, name="devices", rich_help_panel=SET_UP)
-app.add_typer(plan.app, name="plan", rich_help_panel=RUN)
-app.add_typer(session.app, name="session", rich_help_panel=RUN)
-app.add_typer(bench.app, name="bench", rich_help_panel=ANALYSE)
+for panel, modules in COMMANDS.items():
+    for module in modules:
+        part: typer.Typer = import_module(f"netboard.services.{module}").app
+        if not part.info.name:  # its commands become commands of netboard, and are listed one by one
+            for command in part.registered_commands:
+                command.rich_help_panel = panel
+        app.add_typer(part, rich_help_panel=panel)
 
 
 def _print_version(wanted: bool) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.services.options import ANALYSE, STUDY_HELP, ConfigFile, Overrides, examples, load, telling
+from netboard.services.options import STUDY_HELP, ConfigFile, Overrides, examples, load, telling
 
 app = typer.Typer()
 
@@ -18,7 +18,6 @@ Dask = Annotated[
 
 
 @app.command(
-    rich_help_panel=ANALYSE,
     epilog=examples(
         "netboard cohort paper --studies 100 --dyads 4 -o cohort",
         "netboard cohort study.toml --studies 1000 --dyads 16 --set participant.haptic_gain=0 -o without",

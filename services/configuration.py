@@ -8,7 +8,7 @@ import typer
 from netboard.base.errors import ConfigError
 from netboard.services.options import DEFAULT_FILE, ConfigFile, Overrides, examples, load
 
-app = typer.Typer(help="Check, show or create the configuration file.", no_args_is_help=True)
+app = typer.Typer(name="config", help="Check, show or create the configuration file.", no_args_is_help=True)
 
 
 @app.command(epilog=examples("netboard config check rig.toml", "netboard config check --set block.trials=6"))

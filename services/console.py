@@ -5,7 +5,6 @@ import os
 import typer
 
 from netboard.services.options import (
-    OPERATE,
     ConfigFile,
     Offscreen,
     Overrides,
@@ -19,7 +18,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=OPERATE,
     epilog=examples("netboard console", "netboard console -c rig.toml", "netboard console --screenshot c.png"),
 )
 def console(

@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.protocol.control import CommandName
-from netboard.services.options import OPERATE, ConfigFile, Json, Overrides, examples, load
+from netboard.services.options import ConfigFile, Json, Overrides, examples, load
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network
@@ -20,7 +20,6 @@ POLL_INTERVAL_S = 0.05
 
 
 @app.command(
-    rich_help_panel=OPERATE,
     epilog=examples(
         "netboard control start",
         "netboard control pause_after_trial -c rig.toml --json",
@@ -86,7 +85,6 @@ def control(
 
 
 @app.command(
-    rich_help_panel=OPERATE,
     epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"),
 )
 def stop(

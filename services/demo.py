@@ -7,7 +7,6 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.options import (
-    RUN,
     Blocks,
     ConfigFile,
     Dyad,
@@ -21,7 +20,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RUN,
     epilog=examples(
         "netboard demo",
         "netboard demo --play left",

@@ -12,6 +12,7 @@ import typer
 from netboard.services.options import ConfigFile, HandSide, Json, Overrides, examples, load
 
 app = typer.Typer(
+    name="devices",
     help="List, test, identify, watch and calibrate haptic devices, without a server.",
     no_args_is_help=True,
 )

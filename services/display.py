@@ -7,7 +7,6 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.options import (
-    RUN,
     ConfigFile,
     Offscreen,
     Overrides,
@@ -25,7 +24,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RUN,
     epilog=examples(
         "netboard display --station left",
         "netboard display --station right --offscreen --screenshot r.png",

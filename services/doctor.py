@@ -5,13 +5,12 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import SET_UP, ConfigFile, Overrides, examples, load
+from netboard.services.options import ConfigFile, Overrides, examples, load
 
 app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=SET_UP,
     epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"),
 )
 def doctor(

@@ -7,7 +7,7 @@ import typer
 
 from netboard.base.errors import ConfigError, RecordingError
 from netboard.services.analyse import SettingsFile, load_readings
-from netboard.services.options import ANALYSE, Overrides, RecordingFile, examples
+from netboard.services.options import Overrides, RecordingFile, examples
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -20,7 +20,6 @@ KINDS = ("png", "svg", "pdf")
 
 
 @app.command(
-    rich_help_panel=ANALYSE,
     epilog=examples(
         "netboard explain S01.mcap --trial 12",
         "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",

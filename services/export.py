@@ -6,13 +6,12 @@ from typing import Annotated
 import typer
 
 from netboard.recording.export.formats import FORMATS
-from netboard.services.options import RECORDINGS, NewFolder, Recordings, examples, telling
+from netboard.services.options import NewFolder, Recordings, examples, telling
 
 app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study"),
 )
 def export(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import RECORDINGS, ConfigFile, Overrides, examples, load, telling
+from netboard.services.options import ConfigFile, Overrides, examples, load, telling
 
 if TYPE_CHECKING:
     from netboard.recording.importing.table_import import Imported
@@ -19,7 +19,6 @@ app = typer.Typer()
 
 @app.command(
     "import",
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard import study/ticks/S01.parquet",
         "netboard import hands.csv --simulate -c rig.toml",

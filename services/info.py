@@ -2,12 +2,12 @@
 
 import typer
 
-from netboard.services.options import RECORDINGS, RecordingFile, examples
+from netboard.services.options import RecordingFile, examples
 
 app = typer.Typer()
 
 
-@app.command(rich_help_panel=RECORDINGS, epilog=examples("netboard info recordings/S01.mcap"))
+@app.command(epilog=examples("netboard info recordings/S01.mcap"))
 def info(recording: RecordingFile) -> None:
     """Summarise a recording: provenance, trials, completion times, latencies, losses."""
     from rich.console import Console

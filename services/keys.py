@@ -11,6 +11,7 @@ import typer
 from netboard.services.options import ConfigFile, Overrides, Side, examples, load
 
 app = typer.Typer(
+    name="keys",
     help="Create, list and revoke the keys by which the server authenticates its peers.",
     no_args_is_help=True,
 )

@@ -4,14 +4,12 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import RUN, ConfigFile, Overrides, examples, load
+from netboard.services.options import ConfigFile, Overrides, examples, load
 
 app = typer.Typer()
 
 
-@app.command(
-    rich_help_panel=RUN, epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once")
-)
+@app.command(epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once"))
 def logger(
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -5,13 +5,13 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import RUN, ConfigFile, Overrides, examples, load
+from netboard.services.options import ConfigFile, Overrides, examples, load
 
 app = typer.Typer()
 log = logging.getLogger(__name__)
 
 
-@app.command(rich_help_panel=RUN, epilog=examples("netboard lsl -c rig.toml", "netboard lsl -c b.toml --name pair2"))
+@app.command(epilog=examples("netboard lsl -c rig.toml", "netboard lsl -c b.toml --name pair2"))
 def lsl(
     config: ConfigFile = None,
     overrides: Overrides = None,

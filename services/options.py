@@ -17,15 +17,6 @@ from netboard.base.errors import ConfigError
 if TYPE_CHECKING:
     from netboard.base.config import Config
 
-RUN, OPERATE, RECORDINGS, ANALYSE, SET_UP = (
-    "Run an experiment",
-    "Operate a session",
-    "Recordings",
-    "Analysis and simulation",
-    "Set-up",
-)
-"""Groups of commands in ``netboard --help``."""
-
 Side = Literal["left", "right"]  # as in netboard.base.config, which takes too long to import here
 
 DEFAULT_FILE = Path("netboard.toml")

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from netboard.task.studies.study import Study as StudyData
 
 app = typer.Typer(
-    help="Show and check the plan of a study: which blocks, in which order, for which dyad.", no_args_is_help=True
+    name="plan",
+    help="Show and check the plan of a study: which blocks, in which order, for which dyad.",
+    no_args_is_help=True,
 )
 
 MOST = 6

@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.cohort import CohortSeed, Dask, Studies, Workers
-from netboard.services.options import ANALYSE, ConfigFile, Overrides, Study, examples, load, telling
+from netboard.services.options import ConfigFile, Overrides, Study, examples, load, telling
 
 if TYPE_CHECKING:
     from netboard.analysis.cohort.planning import Answer
@@ -18,7 +18,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=ANALYSE,
     epilog=examples(
         "netboard power paper --dyads 4,8,12,16,24 --studies 200 -o power",
         "netboard power paper --contrast 'completion time: dyadic' --trials 60,180 -o short",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.services.options import RECORDINGS, examples
+from netboard.services.options import examples
 
 if TYPE_CHECKING:
     from netboard.recording.recovery.recover import Report
@@ -19,7 +19,6 @@ UNFINISHED = ("*.mcap.part", "*.spill")
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"),
 )
 def recover(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import RECORDINGS, ConfigFile, Overrides, Screenshot, Side, examples, load
+from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples, load
 
 if TYPE_CHECKING:
     from netboard.base.config import Config
@@ -19,7 +19,6 @@ KEYS_LINE = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one t
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard replay S01.mcap",
         "netboard replay S01.mcap S02.mcap --sync trial",

@@ -9,7 +9,6 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.options import (
-    RUN,
     USED_FILE,
     Blocks,
     Dyad,
@@ -31,7 +30,6 @@ YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 
 
 @app.command(
-    rich_help_panel=RUN,
     epilog=examples(
         "netboard server",
         "netboard server -c rig.toml --no-autostart",

@@ -7,7 +7,9 @@ import typer
 
 from netboard.services.options import ConfigFile, Dyad, Json, Overrides, PlanSeed, Study, examples, load
 
-app = typer.Typer(help="Rehearse the sessions of a study with simulated participants.", no_args_is_help=True)
+app = typer.Typer(
+    name="session", help="Rehearse the sessions of a study with simulated participants.", no_args_is_help=True
+)
 
 
 @app.command(

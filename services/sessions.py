@@ -9,13 +9,12 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import RECORDINGS, examples, load
+from netboard.services.options import examples, load
 
 app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard sessions",
         "netboard sessions recordings/ --dyad D03 --no-pilot",

@@ -7,13 +7,12 @@ from typing import Annotated, Any, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ANALYSE, Model, Overrides, examples
+from netboard.services.options import Model, Overrides, examples
 
 app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=ANALYSE,
     epilog=examples(
         "netboard simulate --input stylus.csv --output out.csv",
         "netboard simulate --input stylus.csv --output out.parquet --model lagrangian --set physics.k_h=300 --p0 -0.15",

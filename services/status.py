@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import OPERATE, ConfigFile, Json, Overrides, examples, load
+from netboard.services.options import ConfigFile, Json, Overrides, examples, load
 
 app = typer.Typer()
 
@@ -14,7 +14,6 @@ ROUND_SECONDS = 1.2
 
 
 @app.command(
-    rich_help_panel=OPERATE,
     epilog=examples("netboard status", "netboard status --watch -c rig.toml", "netboard status --json"),
 )
 def status(

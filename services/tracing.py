@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import RECORDINGS, RecordingFile, examples
+from netboard.services.options import RecordingFile, examples
 from netboard.services.whatif import refuse_figure
 
 app = typer.Typer()
@@ -15,7 +15,6 @@ app = typer.Typer()
 
 @app.command(
     "trace",
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard trace S01.mcap",
         "netboard trace S01.mcap --figure stutter.png --tick 48211",

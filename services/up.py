@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import RUN, USED_FILE, Insecure, Overrides, examples, load
+from netboard.services.options import USED_FILE, Insecure, Overrides, examples, load
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network
@@ -20,7 +20,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RUN,
     epilog=examples(
         "netboard up --server /etc/netboard/netboard.toml",
         "netboard up --station left /etc/netboard/netboard.toml",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import NetboardError, RecordingError
-from netboard.services.options import RECORDINGS, Model, Overrides, RecordingFile, examples
+from netboard.services.options import Model, Overrides, RecordingFile, examples
 
 if TYPE_CHECKING:
     from netboard.recording.counterfactual.what_if import Comparison, WhatIf
@@ -17,7 +17,6 @@ app = typer.Typer()
 
 
 @app.command(
-    rich_help_panel=RECORDINGS,
     epilog=examples(
         "netboard whatif S01.mcap --set physics.k_h=400 --figure stiffer.png",
         "netboard whatif S01.mcap --set block.force=none --json",
