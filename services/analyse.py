@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import NewFolder, Overrides, Recordings, examples, telling, text_of
+from netboard.services.options import NewFolder, Overrides, Recordings, examples, text_of
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -85,5 +85,5 @@ def analyse(
     asked = analysing.GivenSettings(settings, tuple(overrides or ()))
     read = lambda: load_readings(settings, overrides)  # noqa: E731
     console = Console(highlight=False, soft_wrap=True)
-    for line in analysing.analyse(recordings, output, asked, chosen, read, telling):
+    for line in analysing.analyse(recordings, output, asked, chosen, read):
         console.print(line, markup=False)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.services.options import STUDY_HELP, ConfigFile, Overrides, examples, load, telling
+from netboard.services.options import STUDY_HELP, ConfigFile, Overrides, examples, load
 
 app = typer.Typer()
 
@@ -55,6 +55,7 @@ def cohort(
     from netboard.analysis.cohort.folder import make_cohort
     from netboard.analysis.cohort.virtual import Design
     from netboard.analysis.extraction.workers import cores
+    from netboard.base.bars import telling
     from netboard.services.studies import load_study
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.recording.export.formats import FORMATS
-from netboard.services.options import NewFolder, Recordings, examples, telling
+from netboard.services.options import NewFolder, Recordings, examples
 
 app = typer.Typer()
 
@@ -20,6 +20,7 @@ def export(
     output: NewFolder = None,
 ) -> None:
     """Export recordings to the formats of other tools."""
+    from netboard.base.bars import telling
     from netboard.recording.export import formats
     from netboard.recording.files.locate import find_recordings
 

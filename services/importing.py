@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ConfigFile, Overrides, examples, load, telling
+from netboard.services.options import ConfigFile, Overrides, examples, load
 
 if TYPE_CHECKING:
     from netboard.recording.importing.table_import import Imported
@@ -66,6 +66,7 @@ def import_(
         raise ConfigError("import: expected either TABLE... or --manifest")
     if manifest is not None and others:
         raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
+    from netboard.base.bars import telling
     from netboard.recording.importing.table_import import ImportOptions, import_table
 
     if manifest is not None:
@@ -81,6 +82,7 @@ def import_(
 def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     """Import the tables that a manifest lists, several at a time."""
     from netboard.analysis.extraction.workers import cores
+    from netboard.base.bars import telling
     from netboard.recording.importing.study_import import examine, run
 
     began = time.perf_counter()

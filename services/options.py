@@ -1,12 +1,11 @@
-"""Shared parts of commands: options, reading the configuration, examples in help texts, progress bars.
+"""Shared parts of commands: options, reading the configuration, examples in help texts.
 
 Importing a command must be quick, because ``netboard --help`` imports them all: libraries are imported when they are
 needed, and so is `netboard.base.config`.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -74,6 +73,11 @@ def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
     return parse(text_of(file, f"netboard config init {file}"), str(file), overrides or ())
 
 
+def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
+    """Return the overrides, and --model as another one."""
+    return [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
+
+
 def text_of(file: Path, create: str) -> str:
     """Read a file of settings; `create` is the command that creates one."""
     try:
@@ -101,21 +105,3 @@ def missing_extra(error: ModuleNotFoundError) -> str:
         if found and found["package"].casefold() == package.casefold() and found["extra"] != "dev":
             return f"this needs {package}, which is not installed: pip install 'netboard[{found['extra']}]'"
     return ""
-
-
-@contextmanager
-def telling() -> Iterator[Callable[[str, int, int], None]]:
-    """Show a progress bar on stderr, if that is a terminal; yield its callback (current step, done, total)."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import TaskProgressColumn
-
-    from netboard.base.bars import progress_bars
-
-    with progress_bars(Console(stderr=True), TaskProgressColumn()) as progress:
-        task = progress.add_task("")
-
-        def tell(what: str, done: int, total: int) -> None:
-            progress.update(task, description=escape(what), completed=done, total=total)
-
-        yield tell

@@ -8,7 +8,7 @@ import typer
 
 from netboard.base.errors import ConfigError
 from netboard.services.cohort import CohortSeed, Dask, Studies, Workers
-from netboard.services.options import ConfigFile, Overrides, Study, examples, load, telling
+from netboard.services.options import ConfigFile, Overrides, Study, examples, load
 
 if TYPE_CHECKING:
     from netboard.analysis.cohort.planning import Answer
@@ -60,6 +60,7 @@ def power(
     settings = load(config, overrides)
     from netboard.analysis.cohort.planning import Request, answer
     from netboard.analysis.extraction.workers import cores
+    from netboard.base.bars import telling
     from netboard.services.studies import load_study
 
     asked = Request(

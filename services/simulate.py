@@ -1,13 +1,12 @@
 """``netboard simulate``: a scene, moved by recorded hands, offline."""
 
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import Model, Overrides, examples
+from netboard.services.options import Model, Overrides, changes_of, examples
 
 app = typer.Typer()
 
@@ -101,18 +100,11 @@ def simulate(
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing results.")] = False,
 ) -> None:
     """Simulate a scene with recorded hands, offline and as exactly as the samples allow."""
-    if energy and hold != "hermite":
-        raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands move in jumps")
     from rich.console import Console
-    from rich.markup import escape
 
-    from netboard.base.bars import progress_bars
-    from netboard.physics.simulation import check_start, choose_steps
-    from netboard.recording.importing import hand_simulation as hands
-    from netboard.recording.importing.hand_files import find_inputs, plan_outputs
+    from netboard.recording.importing.hand_simulation import SimulationOptions, load_scene, simulate_files
 
-    config = hands.load_scene(scene, [*(overrides or ()), *([f"physics.model={model}"] if model else ())])
-    chosen = hands.SimulationOptions(
+    chosen = SimulationOptions(
         hold=hold,
         gaps=gaps,
         method=method,
@@ -124,34 +116,10 @@ def simulate(
         v0=numbers("--v0", v0),
         energy=energy,
     )
-    physics, free = config.physics, ball == "free"
-    check_start(physics, chosen.start(physics.balls), free)
-    steps = choose_steps(physics, free, method, substeps)
-    plan = plan_outputs(find_inputs([*inputs, *(more or ())]), output, force)
-    sheets: list[hands.Sheet] = []
-    faults: list[str] = []
+    settings = load_scene(scene, changes_of(overrides, model))
     console = Console(highlight=False)
-    with progress_bars(console) as progress:
-        show: Any = partial(progress.update, progress.add_task("", total=len(plan)))
-        for number, (path, result) in enumerate(plan.items()):
-
-            def tell(share: float, what: str = "simulating", number: int = number, path: Path = path) -> None:
-                show(completed=number + share, description=escape(f"{what} {path.name}"))
-
-            try:
-                sheet, notes = hands.simulate_file(path, result, config, steps, chosen, force, tell)
-            except ConfigError as fault:
-                faults.append(str(fault))
-                continue
-            sheets.append(sheet)
-            for note in notes:
-                console.print(f"{path}: {note}", style="yellow", markup=False)
-    if sheets:
-        console.print(hands.scene_in_words(physics, free))
-        console.print(hands.steps_in_words(steps, chosen))
-        console.print(hands.table_of(sheets))
-    if faults:
-        raise ConfigError("\n".join(faults))
+    for line in simulate_files([*inputs, *(more or ())], output, settings, chosen, force):
+        console.print(line)
 
 
 def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:

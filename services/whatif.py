@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import NetboardError, RecordingError
-from netboard.services.options import Model, Overrides, RecordingFile, examples
+from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
 
 if TYPE_CHECKING:
     from netboard.recording.counterfactual.what_if import Comparison, WhatIf
@@ -52,7 +52,7 @@ def whatif(
     from netboard.stage.stage import make_stage
 
     refuse_figure(figure)
-    changes = [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
+    changes = changes_of(overrides, model)
     console = Console(highlight=False)
     with Recording(recording) as opened, Console(stderr=True).status("computing the attempts"):
         config = parse(opened.config_text, f"{recording} (its configuration)", changes)

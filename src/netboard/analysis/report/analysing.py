@@ -9,7 +9,6 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +18,7 @@ from markupsafe import escape
 
 from netboard.analysis.extraction.store import Store, default_folder, keep, key_of_analysis, take
 from netboard.analysis.report.wording import visible
+from netboard.base.bars import telling
 from netboard.base.errors import ConfigError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
@@ -68,12 +68,10 @@ def analyse(
     asked: GivenSettings,
     chosen: AnalysisOptions,
     read: "Callable[[], Readings]",
-    telling: Callable[[], AbstractContextManager[Progress]],
 ) -> list[str]:
     """Analyse recordings into a new folder, named after the first unless given, and return a summary of a few lines.
 
-    `read` reads the settings, only if the analysis is not in the cache; `telling` makes a context that shows the
-    progress.
+    `read` reads the settings, only if the analysis is not in the cache.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)

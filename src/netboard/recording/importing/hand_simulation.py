@@ -2,22 +2,35 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import RenderableType
+from rich.text import Text
 
+from netboard.base.bars import telling
 from netboard.base.config import ADAPTER, Config, resolve
 from netboard.base.errors import ConfigError
 from netboard.base.settings import read
 from netboard.base.tables.scene import Physics
 from netboard.base.terminal import FittedTable
 from netboard.physics.hands.sampled import Hands
-from netboard.physics.simulation import Motion, Steps, columns_of, energies_of, is_stably_integrated, simulate
-from netboard.recording.importing.hand_files import doubts, read_hands, write_table
+from netboard.physics.simulation import (
+    Motion,
+    Steps,
+    check_start,
+    choose_steps,
+    columns_of,
+    energies_of,
+    is_stably_integrated,
+    simulate,
+)
+from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 
 SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
 """Signals whose range is shown, with their units."""
@@ -37,6 +50,17 @@ class SimulationOptions:
     p0: tuple[float, ...]
     v0: tuple[float, ...]
     energy: bool
+
+    def __post_init__(self) -> None:
+        if self.energy and self.hold != "hermite":
+            raise ConfigError(
+                f"--energy: found --hold {self.hold}, expected hermite: otherwise the hands move in jumps"
+            )
+
+    @property
+    def free(self) -> bool:
+        """Return whether the balls roll."""
+        return self.ball == "free"
 
     def start(self, balls: int) -> tuple[float, ...]:
         """Return the initial state; balls start at rest at the centre by default."""
@@ -58,24 +82,54 @@ def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
     return read(ADAPTER, Config, text, str(file or "defaults"), overrides)
 
 
-Tell = Callable[..., None]
-"""Progress callback: share done [1], and what is being done."""
+Tell = Callable[[str, float], None]
+"""Progress callback: what is being done, and the share done [1]."""
 
 Sheet = dict[str, str]
 """Summary of one file, by heading."""
+
+
+def simulate_files(
+    inputs: Sequence[str], output: str, config: Config, chosen: SimulationOptions, force: bool
+) -> Iterator[RenderableType]:
+    """Simulate files, and yield what to print; in the end raise an error with the faults of those that are invalid."""
+    physics, free = config.physics, chosen.free
+    check_start(physics, chosen.start(physics.balls), free)
+    steps = choose_steps(physics, free, chosen.method, chosen.substeps)
+    plan = plan_outputs(find_inputs(inputs), output, force)
+    sheets: list[Sheet] = []
+    faults: list[str] = []
+    with telling() as tell:
+        for number, (path, result) in enumerate(plan.items()):
+
+            def tell_share(what: str, share: float, number: int = number, path: Path = path) -> None:
+                tell(f"{what} {path.name}", number + share, len(plan))
+
+            try:
+                sheet, notes = simulate_file(path, result, config, steps, chosen, force, tell_share)
+            except ConfigError as fault:
+                faults.append(str(fault))
+                continue
+            sheets.append(sheet)
+            yield from (Text(f"{path}: {note}", style="yellow") for note in notes)
+    if sheets:
+        yield from (scene_in_words(physics, free), steps_in_words(steps, chosen), table_of(sheets))
+    if faults:
+        raise ConfigError("\n".join(faults))
 
 
 def simulate_file(
     path: Path, result: Path, config: Config, steps: Steps, chosen: SimulationOptions, force: bool, tell: Tell
 ) -> tuple[Sheet, list[str]]:
     """Simulate one file; return its summary, and warnings."""
-    began, physics, free = time.monotonic(), config.physics, chosen.ball == "free"
-    tell(0.0, "reading")
+    began, physics, free = time.monotonic(), config.physics, chosen.free
+    tell("reading", 0.0)
     hands = read_hands(path, chosen.gaps)
-    tell(0.0)
-    start = chosen.start(physics.balls)
+    start, progress = chosen.start(physics.balls), partial(tell, "simulating")
     try:
-        motion = simulate(hands, physics, start, free=free, hold=chosen.hold, dt=chosen.dt, steps=steps, progress=tell)
+        motion = simulate(
+            hands, physics, start, free=free, hold=chosen.hold, dt=chosen.dt, steps=steps, progress=progress
+        )
     except ConfigError as fault:
         raise ConfigError(f"{path}: {fault}") from None
     columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
@@ -83,7 +137,7 @@ def simulate_file(
         energies = energies_of(motion, hands, physics, free)
         columns.update(energies)
         sheet["energy"] = balance(energies)
-    tell(1.0, "writing")
+    tell("writing", 1.0)
     write_table(result, columns, provenance(path, config, chosen), force)
     notes = doubts(hands)
     if not is_stably_integrated(motion, physics, free):
