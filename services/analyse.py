@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import NewFolder, Overrides, Recordings, examples, text_of
+from netboard.services.options import Dask, NewFolder, Overrides, Recordings, Workers, examples, text_of
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings
@@ -56,10 +56,8 @@ def analyse(
             "--template", callback=_print_template, is_eager=True, help="Print all settings with comments, and stop."
         ),
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")] = None,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
-    ] = None,
+    workers: Workers = None,
+    dask: Dask = None,
     cache: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Cache folder; default: in ~/.cache (XDG_CACHE_HOME).")
     ] = None,

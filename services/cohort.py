@@ -5,16 +5,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.services.options import STUDY_HELP, ConfigFile, Overrides, examples, load
+from netboard.services.options import STUDY_HELP, ConfigFile, Dask, Overrides, Workers, examples, load
 
 app = typer.Typer()
 
 Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
 CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
-Workers = Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")]
-Dask = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
-]
 
 
 @app.command(

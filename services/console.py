@@ -4,15 +4,7 @@ import os
 
 import typer
 
-from netboard.services.options import (
-    ConfigFile,
-    Offscreen,
-    Overrides,
-    Screenshot,
-    ScreenshotDelay,
-    examples,
-    load,
-)
+from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, examples, load
 
 app = typer.Typer()
 

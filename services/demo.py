@@ -6,15 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import (
-    Blocks,
-    ConfigFile,
-    Dyad,
-    Overrides,
-    SessionOf,
-    examples,
-    load,
-)
+from netboard.services.options import Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples, load
 
 app = typer.Typer()
 

@@ -53,6 +53,10 @@ Blocks = Annotated[int | None, typer.Option(min=1, help="Run only the first bloc
 Trials = Annotated[int | None, typer.Option(min=1, help="Limit the trials per block (pilot runs).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording (.mcap).")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING", help="Recordings, or folders of recordings.")]
+Workers = Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")]
+Dask = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
+]
 NewFolder = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FOLDER", help="New folder; default: named after the first recording."),

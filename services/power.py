@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.cohort import CohortSeed, Dask, Studies, Workers
-from netboard.services.options import ConfigFile, Overrides, Study, examples, load
+from netboard.services.cohort import CohortSeed, Studies
+from netboard.services.options import ConfigFile, Dask, Overrides, Study, Workers, examples, load
 
 if TYPE_CHECKING:
     from netboard.analysis.cohort.planning import Answer

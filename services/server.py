@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import (
-    USED_FILE,
-    Blocks,
-    Dyad,
-    Insecure,
-    Overrides,
-    SessionOf,
-    Trials,
-    examples,
-    load,
-)
+from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples, load
 
 if TYPE_CHECKING:
     from netboard.nodes.server.attempts import Attempts

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import ConfigFile, Dyad, Json, Overrides, PlanSeed, Study, examples, load
+from netboard.services.options import Blocks, ConfigFile, Dyad, Json, Overrides, PlanSeed, Study, Trials, examples, load
 
 app = typer.Typer(
     name="session", help="Rehearse the sessions of a study with simulated participants.", no_args_is_help=True
@@ -26,8 +26,8 @@ def rehearse(
     config: ConfigFile = None,
     overrides: Overrides = None,
     fast: Annotated[bool, typer.Option("--fast/--real-time", help="Run as fast as possible, or in real time.")] = True,
-    blocks: Annotated[int | None, typer.Option(min=1, help="Rehearse only the first blocks.")] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="Limit the trials per block.")] = None,
+    blocks: Blocks = None,
+    trials: Trials = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Write a recording of each block there.")
     ] = None,
