@@ -3,7 +3,7 @@
 A command that moves a device says so first, and waits for a typed sentence or ``--yes``.
 """
 
-import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,9 +18,6 @@ app = typer.Typer(
 )
 
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
-TEXT_SECONDS = 0.1
-MONITOR_SECONDS = 0.005
-
 Replace = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 
 
@@ -102,35 +99,14 @@ def monitor(
 ) -> None:
     """Show position, velocity and buttons of a device live, in scene coordinates, without force."""
     settings = load(config, overrides)
-    from rich.console import Console
-    from rich.live import Live
+    from netboard.nodes.operator import device_commands as commands
 
-    from netboard.base import clock
-    from netboard.base.process import Stopping
-    from netboard.devices.contract import registry
-    from netboard.devices.setup.words import reading_table
+    if text:
+        commands.monitor(settings, side, seconds, commands.print_readings)
+    else:
+        from netboard.windows.monitor import run
 
-    with Stopping() as stopping, registry.make(side, settings) as device:
-        title = f"{device.info.model} {device.info.serial} ({side})"
-        until = None if seconds is None else clock.now_ns() + round(seconds * 1e9)
-
-        def over() -> bool:
-            return stopping() or (until is not None and clock.now_ns() >= until)
-
-        if not text:
-            from netboard.windows import monitor as window
-
-            window.run(lambda: device.read(clock.now_ns()), title, over, screenshot)
-            return
-        table = reading_table(title, device.read(clock.now_ns()))
-        with Live(table, console=Console(highlight=False), auto_refresh=False) as live:
-            shown = time.monotonic()
-            while not over():
-                reading = device.read(clock.now_ns())
-                if time.monotonic() - shown >= TEXT_SECONDS:
-                    shown = time.monotonic()
-                    live.update(reading_table(title, reading), refresh=True)
-                time.sleep(MONITOR_SECONDS)
+        commands.monitor(settings, side, seconds, partial(run, picture=screenshot))
 
 
 @app.command(

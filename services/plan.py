@@ -26,9 +26,6 @@ app = typer.Typer(
 MOST = 6
 """Number of problems that are shown."""
 
-WHERE = {"between": "between dyads", "trial": "within blocks"}
-"""Where a factor varies, by its order, if not between blocks."""
-
 
 @app.command(
     epilog=examples(
@@ -101,8 +98,7 @@ def check_study(config: "Config", study: "StudyData", name: str, seed: int, dyad
 
     from netboard.task.plans.balance import balance_of
     from netboard.task.plans.plan import plan_of
-    from netboard.task.plans.tables import by_role, misfits
-    from netboard.task.studies.factors import declared, level_text
+    from netboard.task.plans.tables import misfits, valid_in_words
 
     plans = [plan_of(study, seed, number) for number in range(1, dyads + 1)]
     balance = balance_of(study, plans)
@@ -111,15 +107,8 @@ def check_study(config: "Config", study: "StudyData", name: str, seed: int, dyad
     if problems:
         print_table(console, balance.tables[0])
     else:
-        sessions = len(plans[0].sessions)
-        size = f"{sessions} session{'s' * (sessions > 1)}, {', '.join(by_role(plans[0].blocks))}"
-        console.print(f"{name}: valid ({size}; equal trial counts in dyads 1 to {dyads})")
-        for label, factor in study.factors.items():
-            found = declared(factor)
-            levels = ", ".join(level_text(found, level) for level in found.levels)
-            console.print(f"  factor {label}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}")
-        for uneven in balance.uneven:
-            console.print(f"  uneven over {dyads} dyads: {uneven}")
+        for line in valid_in_words(name, study, plans, balance):
+            console.print(line)
     refuse(problems)
 
 

@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.live import Live
 
+from netboard.base import clock
 from netboard.base.bars import progress_bars
 from netboard.base.config import Config, Side
 from netboard.base.errors import ConfigError, NetboardError
-from netboard.base.process import Priority, cpus_for, prepare, steady_loop
+from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
 from netboard.devices.contract import profile, registry
-from netboard.devices.contract.device import Device
+from netboard.devices.contract.device import Device, Reading
 from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
 from netboard.devices.setup import calibration, checkup, excitation, listing, usb, words
 from netboard.devices.setup.identification import Identified
@@ -36,7 +38,16 @@ HOLD = 1.0
 SETTLE = 5.0
 """Time to move to the next position when nobody is asked [s]."""
 
+TEXT_SECONDS = 0.1
+"""Interval between two printed readings [s]."""
+
+MONITOR_SECONDS = 0.005
+"""Interval between two readings of a device that is printed [s]."""
+
 Ask = Callable[[str], str]
+
+Show = Callable[[Callable[[], Reading], str, Callable[[], bool]], object]
+"""Shows the readings of a device under a title until it is over."""
 
 
 def show_list(config: Config, *, as_json: bool, root: Path = usb.ROOT) -> int:
@@ -116,6 +127,29 @@ def mechanics_of(found: Identified, chirp: excitation.Chirp) -> Mechanics:
     """Return the mechanics for a profile."""
     how = f"{now_in_words()}, by a chirp of {chirp.seconds:g} s; misfit {found.misfit * 1e6:.0f} um"
     return Mechanics(*found.mass, *found.damping, *found.friction, identified=how)
+
+
+def monitor(config: Config, side: Side, seconds: float | None, show: Show) -> None:
+    """Show a device's readings until the duration is over [s] or the process is asked to end."""
+    with Stopping() as stopping, registry.make(side, config) as device:
+        until = None if seconds is None else clock.now_ns() + round(seconds * 1e9)
+        show(
+            lambda: device.read(clock.now_ns()),
+            f"{device.info.model} {device.info.serial} ({side})",
+            lambda: stopping() or (until is not None and clock.now_ns() >= until),
+        )
+
+
+def print_readings(read: Callable[[], Reading], title: str, over: Callable[[], bool]) -> None:
+    """Print the newest reading in place until it is over."""
+    with Live(words.reading_table(title, read()), console=console, auto_refresh=False) as live:
+        shown = time.monotonic()
+        while not over():
+            reading = read()
+            if time.monotonic() - shown >= TEXT_SECONDS:
+                shown = time.monotonic()
+                live.update(words.reading_table(title, reading), refresh=True)
+            time.sleep(MONITOR_SECONDS)
 
 
 def calibrate(

@@ -6,9 +6,13 @@ from collections.abc import Iterator, Sequence
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.settings import tables
-from netboard.task.plans.balance import Table
+from netboard.task.plans.balance import Balance, Table
 from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, seated
+from netboard.task.studies.factors import declared, level_text
 from netboard.task.studies.study import Study
+
+WHERE = {"between": "between dyads", "trial": "within blocks"}
+"""Where a factor varies, by its order, if not between blocks."""
 
 
 def blocks_table(study: Study, session: PlanSession) -> Table:
@@ -56,7 +60,19 @@ def _within(block: PlanBlock, factor: str) -> str:
     return ", ".join(f"{count} {level}" for level, count in sorted(found.items()))
 
 
-def by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
+def valid_in_words(name: str, study: Study, plans: Sequence[Plan], balance: Balance) -> Iterator[str]:
+    """Describe a valid study: its size, its factors, and what is uneven over these dyads."""
+    sessions = len(plans[0].sessions)
+    size = f"{sessions} session{'s' * (sessions > 1)}, {', '.join(_by_role(plans[0].blocks))}"
+    yield f"{name}: valid ({size}; equal trial counts in dyads 1 to {len(plans)})"
+    for label, factor in study.factors.items():
+        found = declared(factor)
+        levels = ", ".join(level_text(found, level) for level in found.levels)
+        yield f"  factor {label}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}"
+    yield from (f"  uneven over {len(plans)} dyads: {uneven}" for uneven in balance.uneven)
+
+
+def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
     """Count blocks and trials of each role, tests first."""
     for role in sorted({block.role for block in blocks}, key=lambda role: (role != "test", role)):
         own = [block for block in blocks if block.role == role]
