@@ -75,10 +75,8 @@ def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
             revoked = f"{peer.revoked:%Y-%m-%dT%H:%MZ}" if peer.revoked else ""
             table.add_row(peer.name, keys.fingerprint(peer.public), f"{peer.created:%Y-%m-%dT%H:%MZ}", revoked)
         console.print(table)
-    table = FittedTable("file", "fingerprint", "belongs to server", title=f"Secret keys in {folder}")
-    for row in keys.key_files(folder):
-        table.add_row(*row)
-    console.print(table)
+    columns, rows = ("file", "fingerprint", "belongs to server"), keys.key_files(folder)
+    console.print(FittedTable(*columns, rows=rows, title=f"Secret keys in {folder}"))
 
 
 @app.command(epilog=examples("netboard keys revoke agent.left", "netboard keys revoke display.right-2"))

@@ -11,7 +11,6 @@ from netboard.services.cohort import CohortSeed, Studies
 from netboard.services.options import ConfigFile, Dask, Overrides, Study, Workers, examples, load
 
 if TYPE_CHECKING:
-    from netboard.analysis.cohort.planning import Answer
     from netboard.base.terminal import FittedTable
 
 app = typer.Typer()
@@ -58,6 +57,8 @@ def power(
     Needs additional libraries: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
     """
     settings = load(config, overrides)
+    from rich.console import Console
+
     from netboard.analysis.cohort.planning import Request, answer
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
@@ -76,7 +77,11 @@ def power(
     )
     with telling() as tell:
         found = answer(asked, output, cohort, workers=workers or cores(), dask=dask, progress=tell)
-    show(found, output)
+    console = Console(highlight=False, soft_wrap=True)
+    for part in found.parts[:2]:  # the others are in power.json
+        console.print(table_of(part))
+    console.print(found.sentence, markup=False)
+    console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt", markup=False)
 
 
 def numbers(option: str, text: str, least: int) -> tuple[int, ...]:
@@ -85,17 +90,6 @@ def numbers(option: str, text: str, least: int) -> tuple[int, ...]:
     if not all(word.isdecimal() and int(word) >= least for word in words):
         raise ConfigError(f"{option}: found {text}, expected whole numbers from {least}, with commas")
     return tuple(sorted({int(word) for word in words}))
-
-
-def show(found: "Answer", output: Path) -> None:
-    """Print the powers, the assumptions and a sentence."""
-    from rich.console import Console
-
-    console = Console(highlight=False, soft_wrap=True)
-    for part in found.parts[:2]:  # the others are in power.json
-        console.print(table_of(part))
-    console.print(found.sentence, markup=False)
-    console.print(f"{output}: power.csv, power.json, power.png, power.svg, methods.txt", markup=False)
 
 
 def table_of(part: "Mapping[str, Any]") -> "FittedTable":

@@ -203,12 +203,6 @@ def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
 def table_of(sheets: Sequence[Sheet]) -> FittedTable:
     """Show one sheet from top to bottom; for several, a row each with what may be unusual about one."""
     if len(sheets) == 1:
-        table = FittedTable("", "", header=False)
-        for name, value in sheets[0].items():
-            table.add_row(name, value)
-        return table
+        return FittedTable("", "", rows=sheets[0].items(), header=False)
     names = [name for name in sheets[0] if name in ("input", "samples", "lasts", "theta [rad]", "p [m]", "took")]
-    table = FittedTable(*names)
-    for sheet in sheets:
-        table.add_row(*(sheet[name] for name in names))
-    return table
+    return FittedTable(*names, rows=[[sheet[name] for name in names] for sheet in sheets])
