@@ -92,7 +92,6 @@ WITHOUT = {
     ("performance.window_sizes", "disturbance"): NO_SAMPLES,
     ("ellipses.groups_of", "disturbance"): "takes trial numbers, no samples",
     ("task.falls", "disturbance"): "takes outcomes, no samples",
-    ("passive.passive_ratio", "disturbance"): NO_SAMPLES,
     ("effect_sizes.hedges_factor", "disturbance"): NO_SAMPLES,
     ("effect_sizes.hedges_factor", "properties"): "takes one integer",
 }

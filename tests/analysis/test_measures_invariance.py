@@ -25,7 +25,6 @@ from netboard.analysis.measures.passive import (
     linear_partner,
     passive_control,
     passive_partner,
-    passive_ratio,
 )
 from netboard.analysis.measures.peaks import velocity_peaks
 from netboard.analysis.measures.performance import (
@@ -476,15 +475,6 @@ def test_chance_level_is_invariant_to_order_of_dyads_and_unit(seed: int, unit: f
     assert_close([other.value, other.level, other.excess], unit * np.array([found.value, found.level, found.excess]))
     assert_close(np.sort(other.surrogates), unit * np.sort(found.surrogates))
     assert other.p == found.p
-
-
-@pytest.mark.evidence("properties", passive_ratio, of=("unit", "balance"))
-@given(st.floats(20, 400), units)
-def test_passive_ratio_balances_the_forces_at_rest(stiffness: float, unit: float) -> None:
-    found = passive_ratio(PassiveHand(stiffness=stiffness), LEFT)
-    scaled = Gains(*(unit * gain for gain in LEFT))
-    assert passive_ratio(PassiveHand(stiffness=unit * stiffness), scaled) == pytest.approx(found)
-    assert found * (stiffness + LEFT.own) + LEFT.partner == pytest.approx(0.0, abs=1e-9), "a force remains at rest"
 
 
 @pytest.mark.evidence("properties", driven, of=("time", "mirror", "unit", "constant", "rate"))

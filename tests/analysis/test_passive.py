@@ -16,7 +16,6 @@ from netboard.analysis.measures.passive import (
     linear_partner,
     passive_control,
     passive_partner,
-    passive_ratio,
 )
 from netboard.analysis.statistics.estimates import bootstrap, ratio_of_sums
 from netboard.base.tables.scene import Physics
@@ -43,16 +42,16 @@ def cooperative(left: np.ndarray, right: np.ndarray) -> float:
     return float(np.mean((np.abs(a) >= 0.003) & (np.abs(b) >= 0.003) & (a * b < 0.0)))
 
 
-@pytest.mark.evidence("truth", passive_ratio, passive_partner)
+@pytest.mark.evidence("truth", passive_partner)
 @pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
 def test_passive_hand_moves_by_the_known_ratio_of_its_partner(stiffness: float, millimetres: float) -> None:
     hand = PassiveHand(stiffness=stiffness)
     for gains in (LEFT, RIGHT):
         assert gains.partner == pytest.approx(25.93, abs=0.01)
-        assert 10.0 * passive_ratio(hand, gains) == pytest.approx(millimetres, abs=0.05)
-    moved = passive_partner(steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400), RATE, hand, LEFT)
-    assert moved[-1] == pytest.approx(0.01 * passive_ratio(hand, LEFT), rel=1e-3)
-    assert moved[0] == 0.0
+        moved = passive_partner(steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400), RATE, hand, gains)
+        assert moved[0] == 0.0
+        assert moved[-1] == pytest.approx(-0.01 * gains.partner / (stiffness + gains.own), rel=1e-3)
+        assert 1000.0 * moved[-1] == pytest.approx(millimetres, abs=0.05)
 
 
 @pytest.mark.evidence("truth", driven)

@@ -129,21 +129,6 @@ class PassiveControl:
     unit: str
 
 
-def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
-    """Return the static displacement of a passive hand per metre of the partner's; negative: opposite ways [1].
-
-    It is ``-partner / (stiffness + own)``: with the paper's 25.93 N/m, -0.341, -0.147 and -0.080 for hands of 50, 150
-    and 300 N/m.
-
-    Parameters
-    ----------
-    hand : PassiveHand
-    gains : Gains
-        Gains of its side.
-    """
-    return -gains.partner / (hand.stiffness + gains.own)
-
-
 def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
     """Return a passive hand's response to a force: ``m z'' + b z' + k z + friction = F - F(0)``.
 

@@ -136,9 +136,9 @@ def without_cut(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
     return np.split(trace, np.searchsorted(trace["time_ns"], times).tolist())
 
 
-def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> NDArray[np.int64]:
-    """Return the stalls of a loop that exceed a duration."""
-    rows = np.flatnonzero(np.diff(times_ns) > longer_ns)
+def pauses_between(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the stalls of a loop that exceed `HELD_UP_NS`."""
+    rows = np.flatnonzero(np.diff(times_ns) > HELD_UP_NS)
     return np.stack([times_ns[rows], times_ns[rows + 1]], axis=1)
 
 

@@ -80,16 +80,16 @@ def _all_of(row: Row) -> tuple[Value, ...]:
     return who + row.errors + costs + counts
 
 
-def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
+def steps_part(rows: Iterable[Row]) -> Part:
     """List netboard's methods with steps of one tick."""
     return Part(
         "steps",
-        f"Netboard's methods with steps of {setting}",
+        "Netboard's methods with steps of 1 ms",
         ("problem", "method", "ns per step", "E [1]", *_ERRORS),
         [
             (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
             for row in rows
-            if row.library == OURS and row.setting == setting
+            if row.library == OURS and row.setting == "1 ms"
         ],
     )
 

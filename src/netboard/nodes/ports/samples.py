@@ -91,7 +91,6 @@ _FROM = np.array([_AT[name] for name in _COPIED.values()])
 _TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
 _LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
 _RENDERED = np.array([_ROW[f"{side}_rendered"] for side in SIDES])
-_ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
 _ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
 _HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))

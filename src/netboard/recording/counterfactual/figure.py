@@ -21,7 +21,6 @@ from netboard.recording.counterfactual.what_if import (
 from netboard.task.trials.state_machine import BALL_FREE
 
 _RECORDED, _COMPUTED, _OTHERS = "#0072B2", "#D55E00", "0.75"
-_SIDES = {-1: "left", 1: "right"}
 
 
 def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None) -> Any:

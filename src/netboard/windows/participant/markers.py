@@ -25,9 +25,6 @@ CODES = {
 }
 """Byte of each event: a phase that begins, or a screen that goes blank because no view arrives."""
 
-SPEED = 115_200
-"""Speed of the serial port, with 8 data bits, no parity, one stop bit [baud]."""
-
 
 class Markers(Protocol):
     """An outlet for markers."""
@@ -91,7 +88,7 @@ class SerialMarkers:
                 f"[display] markers: found {port!r}, expected none, lsl or a serial port ({error.strerror})"
             ) from None
         try:
-            tty.setraw(self._file)
+            tty.setraw(self._file)  # with B115200: 115200 baud, 8 data bits, no parity, one stop bit
             settings = termios.tcgetattr(self._file)
             settings[2] |= termios.CLOCAL
             settings[4] = settings[5] = termios.B115200
