@@ -12,8 +12,17 @@ moments : Moments
     Moments of a mixed model, for small-sample inference.
 contrast : ndarray of float64, shape (k,)
     Linear combination of the coefficients [1].
+dyads, performers : array_like, shape (n,)
+    Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
+factors : sequence of Factor
+    Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+order : array_like, shape (n,)
+    Position of each trial in its condition, from 1 [1].
 level : float
     Confidence level [1].
+interval : {"t", "z"}
+    Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
+    intervals are too short for few dyads.
 unit : str
     Name of the unit of replication.
 rng : numpy.random.Generator

@@ -246,8 +246,6 @@ def effects_of(
         Coefficient of each name [log of the response].
     covariance : ndarray of float64, shape (k, k)
         Covariance of the coefficients; NaN if unknown [square of the log of the response].
-    interval : {"t", "z"}
-        Student's t with `careful_freedom`, or the normal distribution.
     moments : Moments or None
         Moments of a mixed model; they add Satterthwaite's and Kenward and Roger's inference.
     """

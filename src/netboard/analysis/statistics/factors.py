@@ -232,12 +232,8 @@ def design_of(
     ----------
     values : array_like, shape (n,)
         Response; trials with NaN are ignored [its own].
-    dyads, performers : array_like, shape (n,)
-        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
     factors : sequence of Factor
         Fixed factors. The model has their main effects and all two-way interactions.
-    order : array_like, shape (n,)
-        Position of each trial in its condition, from 1 [1].
 
     Raises
     ------

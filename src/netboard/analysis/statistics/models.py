@@ -72,20 +72,9 @@ def log_time_model(
     ----------
     times : array_like, shape (n,)
         Completion times of trials; NaN are ignored [s].
-    dyads, performers : array_like, shape (n,)
-        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
-    factors : sequence of Factor
-        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
-    order : array_like, shape (n,)
-        Position of each trial in its condition, from 1 [1].
     slopes : {"none", "dyad", "performer"}
         Random slopes: none, by dyad, or by dyad and performer, of each factor that varies within performers. Without
         them the confidence interval of an effect that differs between dyads is too short.
-    level : float
-        Confidence level [1].
-    interval : {"t", "z"}
-        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
-        intervals are too short for few dyads.
 
     Raises
     ------
@@ -127,19 +116,8 @@ def count_model(
     ----------
     counts : array_like, shape (n,)
         Integers from 0 to `MOST`; NaN are ignored [1].
-    dyads, performers : array_like, shape (n,)
-        Dyad and performer labels of each trial, of any type. The performer is a participant, or the dyad as one.
-    factors : sequence of Factor
-        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
-    order : array_like, shape (n,)
-        Position of each trial in its condition, from 1 [1].
     family : {"poisson", "negative_binomial"}
         Variance of a count: its mean m, or m + alpha m^2, with alpha estimated from the residuals of the Poisson fit.
-    level : float
-        Confidence level [1].
-    interval : {"t", "z"}
-        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
-        intervals are too short for few dyads.
 
     Returns
     -------
@@ -187,17 +165,6 @@ def share_model(
     ----------
     failed : array_like, shape (n,)
         1 for a failed attempt, 0 otherwise; NaN are ignored [1].
-    dyads, performers : array_like, shape (n,)
-        Dyad and performer labels of each attempt, of any type. The performer is a participant, or the dyad as one.
-    factors : sequence of Factor
-        Fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
-    order : array_like, shape (n,)
-        Position of each trial in its condition, from 1 [1].
-    level : float
-        Confidence level [1].
-    interval : {"t", "z"}
-        Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
-        intervals are too short for few dyads.
 
     Raises
     ------
