@@ -7,19 +7,31 @@ existing files are never overwritten, and a failed export leaves nothing behind.
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, TypeVar
 
 from netboard.base.errors import ConfigError, RecordingError
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: current step, amount done and total [1]."""
+
+Ticks = TypeVar("Ticks", bound=Any)  # arrays or columns; no array type, as commands import this module without numpy
+
+
+def reporting(portions: Iterable[Ticks], name: str, total: int, progress: Progress) -> Iterator[Ticks]:
+    """Pass on the ticks of a recording, and report after each portion how many are done."""
+    done = 0
+    progress(name, done, total)
+    for rows in portions:
+        yield rows
+        done += len(rows["tick"])
+        progress(name, done, total)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tick import TICK_NS
 from netboard.network.protocol.records import kind_of_peer
-from netboard.recording.export.formats import Progress
+from netboard.recording.export.formats import Progress, reporting
 from netboard.recording.export.task import HAPPENED
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import Attempt, attempts_along
@@ -81,13 +81,8 @@ class Survey:
         return datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(self._utc_ns / 1000))
 
     def portions(self, recording: Recording, progress: Progress) -> Iterator[NDArray[Any]]:
-        """Yield the ticks again and report progress."""
-        done = 0
-        progress(recording.path.stem, done, self.ticks)
-        for rows in recording.batches(PORTION):
-            yield rows
-            done += rows.size
-            progress(recording.path.stem, done, self.ticks)
+        """Return the ticks again in portions that report progress."""
+        return reporting(recording.batches(PORTION), recording.path.stem, self.ticks, progress)
 
     def seconds(self, tick: int) -> float:
         """Return the time of a tick after the first one, as the nearest float [s]."""

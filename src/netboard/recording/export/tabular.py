@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
-from netboard.recording.export.formats import Progress, library
+from netboard.recording.export.formats import Progress, library, reporting
 from netboard.recording.export.tables import MISSING, TICKS, Rows, Subject, Table, small_tables
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import Field
@@ -86,13 +86,8 @@ def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
 
 
 def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
-    """Yield the ticks of a recording in batches and report progress."""
-    done = 0
-    progress(subject.name, done, subject.ticks)
-    for rows in TICKS.portions(subject):
-        yield rows
-        done += len(rows["tick"])
-        progress(subject.name, done, subject.ticks)
+    """Return the ticks of a recording in batches that report progress."""
+    return reporting(TICKS.portions(subject), subject.name, subject.ticks, progress)
 
 
 def write_sheets(

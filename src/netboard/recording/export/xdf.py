@@ -9,9 +9,8 @@ https://github.com/sccn/xdf/wiki/Specifications
 import struct
 import uuid
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.base.config import parse
 from netboard.network.protocol.records import EventRecord
 from netboard.recording.export.factors import design_note
+from netboard.recording.export.formats import Progress, reporting
 from netboard.recording.export.lsl_streams import (
     COLUMNS,
     EVENTS,
@@ -142,7 +142,7 @@ class _Writer:
         self._file.write(_length(len(head) + len(content)) + head + content)
 
 
-def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int, int], None]) -> None:
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     """Write recordings as XDF files.
 
     Parameters
@@ -154,15 +154,16 @@ def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int
     """
     for path in recordings:
         with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:
-            _write_one(recording, file, partial(progress, path.name))
+            _write_one(recording, file, progress)
 
 
-def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, int], None]) -> None:
+def _write_one(recording: Recording, file: BinaryIO, progress: Progress) -> None:
     """Write the ticks and events of a recording in order, with the chunks that a recorder adds in between."""
     writer = _Writer(file, recording)
     events = recording.events()
-    total, done, told = recording.counts["/ticks"], 0, 0
-    for place, ticks in enumerate(recording.batches(PORTION)):
+    portions = reporting(recording.batches(PORTION), recording.path.name, recording.counts["/ticks"], progress)
+    told = 0
+    for place, ticks in enumerate(portions):
         if place == 0:
             writer.clock_offset(float(seconds(ticks["time_ns"][0])))
         writer.ticks(ticks)
@@ -173,8 +174,6 @@ def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, in
         writer.clock_offset(float(seconds(ticks["time_ns"][-1])))
         if place % BOUNDARY_PORTIONS == BOUNDARY_PORTIONS - 1:
             writer.boundary()
-        done += len(ticks)
-        progress(done, total)
     writer.events(events[told:])
     writer.boundary()
     writer.footers()
