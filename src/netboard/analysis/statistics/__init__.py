@@ -20,9 +20,9 @@ order : array_like, shape (n,)
     Position of each trial in its condition, from 1 [1].
 level : float
     Confidence level [1].
-interval : {"t", "z"}
-    Student's t with the between-dyad degrees of freedom (`careful_freedom`), or the normal distribution, whose
-    intervals are too short for few dyads.
+interval : Interval
+    ``t``: Student's t with the between-dyad degrees of freedom (`careful_freedom`). ``z``: the normal distribution,
+    whose intervals are too short for few dyads.
 unit : str
     Name of the unit of replication.
 rng : numpy.random.Generator
