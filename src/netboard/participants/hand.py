@@ -8,7 +8,8 @@ point along an unexpected force, and stiffen the arm where the hand misses its a
 
 Rule 1: `Hand.advance` takes the number of steps as argument; there is no clock.
 Rule 2: friction is solved implicitly, so a hand held by friction is exactly at rest and does not creep.
-Rule 3: this module knows nothing of perception; see `netboard.participants.senses`.
+Rule 3: the axes x, y, z are integrated together as lanes of a vector register, a step at a time.
+Rule 4: this module knows nothing of perception; see `netboard.participants.senses`.
 """
 
 from collections.abc import Iterable
@@ -23,6 +24,7 @@ from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
+from netboard.physics.arithmetic.simd import clipped, gathered, kept_where_equal, lane
 
 STEP_NS = 250_000
 """Length of an integration step [ns]."""
@@ -159,13 +161,13 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 
 
 @inlined
-def _advanced(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
-    """Advance one axis by one step: implicit friction and damping (Moreau's time stepping), then the stop."""
-    v += arm["per_force"] * force
-    v = arm["damping_factor"] * (v - min(max(v, -arm["friction_step"]), arm["friction_step"]))
-    there = x + STEP * v
-    x = min(max(there, -arm["stop"]), arm["stop"])
-    return x, v if x == there else 0.0
+def _advanced(place: Any, v: Any, force: Any, arm: Any) -> tuple[Any, Any]:
+    """Advance all axes by one step: implicit friction and damping (Moreau's time stepping), then the stops."""
+    v = v + arm["per_force"] * force
+    v = arm["damping_factor"] * (v - clipped(v, arm["friction_step"]))
+    there = place + STEP * v
+    place = clipped(there, arm["stop"])
+    return place, kept_where_equal(v, there, place)
 
 
 @inlined
@@ -253,15 +255,19 @@ def _lateral_rest(s: Any) -> float:
 def integrate(s: Any, arm: Any, fx: float, fy: float, fz: float, steps: int) -> None:
     """Advance a hand between two updates, under a constant motor force."""
     stiffness = s["stiffness"]
-    push_x = stiffness * _lateral_rest(s) + s["noise_x"] + fx
-    push_y = stiffness * s["rest_y"] + s["noise_y"] + fy
-    push_z = stiffness * s["equilibrium"] + s["compensation"] + s["noise_z"] + fz
-    x, y, z, vx, vy, vz = s["x"], s["y"], s["z"], s["vx"], s["vy"], s["vz"]
+    push = gathered(
+        (
+            stiffness * _lateral_rest(s) + s["noise_x"] + fx,
+            stiffness * s["rest_y"] + s["noise_y"] + fy,
+            stiffness * s["equilibrium"] + s["compensation"] + s["noise_z"] + fz,
+        ),
+        4,
+    )
+    place, v = gathered((s["x"], s["y"], s["z"]), 4), gathered((s["vx"], s["vy"], s["vz"]), 4)
     for _ in range(steps):
-        x, vx = _advanced(x, vx, push_x - stiffness * x, arm)
-        y, vy = _advanced(y, vy, push_y - stiffness * y, arm)
-        z, vz = _advanced(z, vz, push_z - stiffness * z, arm)
-    s["x"], s["y"], s["z"], s["vx"], s["vy"], s["vz"] = x, y, z, vx, vy, vz
+        place, v = _advanced(place, v, push - stiffness * place, arm)
+    s["x"], s["y"], s["z"] = lane(place, 0), lane(place, 1), lane(place, 2)
+    s["vx"], s["vy"], s["vz"] = lane(v, 0), lane(v, 1), lane(v, 2)
     s["steps"] += steps
 
 

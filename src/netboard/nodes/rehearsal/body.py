@@ -17,7 +17,7 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.base.errors import ConfigError
 from netboard.base.tables.simulated import Participant
 from netboard.base.tick import TICK, TICK_NS
-from netboard.devices.contract.velocity import SAMPLES, SLACK, taken
+from netboard.devices.contract.velocity import AXES, SAMPLES, SLACK, taken
 from netboard.devices.safety.fixture import fixture_force
 from netboard.devices.simulated.virtual import encoder_position, within
 from netboard.network.protocol.motion import Safeguard
@@ -93,7 +93,7 @@ BODY = np.dtype(
         ("submovements", "<f8", (CAPACITY, 3)),  # start, duration and displacement of each submovement [s, s, m]
         ("device", _DEVICE),
         ("stamps", "<i8", (SAMPLES,)),  # times of the newest positions [ns]
-        ("places", "<f8", (3, SAMPLES)),  # the positions [m]
+        ("places", "<f8", (SAMPLES, AXES)),  # the positions [m]
     ]
 )
 """A hand on its device, as one record, because kernels count references to arrays, which takes longer than a step."""

@@ -211,6 +211,46 @@ def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
     return types.boolean(lanes, types.float64), write
 
 
+def _clipping(typing: Any, lanes: Any, bound: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        high = _spread_value(builder, args[1], lanes.count)
+        low = _spread_value(builder, builder.fneg(args[1]), lanes.count)
+        # Compared as Python's max and min compare, so that zeros keep their signs.
+        raised = builder.select(builder.fcmp_ordered(">", low, args[0]), low, args[0])
+        return builder.select(builder.fcmp_ordered("<", high, raised), high, raised)
+
+    return lanes(lanes, types.float64), write
+
+
+def _choosing(comparison: str) -> Callable[..., Any]:
+    """Generate the choice of one of two lanes by a comparison, as Python's max and min choose."""
+
+    def choose(typing: Any, one: Any, other: Any) -> Any:
+        def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            return builder.select(builder.fcmp_ordered(comparison, args[1], args[0]), args[1], args[0])
+
+        return one(one, other), write
+
+    return choose
+
+
+def _sorting(typing: Any, lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value, low, high, inside, outside = args
+        fits = builder.and_(builder.fcmp_ordered(">=", value, low), builder.fcmp_ordered("<=", value, high))
+        return builder.select(fits, inside, outside)
+
+    return lanes(*[lanes] * 5), write
+
+
+def _keeping(typing: Any, lanes: Any, one: Any, other: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        zero = ir.Constant(args[0].type, [0.0] * lanes.count)
+        return builder.select(builder.fcmp_ordered("==", args[1], args[2]), args[0], zero)
+
+    return lanes(lanes, lanes, lanes), write
+
+
 def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> Any:
     n = count.literal_value
 
@@ -329,6 +369,68 @@ def within(lanes: Any, bound: float) -> bool:
     return bool((np.abs(lanes) <= bound).all())
 
 
+def clipped(lanes: Any, bound: float) -> Any:
+    """Return lanes limited to a magnitude: ``min(max(lane, -bound), bound)``.
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    bound : float
+        The largest magnitude, in the unit of the lanes [1].
+    """
+    raised = np.where(-bound > lanes, -bound, lanes)
+    return np.where(bound < raised, bound, raised)
+
+
+def larger(one: Any, other: Any) -> Any:
+    """Return the larger of two in each lane, as ``max(one, other)`` does.
+
+    Parameters
+    ----------
+    one, other : lanes
+        Some numbers.
+    """
+    return np.where(other > one, other, one)
+
+
+def smaller(one: Any, other: Any) -> Any:
+    """Return the smaller of two in each lane, as ``min(one, other)`` does.
+
+    Parameters
+    ----------
+    one, other : lanes
+        Some numbers.
+    """
+    return np.where(other < one, other, one)
+
+
+def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+    """Return one of two in each lane: the first where a number lies between two bounds, the second elsewhere.
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    low, high : lanes
+        The bounds of each, which are inside, in the unit of the lanes.
+    inside, outside : lanes
+        What to return.
+    """
+    return np.where((lanes >= low) & (lanes <= high), inside, outside)
+
+
+def kept_where_equal(lanes: Any, one: Any, other: Any) -> Any:
+    """Return lanes, and 0 in place of those for which two others differ.
+
+    Parameters
+    ----------
+    lanes, one, other : lanes
+        Some numbers.
+    """
+    return np.where(one == other, lanes, 0.0)
+
+
 def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     """Return the product of a matrix and lanes.
 
@@ -369,6 +471,11 @@ for _plain, _writer in (
     (spread, _spreading),
     (gathered, _gathering),
     (within, _bounding),
+    (clipped, _clipping),
+    (kept_where_equal, _keeping),
+    (larger, _choosing(">")),
+    (smaller, _choosing("<")),
+    (where_within, _sorting),
     (applied, _applying),
 ):
     _is(_plain, intrinsic(prefer_literal=True)(_writer))
