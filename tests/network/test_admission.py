@@ -1,4 +1,4 @@
-"""Which peers are admitted."""
+"""Admission of peers: names of admitted peers, reasons for refusal."""
 
 import dataclasses
 
@@ -22,12 +22,12 @@ HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})
         ("console", "", "console"),
     ],
 )
-def test_peers_are_named(role: str, side: str, name: str) -> None:
+def test_admitted_peer_is_named_by_role_and_side(role: str, side: str, name: str) -> None:
     assert admit(dataclasses.replace(HELLO, role=role, side=side)) == name
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "reason"),
     [
         (
             {"protocol": PROTOCOL_VERSION + 1},
@@ -38,6 +38,6 @@ def test_peers_are_named(role: str, side: str, name: str) -> None:
         ({"role": "logger"}, "logger with side 'left': expected no side"),
     ],
 )
-def test_who_is_not_admitted_is_told_why(change: dict[str, str | int], says: str) -> None:
-    with pytest.raises(WireError, match=f"^{says}$"):
+def test_refused_peer_gets_the_reason(change: dict[str, str | int], reason: str) -> None:
+    with pytest.raises(WireError, match=f"^{reason}$"):
         admit(dataclasses.replace(HELLO, **change))  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ peers = st.builds(PeerClock, st.integers(-(10**15), 10**15), st.floats(-100, 100
 routes = st.builds(Route, st.integers(1000, 20 * MS), st.integers(1000, 20 * MS), st.integers(0, MS), st.floats(0, 0.2))
 
 
-def test_before_the_first_probe_nothing_is_known() -> None:
+def test_estimate_is_unknown_before_the_first_probe() -> None:
     clock = ClockEstimator()
     assert not clock.known
     assert (clock.offset_ns, clock.bound_ns, clock.round_trip_ns) == (0, NEVER_NS, NEVER_NS)
@@ -25,7 +25,7 @@ def test_before_the_first_probe_nothing_is_known() -> None:
     assert clock.drift_bound_ppm == math.inf
 
 
-def test_a_symmetric_link_gives_the_exact_offset() -> None:
+def test_symmetric_link_gives_the_exact_offset() -> None:
     clock = ClockEstimator()
     assert clock.add(1000, 5300, 5400, 1700)  # 300 there, 100 held, 300 back, offset 4000
     assert clock.known
@@ -34,7 +34,7 @@ def test_a_symmetric_link_gives_the_exact_offset() -> None:
     assert clock.bound_ns == 300 + 2  # half of 600, and 2 for the ageing of t0 and the rounding
 
 
-def test_the_bound_grows_with_age() -> None:
+def test_bound_grows_with_the_age_of_the_probe() -> None:
     clock = ClockEstimator()
     clock.add(0, 300, 300, 600)
     before = clock.bound_ns
@@ -42,12 +42,12 @@ def test_the_bound_grows_with_age() -> None:
     assert clock.offset_ns == 0
     assert abs(clock.bound_ns - before - 100_200) <= 1  # 100 parts per million of 1.002 s
     assert clock.round_trip_ns == 600
-    clock.add(5 * SECOND, 5 * SECOND + MS, 5 * SECOND + MS, 5 * SECOND + 2 * MS)  # when the first is forgotten
+    clock.add(5 * SECOND, 5 * SECOND + MS, 5 * SECOND + MS, 5 * SECOND + 2 * MS)  # when the first has expired
     assert clock.round_trip_ns == 2 * MS
     assert abs(clock.bound_ns - MS - 100) <= 2
 
 
-def test_the_tightest_limits_need_not_be_of_one_probe() -> None:
+def test_upper_and_lower_limits_may_come_from_different_probes() -> None:
     clock = ClockEstimator()
     clock.add(0, 100, 100, 5100)  # fast there, slow back
     clock.add(10_000, 15_000, 15_000, 15_100)  # slow there, fast back
@@ -56,7 +56,7 @@ def test_the_tightest_limits_need_not_be_of_one_probe() -> None:
     assert clock.round_trip_ns == 5100
 
 
-def test_the_same_clock_reads_nearly_zero() -> None:
+def test_offset_is_near_zero_on_the_same_host() -> None:
     clock = ClockEstimator()
     for exchange in motion(PeerClock(), SAME_HOST, random.Random(1), 2000):
         clock.add(*exchange.stamps)
@@ -66,18 +66,18 @@ def test_the_same_clock_reads_nearly_zero() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(peers, routes, st.integers(0, 2**32))
-def test_the_best_limits_of_the_window_are_used(peer: PeerClock, route: Route, seed: int) -> None:
-    """Against a search through all probes: of the window, and of the part of it that is never forgotten."""
+def test_bound_uses_the_tightest_limits_in_the_window(peer: PeerClock, route: Route, seed: int) -> None:
+    """Compared with searches of the window, and of the three quarters of it that are always kept."""
     window, skew = 20 * MS, 100e-6
     clock = ClockEstimator(window)
-    heard: list[tuple[int, int, int, int]] = []
+    exchanged: list[tuple[int, int, int, int]] = []
     for exchange in scattered(peer, route, random.Random(seed), 60):
         clock.add(*exchange.stamps)
-        heard.append(exchange.stamps)
+        exchanged.append(exchange.stamps)
         now = exchange.done_ns
 
         def searched(age: int) -> float:
-            recent = [stamps for stamps in heard if stamps[3] >= now - age]  # noqa: B023
+            recent = [stamps for stamps in exchanged if stamps[3] >= now - age]  # noqa: B023
             upper = min(t1 - t0 + skew * (now - t0) for t0, t1, _, _ in recent)  # noqa: B023
             lower = max(t2 - t3 - skew * (now - t3) for _, _, t2, t3 in recent)  # noqa: B023
             return (upper - lower) / 2
@@ -85,7 +85,7 @@ def test_the_best_limits_of_the_window_are_used(peer: PeerClock, route: Route, s
         assert searched(window) - ROUNDING_NS <= clock.bound_ns <= searched(window * 3 // 4) + ROUNDING_NS + 2
 
 
-def test_asymmetry_is_inside_the_bound_and_no_better_than_it() -> None:
+def test_bound_covers_a_fully_asymmetric_delay_and_is_tight() -> None:
     clock = ClockEstimator()
     for exchange in motion(PeerClock(), Route(1 * MS, 0), random.Random(2), 100):
         clock.add(*exchange.stamps)
@@ -93,7 +93,7 @@ def test_asymmetry_is_inside_the_bound_and_no_better_than_it() -> None:
     assert clock.offset_ns <= clock.bound_ns <= clock.offset_ns * 1.01
 
 
-def test_a_peer_that_is_asked_five_times_a_second_has_a_good_bound_too() -> None:
+def test_five_probes_per_second_keep_the_bound_below_400_us() -> None:
     peer = PeerClock(7 * SECOND, 60.0)
     for window in (2 * SECOND, 8 * SECOND):
         clock = ClockEstimator(window)
@@ -106,7 +106,7 @@ def test_a_peer_that_is_asked_five_times_a_second_has_a_good_bound_too() -> None
         assert sorted(bounds)[len(bounds) // 2] < 250_000  # half the shortest round trip is 135 us
 
 
-def test_drift_is_followed() -> None:
+def test_offset_follows_the_drift() -> None:
     peer = PeerClock(7 * SECOND, 80.0)
     clock = ClockEstimator()
     errors = []
@@ -119,7 +119,7 @@ def test_drift_is_followed() -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(peers, st.integers(0, 2**32))
-def test_drift_is_within_its_bound_and_soon_known(peer: PeerClock, seed: int) -> None:
+def test_true_drift_lies_within_its_bound_and_the_bound_converges(peer: PeerClock, seed: int) -> None:
     clock = ClockEstimator(8 * SECOND)
     for exchange in pings(peer, LAN, random.Random(seed), 150):
         clock.add(*exchange.stamps)
@@ -130,22 +130,22 @@ def test_drift_is_within_its_bound_and_soon_known(peer: PeerClock, seed: int) ->
     assert clock.drift_bound_ppm < 5
 
 
-def test_a_rate_that_changes_gives_the_mean_drift_of_the_last_minutes() -> None:
+def test_varying_rate_gives_the_mean_drift_of_recent_minutes() -> None:
     warming = PeerClock(0, 20.0, sway_ppm=30.0, sway_ns=1800 * SECOND)
     clock = ClockEstimator()
-    seen = []
+    drifts = []
     for exchange in pings(warming, LAN, random.Random(6), 1800):
         clock.add(*exchange.stamps)
-        seen.append(clock.drift_ppm)
+        drifts.append(clock.drift_ppm)
         assert abs(clock.offset_ns - warming.offset(exchange.done_ns)) <= clock.bound_ns + ROUNDING_NS
-    known = [drift for drift in seen if not math.isnan(drift)]
+    known = [drift for drift in drifts if not math.isnan(drift)]
     assert len(known) > 8000
     assert 45 < max(known) < 50
     assert -10 < min(known) < -5
     assert clock.restarts == 0
 
 
-def test_drift_that_cannot_be_told_is_not_told() -> None:
+def test_drift_is_nan_while_its_bound_is_too_wide() -> None:
     clock = ClockEstimator()
     for exchange in pings(PeerClock(ppm=30.0), Route(20 * MS, 20 * MS, 5 * MS), random.Random(7), 300):
         clock.add(*exchange.stamps)
@@ -163,7 +163,7 @@ def test_impossible_exchanges_are_rejected() -> None:
 
 
 @given(st.lists(st.tuples(*[st.integers(-(2**63), 2**63 - 1)] * 4), max_size=20))
-def test_no_stamps_break_it(probes: list[tuple[int, int, int, int]]) -> None:
+def test_estimate_stays_in_range_for_arbitrary_stamps(probes: list[tuple[int, int, int, int]]) -> None:
     clock = ClockEstimator()
     for probe in probes:
         clock.add(*probe)

@@ -32,13 +32,13 @@ channels = st.sampled_from((motion, scattered))
 
 
 def excess(clock: ClockEstimator, peer: PeerClock, now_ns: int) -> int:
-    """By how much the error is larger than the bound."""
+    """Amount by which the error exceeds the bound."""
     return abs(clock.offset_ns - peer.offset(now_ns)) - clock.bound_ns - ROUNDING_NS
 
 
 @settings(max_examples=150, deadline=None)
 @given(peers, routes, seeds, windows, channels)
-def test_skew_jitter_loss_asymmetry_and_late_answers(
+def test_bound_holds_under_skew_jitter_loss_asymmetry_and_late_replies(
     peer: PeerClock, route: Route, seed: int, window: int, probes: Probes
 ) -> None:
     clock = ClockEstimator(window)
@@ -51,7 +51,7 @@ def test_skew_jitter_loss_asymmetry_and_late_answers(
 
 @settings(max_examples=40, deadline=None)
 @given(peers, routes, seeds)
-def test_a_peer_that_is_asked_now_and_then(peer: PeerClock, route: Route, seed: int) -> None:
+def test_bound_holds_with_sparse_probes_and_a_silence(peer: PeerClock, route: Route, seed: int) -> None:
     clock = ClockEstimator(8 * SECOND)
     for exchange in pings(peer, route, random.Random(seed), 60, silent=(20, 40)):
         assert clock.add(*exchange.stamps)
@@ -61,24 +61,24 @@ def test_a_peer_that_is_asked_now_and_then(peer: PeerClock, route: Route, seed: 
 
 @settings(max_examples=100, deadline=None)
 @given(peers, routes, seeds, st.integers(0, 60 * MS), st.integers(150 * MS, 10**13), st.sampled_from((-1, 1)))
-def test_a_step_larger_than_the_delay_is_known_from_the_first_probe_on(
+def test_clock_step_larger_than_the_delay_is_detected_by_the_first_probe(
     peer: PeerClock, route: Route, seed: int, after: int, size: int, sign: int
 ) -> None:
     peer = replace(peer, stepped_at_ns=BEGIN_NS + after, step_ns=sign * size)
     clock = ClockEstimator()
-    heard_before = heard_after = False
+    probed_before = probed_after = False
     for exchange in motion(peer, replace(route, tail_ns=0), random.Random(seed), 60):
         clock.add(*exchange.stamps)
         before, after_it = exchange.done_ns < peer.stepped_at_ns, exchange.received_ns >= peer.stepped_at_ns
-        heard_before, heard_after = heard_before or before, heard_after or after_it
+        probed_before, probed_after = probed_before or before, probed_after or after_it
         if before or after_it:
             assert excess(clock, peer, exchange.done_ns) <= 0
-    assert clock.restarts == 1 or not (heard_before and heard_after)
+    assert clock.restarts == 1 or not (probed_before and probed_after)
 
 
 @settings(max_examples=100, deadline=None)
 @given(peers, routes, seeds, st.integers(0, 100 * MS), st.integers(-60 * MS, 60 * MS))
-def test_a_step_that_hides_in_the_delay_adds_no_more_than_the_delay_and_not_for_long(
+def test_undetectable_step_adds_at_most_the_delay_for_at_most_one_window(
     peer: PeerClock, route: Route, seed: int, after: int, size: int
 ) -> None:
     peer = replace(peer, stepped_at_ns=BEGIN_NS + after, step_ns=size)
@@ -99,13 +99,13 @@ def test_a_step_that_hides_in_the_delay_adds_no_more_than_the_delay_and_not_for_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("asked", ["often", "now and then"])
-def test_a_clock_that_stood_still_in_a_silence_is_noticed(asked: str) -> None:
-    """As on a machine that was suspended: it says nothing meanwhile."""
+@pytest.mark.parametrize("probing", ["often", "sparse"])
+def test_clock_stopped_during_a_silence_is_detected(probing: str) -> None:
+    """As on a suspended machine, which sends nothing meanwhile."""
     near = Route(40_000, 40_000, 20_000, 0.01)
     peer = PeerClock(3 * SECOND, 15.0, stopped_at_ns=BEGIN_NS + 20 * SECOND, stop_ns=9 * SECOND)
-    chance = random.Random(4)
-    exchanges = motion(peer, near, chance, 60_000) if asked == "often" else pings(peer, LAN, chance, 90)
+    rng = random.Random(4)
+    exchanges = motion(peer, near, rng, 60_000) if probing == "often" else pings(peer, LAN, rng, 90)
     clock = ClockEstimator()
     drifts = []
     for exchange in exchanges:
@@ -119,7 +119,7 @@ def test_a_clock_that_stood_still_in_a_silence_is_noticed(asked: str) -> None:
     assert all(math.isnan(drift) or abs(drift - 15) < 10 for drift in drifts)
 
 
-def test_a_clock_that_jumps_back_is_rejected_once_and_then_begun_anew() -> None:
+def test_backward_jump_rejects_one_probe_then_restarts_the_estimate() -> None:
     clock = ClockEstimator()
     clock.add(0, 50 * MS, 50 * MS, 200_000)
     assert not clock.add(MS, 51 * MS, 31 * MS, MS + 200_000)  # between receiving and sending
@@ -128,7 +128,7 @@ def test_a_clock_that_jumps_back_is_rejected_once_and_then_begun_anew() -> None:
     assert abs(clock.offset_ns - 30 * MS + 100_000) < 100
 
 
-def test_a_step_starts_the_estimate_anew() -> None:
+def test_step_restarts_the_estimate() -> None:
     clock = ClockEstimator()
     clock.add(0, 5 * MS, 5 * MS, 100_000)
     clock.add(MS, 6 * MS, 6 * MS, MS + 300_000)
@@ -139,7 +139,7 @@ def test_a_step_starts_the_estimate_anew() -> None:
     assert abs(clock.offset_ns - 6 * MS + 450_000) < 100
 
 
-def test_a_step_makes_the_drift_unknown_again() -> None:
+def test_step_makes_the_drift_unknown_again() -> None:
     peer = PeerClock(0, 25.0, stepped_at_ns=BEGIN_NS + 60 * SECOND, step_ns=-40 * MS)
     clock = ClockEstimator()
     drifts = {}
@@ -152,8 +152,8 @@ def test_a_step_makes_the_drift_unknown_again() -> None:
 
 
 @pytest.mark.parametrize("ppm", [-5000.0, -400.0, 400.0, 5000.0])
-def test_a_clock_that_is_slewed_faster_than_assumed_is_never_far_out(ppm: float) -> None:
-    """A daemon that corrects a clock may run it at such a rate for a while."""
+def test_error_stays_bounded_for_a_clock_slewed_faster_than_assumed(ppm: float) -> None:
+    """A daemon that corrects a clock may slew it at such a rate for a while."""
     peer = PeerClock(0, ppm)
     clock = ClockEstimator()
     for exchange in motion(peer, LAN, random.Random(9), 5000):

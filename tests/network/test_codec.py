@@ -36,7 +36,7 @@ def frame(*parts: object) -> bytes:
 
 
 @pytest.mark.parametrize("message", CLASSES, ids=lambda message: message.__name__)
-def test_a_message_survives_the_wire(message: type[Message]) -> None:
+def test_message_survives_a_round_trip(message: type[Message]) -> None:
     @settings(max_examples=40, deadline=None)
     @given(messages_of(message))
     def check(sent: Message) -> None:
@@ -53,14 +53,14 @@ def test_a_message_survives_the_wire(message: type[Message]) -> None:
 @example(b"\xdc\x00\x11")
 @example(b"\x92\x0a")
 @example(b"\xdd\xff\xff\xff\xff\x0a")
-def test_any_bytes_are_a_message_or_a_wire_error(junk: bytes) -> None:
-    accept_or_refuse(junk)
+def test_arbitrary_bytes_decode_to_a_message_or_raise_wire_error(junk: bytes) -> None:
+    check_decodes_or_raises(junk)
 
 
 @pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(messages(), st.data())
-def test_a_damaged_frame_is_a_message_or_a_wire_error(sent: Message, data: st.DataObject) -> None:
+def test_damaged_frame_decodes_to_a_message_or_raises_wire_error(sent: Message, data: st.DataObject) -> None:
     damaged = bytearray(encode(sent))
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, len(damaged) - 1))
@@ -73,7 +73,7 @@ def test_a_damaged_frame_is_a_message_or_a_wire_error(sent: Message, data: st.Da
                 damaged.insert(at, data.draw(st.integers(0, 255)))
             case _:
                 damaged = damaged[: max(at, 1)]
-    accept_or_refuse(bytes(damaged))
+    check_decodes_or_raises(bytes(damaged))
 
 
 @pytest.mark.slow
@@ -94,12 +94,12 @@ def test_a_damaged_frame_is_a_message_or_a_wire_error(sent: Message, data: st.Da
         max_size=18,
     ),
 )
-def test_any_values_are_a_message_or_a_wire_error(kind: int, values: list[object]) -> None:
-    accept_or_refuse(frame(kind, *values))
+def test_arbitrary_values_decode_to_a_message_or_raise_wire_error(kind: int, values: list[object]) -> None:
+    check_decodes_or_raises(frame(kind, *values))
 
 
-def accept_or_refuse(junk: bytes) -> None:
-    """What is accepted is a true message: it can be sent on, and is then the same."""
+def check_decodes_or_raises(junk: bytes) -> None:
+    """Check that bytes raise `WireError` or decode to a message that survives a round trip."""
     try:
         message = decode(junk)
     except WireError:
@@ -107,18 +107,18 @@ def accept_or_refuse(junk: bytes) -> None:
     assert same(decode(encode(message)), message)
 
 
-def test_every_message_has_one_kind() -> None:
+def test_every_message_class_has_one_kind() -> None:
     assert sorted(kind.message.__name__ for kind in KINDS.values()) == sorted(c.__name__ for c in CLASSES)
     assert all(1 <= number <= 127 for number in KINDS)
 
 
-def test_every_choice_is_a_field() -> None:
+def test_every_choice_belongs_to_a_text_field() -> None:
     for message, name in CHOICES:
         assert typing.get_type_hints(message)[name] is str
 
 
 @pytest.mark.parametrize(
-    ("bad", "says"),
+    ("bad", "reason"),
     [
         (b"", "0 bytes are no message"),
         (b"\x90", "1 bytes are no message"),
@@ -152,12 +152,12 @@ def test_every_choice_is_a_field() -> None:
         (b"\x92\xcc\x03", "no message of kind 204"),  # a kind in two bytes
     ],
 )
-def test_what_is_refused_and_why(bad: bytes, says: str) -> None:
-    with pytest.raises(WireError, match="^" + says.replace("(", r"\(")):
+def test_refused_frame_gives_the_reason(bad: bytes, reason: str) -> None:
+    with pytest.raises(WireError, match="^" + reason.replace("(", r"\(")):
         decode(bad)
 
 
-def test_hostile_sizes_are_refused_before_anything_is_made_of_them() -> None:
+def test_hostile_sizes_are_refused_before_allocation() -> None:
     for bad in (
         b"\x92\x03\xdb\xff\xff\xff\xff",  # a string of 4 GiB
         b"\x92\x22\xc6\xff\xff\xff\xff",  # bytes
@@ -175,12 +175,12 @@ def test_hostile_sizes_are_refused_before_anything_is_made_of_them() -> None:
 
 
 @pytest.mark.parametrize("number", sorted(KINDS))
-def test_each_kind_has_its_largest_frame(number: int) -> None:
+def test_each_kind_limits_the_frame_size(number: int) -> None:
     with pytest.raises(WireError, match="at most"):
         decode(bytes([0x92, number]) + bytes(KINDS[number].most_bytes))
 
 
-def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
+def test_encoder_converts_number_types() -> None:
     assert same(decode(encode(Force(np.int64(1), 2, True, 1, 4))), Force(1, 2, 1, 1.0, 4))  # type: ignore[arg-type]
     assert same(decode(encode(Force(1, 2, 3, np.float32(0.5), 4))), Force(1, 2, 3, 0.5, 4))  # type: ignore[arg-type]
     stylus = Stylus(0, 0, 0, 0, 0, 0, 0, 0, 0, Safeguard.ARMED | Safeguard.STALE, 0, -1, 0, 0, 0, 0)
@@ -208,12 +208,12 @@ def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
     ],
     ids=repr,
 )
-def test_our_own_mistakes_are_not_wire_errors(mistake: Message) -> None:
+def test_encoding_a_wrong_value_raises_type_or_value_error(mistake: Message) -> None:
     with pytest.raises((TypeError, ValueError)):
         encode(mistake)
 
 
-def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() -> None:
+def test_decoder_accepts_every_message_up_to_the_encoder_limits() -> None:
     longest = KINDS[52].most_items
     status = dataclasses.replace(STATUS, completions=(1.5,) * longest)
     assert decode(encode(status)) == status
@@ -228,20 +228,20 @@ def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() ->
         encode(dataclasses.replace(batch, records=(b"",) * (KINDS[31].most_items + 1)))
 
 
-def test_other_widths_of_the_same_number_are_accepted() -> None:
+def test_decoder_accepts_other_widths_of_the_same_number() -> None:
     """Another language may write an integer in eight bytes, or a float in four."""
     wide = b"\x96\x0c\xd3" + (1).to_bytes(8, "big") + b"\xcf" + (2).to_bytes(8, "big") + b"\xd0\x03\x04\xc2"
     assert decode(wide) == Heartbeat(1, 2, 3, 4, False)
     assert decode(b"\x96\x0b\x01\x02\x03\xca\x3f\x00\x00\x00\x04") == FORCE
 
 
-def test_small_messages() -> None:
+def test_short_messages_encode_to_known_bytes() -> None:
     assert encode(StatusRequest()) == b"\x91\x33"
     assert decode(b"\x91\x33") == StatusRequest()
     assert encode(LogEnd(-1)) == b"\x92\x21\xff"
     assert encode(Heartbeat(1, 2, 3, 4, True)) == b"\x96\x0c\x01\x02\x03\x04\xc3"
 
 
-def test_views_carry_what_may_not_be_seen_as_nil() -> None:
+def test_view_encodes_hidden_fields_as_nil() -> None:
     view = View("left", 1, 2, "running", 0.0, 0.0, None, 0.15, 0.01, None, 1, 6, 0, None, None, "", 7, 0.5, 1, 2, 3.5)
     assert decode(encode(view)) == view

@@ -1,4 +1,4 @@
-"""The fixed form: the same messages as the codec's, and no others."""
+"""The fixed-layout fast path reads and writes the codec's messages, and no others."""
 
 from dataclasses import astuple
 
@@ -24,7 +24,7 @@ def written(message: Message, form: fixed.Form) -> bytes:
 
 
 @pytest.mark.parametrize(("kind", "form"), [(Stylus, fixed.STYLUS), (Force, fixed.FORCE), (Point, fixed.POINT)])
-def test_the_codec_reads_what_is_written_and_what_is_read_is_what_was_written(kind: type, form: fixed.Form) -> None:
+def test_fixed_form_and_codec_read_each_frame_alike(kind: type, form: fixed.Form) -> None:
     @settings(max_examples=100, deadline=None)
     @given(messages_of(kind))
     def check(message: Message) -> None:
@@ -42,9 +42,7 @@ def test_the_codec_reads_what_is_written_and_what_is_read_is_what_was_written(ki
 @pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.integers(0, fixed.STYLUS.size - 1), st.integers(0, 255), messages_of(Stylus))
-def test_a_frame_with_another_byte_is_read_as_the_codec_reads_it_or_not_at_all(
-    place: int, byte: int, message: Message
-) -> None:
+def test_frame_with_a_changed_byte_reads_as_in_the_codec_or_not_at_all(place: int, byte: int, message: Message) -> None:
     frame = bytearray(written(message, fixed.STYLUS))
     frame[place] = byte
     words = np.zeros(len(fixed.STYLUS.markers), np.int64)
@@ -53,7 +51,7 @@ def test_a_frame_with_another_byte_is_read_as_the_codec_reads_it_or_not_at_all(
         assert repr(Stylus(*record.tolist())) == repr(decode(bytes(frame)))
 
 
-def test_other_forms_and_other_messages_are_left_to_the_codec() -> None:
+def test_other_frames_are_left_to_the_codec() -> None:
     stylus = Stylus(1, 2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
     words = np.zeros(len(fixed.STYLUS.markers), np.int64)
     whole = written(stylus, fixed.STYLUS)

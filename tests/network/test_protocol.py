@@ -1,6 +1,6 @@
-"""PROTOCOL.md is correct and sufficient: its tables are current, and a client written from its text makes the frames.
+"""PROTOCOL.md is correct and sufficient: its tables are current, and a client written from its text packs the frames.
 
-The packer below is such a client: it knows MessagePack, and of the protocol only what the tables say.
+The packer below is such a client: it knows MessagePack, and knows the protocol from the tables only.
 """
 
 import json
@@ -93,7 +93,7 @@ SCALARS: dict[str, Callable[[Any], bytes]] = {
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
-def test_a_client_written_from_the_text_makes_the_golden_frame(path: Path) -> None:
+def test_client_written_from_the_text_packs_the_golden_frame(path: Path) -> None:
     golden = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     name, table = TABLES[golden["kind"]]
     assert name == golden["message"]
@@ -103,7 +103,7 @@ def test_a_client_written_from_the_text_makes_the_golden_frame(path: Path) -> No
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
-def test_a_golden_frame_is_still_understood_and_written(path: Path) -> None:
+def test_golden_frame_still_decodes_and_encodes_alike(path: Path) -> None:
     frame = path.read_bytes()
     message = decode(frame)
     assert encode(message) == frame
@@ -111,20 +111,20 @@ def test_a_golden_frame_is_still_understood_and_written(path: Path) -> None:
     assert repr(message) == repr(decode(encode(EXAMPLES[path.stem])))
 
 
-def test_every_message_has_a_golden_frame() -> None:
+def test_every_message_class_has_a_golden_frame() -> None:
     assert {path.stem for path in GOLDEN} == set(EXAMPLES)
     assert {type(message) for message in EXAMPLES.values()} == set(CLASSES)
 
 
-def test_the_tables_are_up_to_date() -> None:
+def test_tables_are_up_to_date() -> None:
     assert renewed(TEXT) == TEXT, "run: python tests/network/wire_tables.py"
 
 
-def test_the_text_is_about_this_version() -> None:
+def test_text_states_the_current_protocol_version() -> None:
     assert re.findall(r"Protocol version (\d+)", TEXT) == [str(PROTOCOL_VERSION)]
 
 
-def test_the_example_in_the_text_is_a_frame() -> None:
+def test_example_frames_in_the_text_decode_as_shown() -> None:
     shown = re.findall(r"^    ((?:[0-9a-f]{2} )+[0-9a-f]{2})  (\w+\(.*\))$", TEXT, flags=re.MULTILINE)
     assert shown
     for digits, message in shown:

@@ -12,7 +12,7 @@ from netboard.network.protocol.records import LogBatch
 
 
 def record(number: int) -> bytes:
-    """Bytes by which a record is known; of different sizes."""
+    """Record with a unique content, of varying size."""
     return number.to_bytes(4, "big") + bytes(number % 7)
 
 
@@ -24,7 +24,7 @@ def filled(capacity: int, count: int) -> LogRing:
 
 
 class Logger:
-    """What PROTOCOL.md asks of a logger."""
+    """Minimal logger that follows PROTOCOL.md."""
 
     def __init__(self, first: int) -> None:
         self.next = first
@@ -43,7 +43,7 @@ class Logger:
         return True
 
 
-def test_a_ring_keeps_the_newest() -> None:
+def test_full_ring_keeps_the_newest_records() -> None:
     ring = filled(4, 10)
     assert (ring.first, ring.next) == (6, 10)
     assert ring.batch(6, 100, 10**6) == LogBatch(6, 0, tuple(map(record, range(6, 10))))
@@ -51,7 +51,7 @@ def test_a_ring_keeps_the_newest() -> None:
     assert ring.batch(10, 100, 10**6) == LogBatch(10, 0, ())
 
 
-def test_an_empty_ring() -> None:
+def test_empty_ring_gives_empty_batches() -> None:
     ring = LogRing(4)
     assert (ring.first, ring.next, ring.acknowledged) == (0, 0, 0)
     assert ring.batch(0, 10, 10) == LogBatch(0, 0, ())
@@ -59,7 +59,7 @@ def test_an_empty_ring() -> None:
         LogRing(0)
 
 
-def test_a_batch_is_bounded_but_never_stuck() -> None:
+def test_batch_respects_its_limits_but_holds_at_least_one_record() -> None:
     ring = filled(100, 50)
     assert len(ring.batch(0, 7, 10**6).records) == 7
     assert ring.batch(0, 100, 9).records == (record(0), record(1))  # 4 and 5 bytes
@@ -67,7 +67,7 @@ def test_a_batch_is_bounded_but_never_stuck() -> None:
     assert ring.batch(0, 100, 1).records == (record(0),)
 
 
-def test_where_a_logger_starts() -> None:
+def test_logger_starts_at_its_request_or_after_the_acknowledged_records() -> None:
     ring = filled(100, 50)
     assert ring.start(-1) == 0
     assert ring.acknowledge(20)
@@ -78,7 +78,9 @@ def test_where_a_logger_starts() -> None:
 
 
 @given(st.integers(1, 20), st.integers(0, 60), st.integers(0, 60), st.integers(1, 30), st.integers(1, 200))
-def test_batches_leave_nothing_out(capacity: int, count: int, cursor: int, most_records: int, most_bytes: int) -> None:
+def test_batches_cover_kept_records_and_count_lost_ones(
+    capacity: int, count: int, cursor: int, most_records: int, most_bytes: int
+) -> None:
     ring = filled(capacity, count)
     asked = cursor = ring.start(cursor)
     got: list[bytes] = []
@@ -97,13 +99,13 @@ def test_batches_leave_nothing_out(capacity: int, count: int, cursor: int, most_
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32), st.floats(0, 0.4), st.floats(0, 0.4), st.floats(0, 0.4), st.integers(1, 60))
-def test_every_record_arrives_once_in_order_or_is_counted(
+def test_every_record_arrives_once_in_order_or_is_counted_as_lost(
     seed: int, drop: float, repeat: float, overtake: float, capacity: int
 ) -> None:
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     ring = LogRing(capacity)
-    down: Link[LogBatch] = Link(chance, drop, repeat, overtake)
-    up: Link[int] = Link(chance, drop, repeat, overtake)
+    down: Link[LogBatch] = Link(rng, drop, repeat, overtake)
+    up: Link[int] = Link(rng, drop, repeat, overtake)
     logger = Logger(0)
     cursor = 0
 
@@ -117,12 +119,12 @@ def test_every_record_arrives_once_in_order_or_is_counted(
             batch = ring.batch(cursor, 5, 100)
             down.send(batch)
             cursor = batch.first + len(batch.records)
-        while chance.random() < 0.7 and (batch_or_none := down.receive()) is not None:
+        while rng.random() < 0.7 and (batch_or_none := down.receive()) is not None:
             if not logger.take(batch_or_none):
                 up.send(logger.next)
 
     for _ in range(100):
-        turn(chance.randrange(6))
+        turn(rng.randrange(6))
     turns = 0
     while logger.next < ring.next:
         turn(0)
@@ -137,7 +139,7 @@ def test_every_record_arrives_once_in_order_or_is_counted(
 
 
 @given(st.integers(1, 50), st.integers(0, 50), st.integers(0, 40))
-def test_a_new_logger_goes_on_where_the_disk_ends(capacity: int, before: int, while_away: int) -> None:
+def test_new_logger_resumes_after_the_acknowledged_records(capacity: int, before: int, while_away: int) -> None:
     ring = filled(capacity, before)
     first = Logger(ring.start(-1))
     while first.next < ring.next:

@@ -1,6 +1,6 @@
 """The golden frames: one or more examples of every message, as bytes and as a JSON twin, in tests/data/frames.
 
-Run as a script, this writes the files that are missing and touches no other: a golden frame never changes.
+Run as a script, this writes missing files only: a golden frame never changes.
 """
 
 import json
@@ -199,7 +199,7 @@ EXAMPLES: dict[str, Message] = {
 
 
 def as_json(value: Any) -> Any:
-    """What stands for a value in a JSON twin: bytes as hexadecimal digits, numbers that are not finite as strings."""
+    """Value as a JSON twin holds it: bytes as hexadecimal digits, non-finite numbers as strings."""
     match value:
         case bytes():
             return value.hex()

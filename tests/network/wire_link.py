@@ -8,22 +8,22 @@ Item = TypeVar("Item")
 
 
 class Link(Generic[Item]):
-    """One direction of a bad link."""
+    """One direction of an unreliable link."""
 
-    def __init__(self, chance: random.Random, drop: float = 0.0, repeat: float = 0.0, overtake: float = 0.0) -> None:
-        self._chance, self._drop, self._repeat, self._overtake = chance, drop, repeat, overtake
-        self._under_way: deque[Item] = deque()
+    def __init__(self, rng: random.Random, drop: float = 0.0, repeat: float = 0.0, overtake: float = 0.0) -> None:
+        self._rng, self._drop, self._repeat, self._overtake = rng, drop, repeat, overtake
+        self._in_flight: deque[Item] = deque()
 
     def send(self, item: Item) -> None:
-        """Put something on the link, or lose it."""
-        if self._chance.random() < self._drop:
+        """Send an item, unless it is dropped."""
+        if self._rng.random() < self._drop:
             return
-        for _ in range(2 if self._chance.random() < self._repeat else 1):
-            if self._under_way and self._chance.random() < self._overtake:
-                self._under_way.insert(self._chance.randrange(len(self._under_way)), item)
+        for _ in range(2 if self._rng.random() < self._repeat else 1):
+            if self._in_flight and self._rng.random() < self._overtake:
+                self._in_flight.insert(self._rng.randrange(len(self._in_flight)), item)
             else:
-                self._under_way.append(item)
+                self._in_flight.append(item)
 
     def receive(self) -> Item | None:
-        """Next that arrives, or None if nothing is under way."""
-        return self._under_way.popleft() if self._under_way else None
+        """Next item to arrive, or None if none is in flight."""
+        return self._in_flight.popleft() if self._in_flight else None

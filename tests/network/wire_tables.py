@@ -37,7 +37,7 @@ def wire_type(hint: Any) -> str:
 
 
 def described(documented: type) -> tuple[str, dict[str, str]]:
-    """Text of a docstring before its attributes, and what it says of each of them."""
+    """Summary of a docstring, and the meaning of each attribute."""
     text, _, attributes = inspect.getdoc(documented).partition("Attributes\n----------\n")  # type: ignore[union-attr]
     meanings: dict[str, str] = {}
     names: list[str] = []
@@ -64,7 +64,7 @@ def _listed(roles: tuple[str, ...]) -> str:
 
 
 def section(number: int, kind: Kind) -> str:
-    """All about one message."""
+    """Section of one message."""
     text, meanings = described(kind.message)
     hints = typing.get_type_hints(kind.message)
     limits = f"at most {kind.most_bytes} bytes"
@@ -109,7 +109,7 @@ def safeguards() -> str:
 
 
 def tables() -> str:
-    """Everything between the two marks of PROTOCOL.md."""
+    """Text between the two marks of PROTOCOL.md."""
     return "\n".join([*(section(number, kind) for number, kind in KINDS.items()), safeguards()])
 
 
@@ -121,7 +121,7 @@ def renewed(text: str) -> str:
 
 
 def documented_fields(text: str) -> dict[int, tuple[str, list[tuple[str, str]]]]:
-    """What PROTOCOL.md says: kind -> (message, [(field, type), ...]). Reads the text, knows no class."""
+    """Tables of PROTOCOL.md: kind -> (message, [(field, type), ...]), read from the text, not from the classes."""
     found: dict[int, tuple[str, list[tuple[str, str]]]] = {}
     for part in re.split(r"^### ", text, flags=re.MULTILINE):
         heading = re.match(r"(\w+): kind (\d+)", part)
