@@ -1,4 +1,4 @@
-"""The blocks of a dyad follow from the study; a trial run has fewer."""
+"""The study determines the blocks of a dyad; a shortened run has fewer blocks and trials."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 
 
-def test_blocks_are_those_of_the_dyad_s_plan() -> None:
+def test_blocks_are_those_of_the_dyads_plan() -> None:
     blocks = blocks_of(Config(), paper_study(), 1, 3)
     assert [block.block.number for block in blocks] == list(range(1, 19))
     assert {block.session.dyad for block in blocks} == {"D03"}
@@ -15,7 +15,7 @@ def test_blocks_are_those_of_the_dyad_s_plan() -> None:
     assert len({block.block.seed for block in blocks}) == 18
 
 
-def test_a_short_form_has_fewer_blocks_and_trials() -> None:
+def test_shortened_plan_has_fewer_blocks_and_trials() -> None:
     plan = blocks_of(Config(), paper_study(), 1, 1)
     plan[1] = replace(plan[1], block=replace(plan[1].block, catch=(1, 9)))
     short = list(shortened(plan, 2, 5))

@@ -1,4 +1,4 @@
-"""A plan follows from study, seed and dyad alone, and each of its blocks is a valid configuration."""
+"""A plan depends on study, seed and dyad alone, and each of its blocks is a valid configuration."""
 
 from collections import Counter
 from itertools import pairwise
@@ -23,7 +23,7 @@ DYADS = st.integers(1, 500)
 ANY = st.sampled_from(sorted(STUDIES))
 
 
-def own(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
+def blocks_in(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
     return [block for block in plan.blocks if (block.kind, block.performer) == (kind, performer)]
 
 
@@ -41,7 +41,7 @@ def configs(plan: Plan, rig: Config | None = None) -> list[Config]:
 
 @settings(deadline=None, max_examples=40)
 @given(SEEDS, DYADS)
-def test_the_papers_blocks_for_every_seed_and_dyad(seed: int, dyad: int) -> None:
+def test_paper_study_is_counterbalanced_for_every_seed_and_dyad(seed: int, dyad: int) -> None:
     plan = plan_of(PAPER, seed, dyad)
     (session,) = plan.sessions
     performers = [block.performer for block in session.blocks]
@@ -49,7 +49,7 @@ def test_the_papers_blocks_for_every_seed_and_dyad(seed: int, dyad: int) -> None
     assert [block.configuration for block in session.blocks] == ["bimanual"] * 8 + ["dyadic"] * 6 + ["bimanual"] * 4
     assert {block.count for block in session.blocks} == {60}
     for sequence in sequences_of(PAPER):
-        along = [level(block) for block in own(plan, *sequence)]
+        along = [level(block) for block in blocks_in(plan, *sequence)]
         assert all(one != other for one, other in pairwise(along)), "haptics flips along each sequence (C1)"
     for participant in ("A", "B"):
         trials: Counter[tuple[str, str]] = Counter()
@@ -60,9 +60,9 @@ def test_the_papers_blocks_for_every_seed_and_dyad(seed: int, dyad: int) -> None
         assert len(trials) == 4
 
 
-def test_the_first_four_dyads_start_as_it_is_read_and_eight_with_all_combinations() -> None:
+def test_first_levels_match_the_paper_for_4_dyads_and_are_all_used_after_8() -> None:
     starts = [
-        tuple(level(own(plan_of(PAPER, 1, dyad), *sequence)[0]) for sequence in sequences_of(PAPER))
+        tuple(level(blocks_in(plan_of(PAPER, 1, dyad), *sequence)[0]) for sequence in sequences_of(PAPER))
         for dyad in range(1, 9)
     ]
     assert starts[:4] == [("on", "off", "on"), ("off", "on", "off"), ("on", "off", "off"), ("off", "on", "on")]
@@ -71,23 +71,23 @@ def test_the_first_four_dyads_start_as_it_is_read_and_eight_with_all_combination
 
 @settings(deadline=None, max_examples=40)
 @given(SEEDS, DYADS)
-def test_first_targets_are_as_even_as_three_blocks_can_be(seed: int, dyad: int) -> None:
+def test_first_targets_are_balanced_in_each_sequence(seed: int, dyad: int) -> None:
     plan = plan_of(PAPER, seed, dyad)
     for sequence in sequences_of(PAPER):
-        blocks = own(plan, *sequence)
+        blocks = blocks_in(plan, *sequence)
         assert sorted(block.first_target for block in blocks) == ["left"] * 3 + ["right"] * 3
         for haptics in ("on", "off"):
             left = sum(block.first_target == "left" for block in blocks if level(block) == haptics)
             assert left in (1, 2)
 
 
-def test_first_targets_are_not_foreseen() -> None:
+def test_first_targets_vary_with_the_seed() -> None:
     found = {tuple(block.first_target for block in plan_of(PAPER, seed, 1).blocks) for seed in range(200)}
     assert len(found) > 150
 
 
 @pytest.mark.parametrize("order", ["dyadic_first", "abba", "interleaved"])
-def test_other_orders_have_the_same_counts(order: str) -> None:
+def test_every_block_order_has_the_same_block_counts(order: str) -> None:
     study = parse_study(library.text_of("paper").replace('order = ["paper"]', f'order = ["{order}"]'))
     plan = plan_of(study, 1, 3)
     assert plan.order == order
@@ -96,7 +96,7 @@ def test_other_orders_have_the_same_counts(order: str) -> None:
     }
 
 
-def test_seats_follow_the_dominant_hands_and_are_even_where_they_cannot() -> None:
+def test_seats_follow_dominant_hands_and_are_balanced_if_these_are_equal() -> None:
     assert plan_of(PAPER, 1, 1, ("left", "right")).seat_a == "left"
     assert plan_of(PAPER, 1, 1, ("right", "left")).seat_a == "right"
     for hands in (("right", "right"), ("left", "left")):
@@ -110,7 +110,7 @@ def test_seats_follow_the_dominant_hands_and_are_even_where_they_cannot() -> Non
 @pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS)
-def test_the_same_arguments_make_the_same_plan(name: str, seed: int, dyad: int) -> None:
+def test_plan_is_deterministic(name: str, seed: int, dyad: int) -> None:
     plan, again = (plan_of(study, seed, dyad) for study in (STUDIES[name], parse_study(library.text_of(name))))
     assert plan == again
     assert digest(plan) == digest(again)
@@ -119,16 +119,16 @@ def test_the_same_arguments_make_the_same_plan(name: str, seed: int, dyad: int) 
 
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS, SEEDS)
-def test_another_seed_makes_another_plan(name: str, seed: int, dyad: int, other: int) -> None:
+def test_plans_of_different_seeds_differ(name: str, seed: int, dyad: int, other: int) -> None:
     plans = plan_of(STUDIES[name], seed, dyad), plan_of(STUDIES[name], other, dyad)
     assert (digest(plans[0]) == digest(plans[1])) == (seed == other)
 
 
-def test_the_plan_is_the_one_of_every_year() -> None:
+def test_digest_of_the_paper_plan_is_stable_across_releases() -> None:
     assert digest(plan_of(paper_study(), 1, 1)) == "b8a9144456f9bac9e4677415b3a2e833333eed5ec66db9302e545033c7a007c9"
 
 
-def test_a_seed_or_dyad_that_is_none_is_refused() -> None:
+def test_out_of_range_seed_or_dyad_is_refused() -> None:
     for seed, dyad in ((-1, 1), (1, 0)):
         with pytest.raises(ValueError, match="expected a seed from 0 and a dyad from 1"):
             plan_of(PAPER, seed, dyad)
@@ -137,7 +137,7 @@ def test_a_seed_or_dyad_that_is_none_is_refused() -> None:
 @pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS, st.sampled_from(("left", "right")))
-def test_every_block_is_a_valid_configuration(name: str, seed: int, dyad: int, seat: str) -> None:
+def test_every_block_gives_a_valid_configuration(name: str, seed: int, dyad: int, seat: str) -> None:
     plan = plan_of(STUDIES[name], seed, dyad)
     rig = Config(session=Session(seat_a=seat, dyad="D07"))  # type: ignore[arg-type]
     for session in plan.sessions:
@@ -152,14 +152,14 @@ def test_every_block_is_a_valid_configuration(name: str, seed: int, dyad: int, s
                 assert (config.block.station == seat) == (block.performer == "A")
 
 
-def test_the_plan_proposes_the_seat_and_the_form_overrides_it() -> None:
+def test_configured_seat_overrides_the_seat_of_the_plan() -> None:
     plan = plan_of(PAPER, 1, 3)
     assert seated(Config(), plan).session == Session(study="paper", seat_a="right")
     first = config_of(Config(session=Session(seat_a="left")), plan.sessions[0], 1)
     assert (first.block.performer, first.block.station) == ("A", "left")
 
 
-def test_a_robot_takes_the_side_that_the_participant_does_not() -> None:
+def test_robot_takes_the_side_opposite_the_participant() -> None:
     plan = plan_of(STUDIES["controls"], 1, 1)
     (session,) = plan.sessions
     for block in session.blocks:
@@ -169,7 +169,7 @@ def test_a_robot_takes_the_side_that_the_participant_does_not() -> None:
         assert config.block.configuration == "dyadic"
 
 
-def test_sessions_and_long_rests() -> None:
+def test_sessions_rests_and_questionnaires_follow_the_block_order() -> None:
     text = 'orders.main = "2 a / a | a, a"\nlong_rest = 99\nblock.rest = 5\n[kinds.a]\n[questionnaires.q]\ntext = "?"'
     plan = plan_of(parse_study(text), 1, 1)
     assert [session.number for session in plan.sessions] == [1, 2]
@@ -183,7 +183,7 @@ def test_sessions_and_long_rests() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(SEEDS, st.sampled_from(("alternate", "latin", "random")), st.integers(2, 5), st.integers(2, 4))
-def test_crossed_factors_meet_in_all_combinations(seed: int, order: str, slow: int, fast: int) -> None:
+def test_crossed_factors_cover_all_combinations_in_each_cycle(seed: int, order: str, slow: int, fast: int) -> None:
     cells = slow * fast
     levels = {"slow": slow, "fast": fast}
     text = f'orders.main = "{2 * cells} a"\n[kinds.a]\nblock.trials = 1\n' + "".join(
@@ -198,7 +198,7 @@ def test_crossed_factors_meet_in_all_combinations(seed: int, order: str, slow: i
         assert len({level(block, "fast") for block in plan.blocks[cycle * fast : (cycle + 1) * fast]}) == fast
 
 
-def test_a_factor_between_dyads_has_one_level_in_a_dyad() -> None:
+def test_between_dyads_factor_has_one_level_per_dyad() -> None:
     text = (
         'orders.main = "4 a"\n[kinds.a]\n[factors.group]\norder = "between"\n'
         "levels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.03\n"
@@ -212,7 +212,7 @@ LEVELS = 'levels.on.block.force = "full"\nlevels.off.block.force = "none"'
 
 
 @pytest.mark.parametrize(("catch", "number"), [("0.25", 5), ("3", 3), ("16", 16), ("0", 0)])
-def test_catch_trials_are_where_something_is_felt(catch: str, number: int) -> None:
+def test_catch_trials_occur_only_in_blocks_with_haptic_feedback(catch: str, number: int) -> None:
     plan = plan_of(parse_study(CATCH.format(catch, LEVELS)), 1, 1)
     for block in plan.blocks:
         assert len(block.catch) == (number if level(block, "f") == "on" else 0)
@@ -221,12 +221,12 @@ def test_catch_trials_are_where_something_is_felt(catch: str, number: int) -> No
     assert number in (0, 16) or len({block.catch for block in plan.blocks}) > 2
 
 
-def test_too_many_catch_trials_are_refused() -> None:
+def test_more_catch_trials_than_trials_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"\[kinds.a\] catch: 17 catch trials do not fit into 20 trials"):
         plan_of(parse_study(CATCH.format(17, LEVELS)), 1, 1)
 
 
-def test_instructions_are_in_the_displays_language_part_by_part() -> None:
+def test_each_instruction_falls_back_to_english_on_its_own() -> None:
     text = (
         'orders.main = "2 a"\ninstructions.en = "Top."\n[kinds.a]\ninstructions.de = "Art."\n'
         '[factors.f]\nlevels.one.instructions.en = "One."\nlevels.two = {}\n'
@@ -242,7 +242,7 @@ def test_instructions_are_in_the_displays_language_part_by_part() -> None:
     assert read("fr") == read("en")
 
 
-def test_a_level_goes_before_a_kind_and_a_kind_before_the_top() -> None:
+def test_level_overrides_kind_and_kind_overrides_study() -> None:
     text = (
         'orders.main = "2 a"\nphysics.M = 0.1\nphysics.m = 0.1\nphysics.g = 1\n[kinds.a]\nphysics.m = 0.2\n'
         "physics.g = 2\n[factors.f]\nlevels.one.physics.g = 3\nlevels.two = {}\n"
@@ -252,13 +252,13 @@ def test_a_level_goes_before_a_kind_and_a_kind_before_the_top() -> None:
     assert found == [Physics(M=0.1, m=0.2, g=g, k_h=300.0) for g in (3.0, 2.0)]
 
 
-def test_the_rigs_own_block_does_not_count() -> None:
+def test_block_table_of_the_rig_is_ignored() -> None:
     plan = plan_of(PAPER, 1, 1)
     rig = parse('[block]\ntrials = 3\nforce = "none"\nseed = 9')
     assert configs(plan, rig) == configs(plan)
 
 
-def test_what_contradicts_the_rig_is_named_with_its_block() -> None:
+def test_conflict_with_the_rig_names_the_block() -> None:
     plan = plan_of(parse_study('orders.main = "a"\n[kinds.a]\ngeometry.target_distance = 0.4'), 1, 1)
     with pytest.raises(ConfigError) as raised:
         configs(plan)
@@ -269,7 +269,7 @@ def test_what_contradicts_the_rig_is_named_with_its_block() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(ANY, SEEDS, DYADS)
-def test_trials_change_sides(name: str, seed: int, dyad: int) -> None:
+def test_targets_alternate_from_the_first_target(name: str, seed: int, dyad: int) -> None:
     for block in plan_of(STUDIES[name], seed, dyad).blocks:
         trials = block.trials
         assert trials[0].target == block.first_target
@@ -277,7 +277,7 @@ def test_trials_change_sides(name: str, seed: int, dyad: int) -> None:
         assert [trial.number for trial in trials] == list(range(1, block.count + 1))
 
 
-def test_making_a_plan_changes_no_study() -> None:
+def test_planning_does_not_modify_the_study() -> None:
     study = parse_study(library.text_of("template"))
     plan_of(study, 1, 1)
     assert study == STUDIES["template"]

@@ -1,4 +1,4 @@
-"""The progress of a session from its journal, after any events and cut anywhere."""
+"""Progress of a session reconstructed from its journal, for any events and any truncation."""
 
 import json
 import math
@@ -45,7 +45,7 @@ def written(entries: list[Entry], header: Header = HEADER) -> bytes:
     return b"".join(line_of(entry, AT) for entry in (header, *entries))
 
 
-def stands(*entries: Entry, plan: tuple[Planned, ...] = PLAN) -> Progress:
+def progress_after(*entries: Entry, plan: tuple[Planned, ...] = PLAN) -> Progress:
     return progress_of(HEADER, [Opened("r1", {}), *entries], plan)
 
 
@@ -55,8 +55,8 @@ def began(trial: int, attempt: int = 1, block: int = 1) -> AttemptBegan:
 
 def ended(trial: int, attempt: int = 1, outcome: Outcome = "success", block: int = 1, **more: Any) -> AttemptEnded:
     completion = 1.5 if outcome == "success" else None
-    said = AttemptEnded(block, trial, attempt, outcome, completion, (), 0, False, "r1", 0, 1000 * trial)
-    return replace(said, **more)
+    made = AttemptEnded(block, trial, attempt, outcome, completion, (), 0, False, "r1", 0, 1000 * trial)
+    return replace(made, **more)
 
 
 BEGAN = BlockBegan(1, 1, 1, "r1", 5)
@@ -64,7 +64,7 @@ BEGAN = BlockBegan(1, 1, 1, "r1", 5)
 
 # --- lines -----------------------------------------------------------------------------------------------------------
 
-ONE_OF_EACH: list[Entry] = [
+EVERY_ENTRY: list[Entry] = [
     Opened("r1", {"dyad": "D03", "remark": 'line\nfeed, "quotes", ü'}),
     BEGAN,
     began(1),
@@ -78,20 +78,20 @@ ONE_OF_EACH: list[Entry] = [
 ]
 
 
-def test_every_entry_is_read_as_it_was_written() -> None:
-    assert {type(entry) for entry in ONE_OF_EACH} == set(KINDS.values()) - {Header}
-    data = written(ONE_OF_EACH)
-    assert read_lines(data, SOURCE) == JournalContent(HEADER, tuple(ONE_OF_EACH), len(data), b"")
-    assert data.count(b"\n") == 1 + len(ONE_OF_EACH)
+def test_every_entry_survives_a_round_trip() -> None:
+    assert {type(entry) for entry in EVERY_ENTRY} == set(KINDS.values()) - {Header}
+    data = written(EVERY_ENTRY)
+    assert read_lines(data, SOURCE) == JournalContent(HEADER, tuple(EVERY_ENTRY), len(data), b"")
+    assert data.count(b"\n") == 1 + len(EVERY_ENTRY)
     assert all(json.loads(line)["at"] == AT for line in data.splitlines())
 
 
-def test_what_is_not_finite_is_our_own_mistake() -> None:
+def test_writing_a_non_finite_value_raises_value_error() -> None:
     with pytest.raises(ValueError, match="Out of range"):
         line_of(ended(1, completion=math.nan), AT)
 
 
-def test_half_a_character_does_not_stop_a_note() -> None:
+def test_lone_surrogate_in_a_note_is_replaced() -> None:
     data = written([Note("what \udc80", "r1", 0)])
     assert read_lines(data, SOURCE).entries == (Note("what ?", "r1", 0),)
 
@@ -99,16 +99,16 @@ def test_half_a_character_does_not_stop_a_note() -> None:
 @pytest.mark.parametrize(
     "tail", [b'{"entry":"no', b'{"entry":"note","at":"x"', b"\0\0\0\0", b"\xff\xfe", b"\0\0\n", b"[]\n"]
 )
-def test_a_torn_last_line_is_left_out_and_reported(tail: bytes) -> None:
-    data = written(ONE_OF_EACH)
-    assert read_lines(data + tail, SOURCE) == JournalContent(HEADER, tuple(ONE_OF_EACH), len(data), tail)
+def test_torn_last_line_is_dropped_and_reported(tail: bytes) -> None:
+    data = written(EVERY_ENTRY)
+    assert read_lines(data + tail, SOURCE) == JournalContent(HEADER, tuple(EVERY_ENTRY), len(data), tail)
 
 
-def test_a_last_line_without_its_end_does_not_count() -> None:
-    data = written(ONE_OF_EACH)
+def test_last_line_without_newline_is_torn() -> None:
+    data = written(EVERY_ENTRY)
     lines = read_lines(data[:-1], SOURCE)
-    assert lines.entries == tuple(ONE_OF_EACH[:-1])
-    assert lines.torn == line_of(ONE_OF_EACH[-1], AT)[:-1]
+    assert lines.entries == tuple(EVERY_ENTRY[:-1])
+    assert lines.torn == line_of(EVERY_ENTRY[-1], AT)[:-1]
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_a_last_line_without_its_end_does_not_count() -> None:
         (5, line_of(HEADER, AT)[:-1], "a second header"),
     ],
 )
-def test_other_damage_names_file_and_line(number: int, line: bytes, words: str) -> None:
-    lines = written(ONE_OF_EACH).split(b"\n")
+def test_damage_elsewhere_is_reported_with_file_and_line(number: int, line: bytes, words: str) -> None:
+    lines = written(EVERY_ENTRY).split(b"\n")
     lines[number - 1] = line
     with pytest.raises(RecordingError) as caught:
         read_lines(b"\n".join(lines), SOURCE)
@@ -138,14 +138,14 @@ def test_other_damage_names_file_and_line(number: int, line: bytes, words: str) 
 
 
 @pytest.mark.parametrize("data", [b"", b'{"entry":"hea', b"\0\0\n"])
-def test_a_journal_without_a_header_says_that_nothing_was_done(data: bytes) -> None:
+def test_journal_without_header_is_reported_as_empty(data: bytes) -> None:
     with pytest.raises(RecordingError, match="nothing was recorded in it; delete it"):
         read_lines(data, SOURCE)
 
 
 @given(st.integers(0, 2**32), st.integers(0, 400), st.data())
 @settings(max_examples=60, deadline=None)
-def test_one_wrong_byte_raises_nothing_else(seed: int, place: int, data: st.DataObject) -> None:
+def test_one_corrupted_byte_raises_only_recording_error(seed: int, place: int, data: st.DataObject) -> None:
     entries = list(a_run(random.Random(seed), "r1", [], Quality()))
     whole = bytearray(written(entries))
     whole[place % len(whole)] = data.draw(st.integers(0, 255))
@@ -158,17 +158,17 @@ def test_one_wrong_byte_raises_nothing_else(seed: int, place: int, data: st.Data
 # --- progress --------------------------------------------------------------------------------------------------------
 
 
-def test_at_the_beginning() -> None:
-    found = stands()
+def test_empty_journal_starts_at_the_first_block() -> None:
+    found = progress_after()
     assert (found.block, found.trial, found.attempt, found.begun, found.complete) == (1, 1, 1, False, False)
     assert resume_words(found) == "begins at the start of block 1 of 3"
 
 
-def test_it_goes_on_with_the_trial_after_the_last_that_is_done() -> None:
+def test_session_resumes_at_the_first_trial_not_done() -> None:
     done = [entry for trial in range(1, 23) for entry in (began(trial), ended(trial))]
     done[6:6] = [began(4, 1), ended(4, 1, "fell"), began(4, 2), ended(4, 2, "fell"), began(4, 3), ended(4, 3, "paused")]
     done[12:14] = [began(4, 4), ended(4, 4)]
-    now = stands(BEGAN, *done, began(23, 1), ended(23, 1, "timed_out"), began(23, 2), plan=(Planned(1, 60),))
+    now = progress_after(BEGAN, *done, began(23, 1), ended(23, 1, "timed_out"), began(23, 2), plan=(Planned(1, 60),))
     assert (now.block, now.trial, now.attempt) == (1, 23, 3)
     assert (now.successes, now.failures, now.skipped, now.extra, now.block_ticks) == (22, 3, 0, 0, 23_000)
     assert now.under_way == (1, 23, 2)
@@ -181,9 +181,9 @@ def test_it_goes_on_with_the_trial_after_the_last_that_is_done() -> None:
     )
 
 
-def test_skipped_trials_and_repeats() -> None:
+def test_skipped_trials_and_repeats_are_counted() -> None:
     plan = (Planned(1, 3),)
-    now = stands(
+    now = progress_after(
         BEGAN,
         began(1),
         ended(1, again=True),
@@ -201,34 +201,34 @@ def test_skipped_trials_and_repeats() -> None:
     assert resume_words(now) == "resumes at block 1 of 1, trial 4 of 5 (2 done, 1 skipped, 2 trials added)"
 
 
-def test_a_veto_can_end_a_block() -> None:
+def test_veto_of_the_last_repeat_completes_the_block() -> None:
     plan = (Planned(1, 1), Planned(2, 1))
     asked = (BEGAN, began(1), ended(1, again=True))
-    assert stands(*asked, plan=plan).block == 1
-    vetoed = stands(*asked, Veto(1, 1), plan=plan)
+    assert progress_after(*asked, plan=plan).block == 1
+    vetoed = progress_after(*asked, Veto(1, 1), plan=plan)
     assert vetoed.done == (1,)
     assert resume_words(vetoed) == "resumes at the start of block 2 of 2"
 
 
-def test_a_block_whose_end_was_not_noted_is_over_when_all_is_done() -> None:
-    assert stands(BEGAN, began(1), ended(1), plan=(Planned(1, 1),)).complete
+def test_block_with_all_trials_done_is_complete_without_its_end_entry() -> None:
+    assert progress_after(BEGAN, began(1), ended(1), plan=(Planned(1, 1),)).complete
 
 
-def test_all_is_done() -> None:
-    now = stands(BEGAN, BlockEnded(1, "given_up"), plan=(Planned(1, 5),))
+def test_completed_session_has_nothing_to_resume() -> None:
+    now = progress_after(BEGAN, BlockEnded(1, "given_up"), plan=(Planned(1, 5),))
     assert now.complete
     assert resume_words(now) == "nothing to resume: all 1 blocks are complete"
 
 
-def test_a_stopped_block_goes_on_unless_another_begins() -> None:
+def test_stopped_block_resumes_unless_a_later_block_begins() -> None:
     stopped = (BEGAN, began(1), ended(1), BlockEnded(1, "stopped"))
-    assert (stands(*stopped).block, stands(*stopped).trial) == (1, 2)
-    later = stands(*stopped, BlockBegan(2, 1, 1, "r1", 0))
+    assert (progress_after(*stopped).block, progress_after(*stopped).trial) == (1, 2)
+    later = progress_after(*stopped, BlockBegan(2, 1, 1, "r1", 0))
     assert (later.done, later.block) == ((1,), 2)
 
 
-def test_what_was_under_way_at_a_crash_stays_incomplete() -> None:
-    now = stands(BEGAN, began(1), Resumed("r2"), BlockBegan(1, 1, 2, "r2", 9), began(1, 2), ended(1, 2))
+def test_attempt_interrupted_by_a_crash_stays_incomplete() -> None:
+    now = progress_after(BEGAN, began(1), Resumed("r2"), BlockBegan(1, 1, 2, "r2", 9), began(1, 2), ended(1, 2))
     assert [row[:4] for row in now.outcomes] == [(1, 1, 1, "incomplete"), (1, 1, 2, "success")]
     assert now.under_way is None
     assert now.runs == ("r1", "r2")
@@ -247,7 +247,7 @@ def test_what_was_under_way_at_a_crash_stays_incomplete() -> None:
         ([BEGAN, Veto(1, 1)], "a veto of the repeat of trial 1, which was not requested"),
     ],
 )
-def test_contradictions_name_the_line(entries: list[Entry], words: str) -> None:
+def test_contradictory_entries_are_reported_with_their_line(entries: list[Entry], words: str) -> None:
     with pytest.raises(RecordingError) as caught:
         progress_of(HEADER, entries, PLAN, SOURCE)
     line = len(entries) + 1
@@ -261,7 +261,7 @@ RULES = st.sampled_from([Quality(), Quality(repeat="flagged")])
 @pytest.mark.slow
 @given(st.integers(0, 2**32), RULES, st.lists(st.integers(0, 60), max_size=6))
 @settings(max_examples=150, deadline=None)
-def test_however_often_it_crashes_the_counts_are_right(seed: int, rules: Quality, crashes: list[int]) -> None:
+def test_counts_are_correct_after_any_number_of_crashes(seed: int, rules: Quality, crashes: list[int]) -> None:
     chance = random.Random(seed)
     entries: list[Entry] = []
     for run, written_before in enumerate([*crashes, *[1000] * 20]):
@@ -272,12 +272,12 @@ def test_however_often_it_crashes_the_counts_are_right(seed: int, rules: Quality
             check(entries, progress_of(HEADER, entries, PLAN))
         if progress_of(HEADER, entries, PLAN).complete:
             return
-    raise AssertionError("it never came to its end")
+    raise AssertionError("the session did not complete")
 
 
 @given(st.integers(0, 2**32), RULES, st.data())
 @settings(max_examples=100, deadline=None)
-def test_a_journal_cut_at_any_byte_tells_where_the_session_stood_then(
+def test_journal_truncated_at_any_byte_gives_the_progress_at_that_point(
     seed: int, rules: Quality, data: st.DataObject
 ) -> None:
     entries = list(a_run(random.Random(seed), "r1", [], rules))
@@ -298,7 +298,7 @@ def test_a_journal_cut_at_any_byte_tells_where_the_session_stood_then(
 # --- repeats ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_rule_for_flagged_trials() -> None:
+def test_flagged_successful_trials_are_repeated_once() -> None:
     rules, none = Quality(repeat="flagged"), Repeats(60)
     assert wants_repeat(rules, "success", ("clipped",), 7, none)
     assert not wants_repeat(Quality(), "success", ("clipped",), 7, none)
@@ -309,7 +309,7 @@ def test_the_rule_for_flagged_trials() -> None:
     assert not wants_repeat(rules, "success", ("clipped",), 7, none.ask(7).veto(7)), "against the operator"
 
 
-def test_which_trial_repeats_which() -> None:
+def test_extra_trials_map_to_the_trials_they_repeat() -> None:
     asked = Repeats(60).ask(5).ask(9).ask(5)
     assert asked.extra == 3
     assert [asked.repeated_by(trial) for trial in (1, 60, 61, 62, 63, 64)] == [0, 0, 5, 9, 5, 0]
@@ -317,7 +317,7 @@ def test_which_trial_repeats_which() -> None:
     assert Repeats(60).ask(5).veto(5).ask(5).vetoed == ()
 
 
-def test_what_operators_are_told() -> None:
+def test_refused_repeats_and_vetoes_state_the_reason() -> None:
     asked = Repeats(60).ask(5).ask(9)
     assert asked.why_not_ask(7, 20) == ""
     assert asked.why_not_ask(5, 20) == "trial 5 is already to be repeated"
@@ -333,7 +333,7 @@ def test_what_operators_are_told() -> None:
 # --- the same session ------------------------------------------------------------------------------------------------
 
 
-def test_the_same_plan_is_not_refused() -> None:
+def test_same_plan_may_be_resumed() -> None:
     require_same_plan(HEADER, replace(HEADER, netboard="0.2.0", config_digest="d1", consent=False), SOURCE)
 
 
@@ -348,14 +348,14 @@ def test_the_same_plan_is_not_refused() -> None:
         ({"plan_digest": "y"}, "the same study now gives another plan"),
     ],
 )
-def test_another_plan_is_refused_in_words(changed: dict[str, Any], words: str) -> None:
+def test_resuming_with_another_plan_is_refused_with_the_difference(changed: dict[str, Any], words: str) -> None:
     with pytest.raises(RecordingError) as caught:
         require_same_plan(HEADER, replace(HEADER, **changed), SOURCE)
     (line,) = str(caught.value).splitlines()
     assert line.startswith(f"{SOURCE}: cannot be resumed: {words}")
 
 
-def test_what_else_has_changed_is_told() -> None:
+def test_changes_that_do_not_prevent_resuming_are_listed() -> None:
     assert changes(HEADER, HEADER) == ()
     assert changes(HEADER, replace(HEADER, netboard="0.2.0", config_digest="d1")) == (
         "version of netboard: 0.1.0 when the session began, 0.2.0 now",

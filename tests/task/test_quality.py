@@ -1,4 +1,4 @@
-"""Quality rules of attempts: each flag, in portions of any size, and from one release to the next."""
+"""Quality rules of attempts: each flag, chunks of any size, and the reset at each release."""
 
 import re
 from dataclasses import replace
@@ -36,7 +36,7 @@ CLAMPED = int(Safeguard.CLAMPED)
 def attempt(
     length: int = LENGTH, cause: Cause = Cause.HELD, trial: int = 1, number: int = 1, tick: int = 0
 ) -> np.ndarray:
-    """Rows of an attempt beyond doubt: levelling, running, holding, its end, and what comes after it."""
+    """Rows of an unflagged attempt: levelling, running, holding, its end, and the ticks after it."""
     rows = np.zeros(LEVEL + length + AFTER, TICK)
     rows["tick"] = tick + np.arange(rows.size)
     rows["trial"], rows["attempt"] = trial, number
@@ -63,12 +63,12 @@ def free(rows: np.ndarray) -> np.ndarray:
     return rows[LEVEL : LEVEL + LENGTH]
 
 
-def verdicts(rows: np.ndarray, config: Config | None = None, portions: list[int] | None = None) -> list[Verdict]:
+def verdicts(rows: np.ndarray, config: Config | None = None, chunks: list[int] | None = None) -> list[Verdict]:
     referee = Referee(config or Config(), CLAMPED)
     found: list[Verdict] = []
     first = 0
-    for portion in [*(portions or []), rows.size]:
-        count = min(portion, rows.size - first)
+    for chunk in [*(chunks or []), rows.size]:
+        count = min(chunk, rows.size - first)
         found += referee.watch(rows, first, count)
         first += count
     return found
@@ -79,7 +79,7 @@ def flags(rows: np.ndarray, config: Config | None = None) -> tuple[str, ...]:
     return found.flags
 
 
-def test_an_attempt_beyond_doubt_has_no_flag() -> None:
+def test_clean_attempt_has_no_flag() -> None:
     (found,) = verdicts(attempt())
     assert found == Verdict(1, 1, LEVEL, LEVEL + LENGTH - 1, Cause.HELD, LENGTH / 2 * 1e-3, ())
     assert found.outcome == "success"
@@ -95,18 +95,18 @@ def test_an_attempt_beyond_doubt_has_no_flag() -> None:
         (Cause.FAULT, "paused"),
     ],
 )
-def test_what_ends_an_attempt_says_what_it_comes_to(cause: Cause, outcome: str) -> None:
+def test_cause_of_the_end_determines_the_outcome(cause: Cause, outcome: str) -> None:
     (found,) = verdicts(attempt(cause=cause))
     assert found.outcome == outcome
     assert np.isnan(found.completion)
     assert found.flags == ()
 
 
-def test_whatever_else_ends_it_has_skipped_the_trial() -> None:
+def test_other_causes_of_the_end_give_the_outcome_skipped() -> None:
     assert Verdict(1, 1, 0, 9, Cause.LAST, NAN, ()).outcome == "skipped"
 
 
-def test_late_ticks() -> None:
+def test_more_than_20_late_ticks_after_release_are_flagged() -> None:
     rows = attempt()
     free(rows)["late_ns"][:20] = LATE_NS + 1
     free(rows)["late_ns"][20:] = LATE_NS
@@ -127,7 +127,7 @@ def test_late_ticks() -> None:
         ("used_z", 0.075, "saturated", 0.05),
     ],
 )
-def test_shares_of_an_attempt(side: str, field: str, value: float, word: str, share: float) -> None:
+def test_share_above_its_limit_is_flagged(side: str, field: str, value: float, word: str, share: float) -> None:
     rows = attempt()
     rows[f"{side}_safeguards"] = Safeguard.ARMED | Safeguard.SLEWED
     most = round(share * LENGTH) + (field == "stamp_ns")  # the first sample with another stamp is fresh
@@ -138,7 +138,7 @@ def test_shares_of_an_attempt(side: str, field: str, value: float, word: str, sh
     assert flags(rows) == (word,)
 
 
-def test_a_sample_of_the_tick_before_the_release_is_not_fresh() -> None:
+def test_sample_repeated_from_before_the_release_counts_as_lost() -> None:
     rows = attempt()
     rows["left_stamp_ns"] = 10**9 + rows["tick"] // 2 * 10**6
     acc = empty_tally()
@@ -147,7 +147,7 @@ def test_a_sample_of_the_tick_before_the_release_is_not_fresh() -> None:
 
 
 @pytest.mark.parametrize("tilt_deg", [1.51, -1.51])
-def test_tilt_at_the_release(tilt_deg: float) -> None:
+def test_tilt_above_1_5_deg_at_the_release_is_flagged(tilt_deg: float) -> None:
     rows = attempt()
     rows["theta"] = np.radians(tilt_deg)
     free(rows)["theta"][0] = np.radians(1.49)
@@ -159,7 +159,7 @@ def test_tilt_at_the_release(tilt_deg: float) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_a_stuck_stylus(side: str) -> None:
+def test_stylus_without_motion_for_2_s_is_flagged(side: str) -> None:
     rows = attempt()
     free(rows)[f"{side}_sent_z"][100 : 100 + 2001] = 0.03
     assert flags(rows) == ()
@@ -173,14 +173,14 @@ def test_a_stuck_stylus(side: str) -> None:
     assert flags(rows) == (f"stuck_{side}",)
 
 
-def test_a_stylus_that_rested_before_the_release_is_not_stuck_for_that() -> None:
+def test_rest_of_a_stylus_before_the_release_does_not_count() -> None:
     rows = np.concatenate([attempt()[:LEVEL]] * 200 + [attempt()[LEVEL:]])
     rows["left_sent_z"][: 199 * LEVEL + LEVEL + 100] = 0.0
     rows["tick"] = np.arange(rows.size)
     assert flags(rows) == ()
 
 
-def test_only_a_persons_stylus_can_be_stuck_and_a_still_hand_lacks_nothing() -> None:
+def test_robot_is_never_stuck_and_a_fixed_hand_never_loses_samples() -> None:
     rows = attempt()
     rows["right_sent_z"] = 0.0
     assert flags(rows) == ("stuck_right",)
@@ -190,13 +190,13 @@ def test_only_a_persons_stylus_can_be_stuck_and_a_still_hand_lacks_nothing() -> 
     assert flags(rows, Config(block=Block(right="still"))) == ()
 
 
-def test_completion_times() -> None:
+def test_completion_outside_its_limits_is_flagged() -> None:
     t = empty_tally()[0]
     for completion, words in ((0.29, ("too_short",)), (0.3, ()), (60.0, ()), (60.1, ("too_long",)), (NAN, ())):
         assert judge(t, completion, 0.0, Quality(), Block()) == words
 
 
-def test_words_come_in_their_order() -> None:
+def test_flags_are_listed_in_a_fixed_order() -> None:
     rows = attempt(600)
     rows["theta"], rows["late_ns"], rows["left_live"] = 1.0, 10**6, 0
     (found,) = verdicts(rows, Config(quality=Quality(shortest=1.0)))
@@ -204,13 +204,13 @@ def test_words_come_in_their_order() -> None:
     assert tuple(word for word in WORDS if word in found.flags) == found.flags
 
 
-def test_rules_can_be_set() -> None:
+def test_quality_limits_are_configurable() -> None:
     rows = attempt()
     free(rows)["late_ns"] = 10**6
     assert flags(rows, Config(quality=Quality(late_ticks=LENGTH))) == ()
 
 
-def test_every_attempt_begins_anew() -> None:
+def test_counts_are_reset_for_every_attempt() -> None:
     spoilt, clean = attempt(), attempt(number=2, tick=5000)
     free(spoilt)["late_ns"] = 10**6
     free(spoilt)["left_safeguards"] = CLAMPED
@@ -225,7 +225,7 @@ def test_every_attempt_begins_anew() -> None:
     ]
 
 
-def test_a_ring_is_read_round() -> None:
+def test_ring_buffer_is_read_across_its_end() -> None:
     rows = attempt(600)
     rows["left_live"][50:90] = 0
     ring = np.zeros(64, TICK)
@@ -242,7 +242,7 @@ def test_a_ring_is_read_round() -> None:
 
 @st.composite
 def streams(draw: st.DrawFn) -> np.ndarray:
-    """Some attempts, with everything that counts at random."""
+    """Some attempts with random values in every field that the rules use."""
     generator = np.random.default_rng(draw(st.integers(0, 2**32)))
     parts = []
     for number in range(draw(st.integers(1, 4))):
@@ -263,19 +263,19 @@ def streams(draw: st.DrawFn) -> np.ndarray:
 
 @given(streams(), st.lists(st.integers(0, 40), max_size=40))
 @settings(max_examples=50, deadline=None)
-def test_portions_do_not_matter(rows: np.ndarray, portions: list[int]) -> None:
+def test_verdicts_are_independent_of_chunk_sizes(rows: np.ndarray, chunks: list[int]) -> None:
     rules = Quality(late_ticks=12, lost_share=0.5, saturated_share=0.06, stuck=0.004, shortest=0.01)
     config = Config(quality=rules)
-    assert repr(verdicts(rows, config, portions)) == repr(verdicts(rows, config))
-    whole, parted = empty_tally(), empty_tally()
+    assert repr(verdicts(rows, config, chunks)) == repr(verdicts(rows, config))
+    whole, chunked = empty_tally(), empty_tally()
     _take(whole, rows, [rows.size])
-    _take(parted, rows, [*portions, rows.size])
-    assert whole.tobytes() == parted.tobytes()
+    _take(chunked, rows, [*chunks, rows.size])
+    assert whole.tobytes() == chunked.tobytes()
 
 
-def _take(acc: np.ndarray, rows: np.ndarray, portions: list[int]) -> None:
+def _take(acc: np.ndarray, rows: np.ndarray, chunks: list[int]) -> None:
     first = 0
-    for count in portions:
+    for count in chunks:
         stop = min(first + count, rows.size)
         while first < stop:
             first += tally(acc, rows, first, stop - first, 0.075, CLAMPED)
@@ -283,14 +283,14 @@ def _take(acc: np.ndarray, rows: np.ndarray, portions: list[int]) -> None:
 
 @given(st.integers(0, 2**32))
 @settings(max_examples=50, deadline=None)
-def test_rows_of_anything_do_no_harm(seed: int) -> None:
+def test_arbitrary_rows_give_only_known_flags(seed: int) -> None:
     rows = np.frombuffer(np.random.default_rng(seed).bytes(200 * TICK.itemsize), TICK).copy()
     rows["phase"] = np.random.default_rng(seed).integers(-1, 9, 200)
     referee = Referee(Config(), CLAMPED)
     assert all(set(found.flags) <= set(WORDS) for found in referee.watch(rows, 0, 200))
 
 
-def test_it_sees_the_attempts_that_the_stage_makes() -> None:
+def test_referee_finds_the_attempts_of_a_simulated_block() -> None:
     config = parse("[task]\nlevel_time = 0.05\nlevel_rate_deg_s = 300\nlevel_angle_deg = 40\ntime_limit = 1.0")
     stage = make_stage(config)
     state = stage.initial()
@@ -325,7 +325,7 @@ def frames(first: int, last: int, step: int = 16) -> list[tuple[int, int]]:
     return [(tick, 5_000_000_000 + tick * 1_000_000) for tick in range(first, last, step)]
 
 
-def test_gaps_between_frames() -> None:
+def test_longest_gap_between_frames_within_an_attempt() -> None:
     release, end = 1000, 4000
     stop = end - REPORT_TICKS
     assert longest_gap(frames(0, 5000), release, end) == pytest.approx(0.016)
@@ -341,12 +341,12 @@ def test_gaps_between_frames() -> None:
     assert longest_gap([], release, release + REPORT_TICKS) == 0.0
 
 
-def test_a_display_that_painted_late_was_frozen_too() -> None:
+def test_late_painting_counts_as_a_gap() -> None:
     shown = frames(0, 2000) + [(tick, painted + 300_000_000) for tick, painted in frames(2000, 5000)]
     assert longest_gap(shown, 1000, 4000) == pytest.approx(0.316)
 
 
-def test_another_display_with_another_clock_is_not_frozen() -> None:
+def test_change_of_display_clock_is_no_gap() -> None:
     later = [(tick, painted + 10**15) for tick, painted in frames(2000, 5000)]  # on another machine
     assert longest_gap(frames(0, 2000) + later, 1000, 4000) <= 0.034
     both = sorted(frames(0, 5000) + [(tick + 3, painted - 10**15) for tick, painted in frames(0, 5000)])
@@ -355,7 +355,7 @@ def test_another_display_with_another_clock_is_not_frozen() -> None:
 
 
 def watched(config: Config, painted: dict[str, list[tuple[int, int]]]) -> tuple[str, ...]:
-    """The flags of an attempt of which frames are known half a second after they were painted."""
+    """Flags of an attempt whose frames are reported 500 ms after they were painted."""
     rows = attempt()
     referee = Referee(config, CLAMPED)
     found: list[Verdict] = []
@@ -369,35 +369,35 @@ def watched(config: Config, painted: dict[str, list[tuple[int, int]]]) -> tuple[
     return verdict.flags
 
 
-def test_a_frozen_display() -> None:
-    whole, holed = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
+def test_gap_of_a_connected_display_is_flagged() -> None:
+    whole, with_gap = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
     config = Config()
     assert watched(config, {"left": whole, "right": whole}) == ()
-    assert watched(config, {"left": holed, "right": whole}) == ("frozen_display",)
-    assert watched(config, {"left": whole, "right": holed}) == ("frozen_display",)
+    assert watched(config, {"left": with_gap, "right": whole}) == ("frozen_display",)
+    assert watched(config, {"left": whole, "right": with_gap}) == ("frozen_display",)
     # A display that was never there is not frozen; one that is gone is.
     assert watched(config, {"left": whole}) == ()
     assert watched(config, {"left": whole, "right": frames(0, 100)}) == ("frozen_display",)
 
 
-def test_only_displays_that_somebody_looks_at_count() -> None:
-    whole, holed = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
+def test_only_displays_of_participants_who_see_a_ball_count() -> None:
+    whole, with_gap = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
     bimanual = Config(block=Block(configuration="bimanual", station="right"))
-    assert watched(bimanual, {"left": holed, "right": whole}) == ()
-    assert watched(bimanual, {"left": whole, "right": holed}) == ("frozen_display",)
+    assert watched(bimanual, {"left": with_gap, "right": whole}) == ()
+    assert watched(bimanual, {"left": whole, "right": with_gap}) == ("frozen_display",)
     alone = Config(block=Block(left="robot"))
-    assert watched(alone, {"left": holed, "right": whole}) == ()
-    assert watched(alone, {"left": whole, "right": holed}) == ("frozen_display",)
-    assert watched(replace(Config(), physics=Physics(balls=0)), {"left": holed, "right": holed}) == ()
+    assert watched(alone, {"left": with_gap, "right": whole}) == ()
+    assert watched(alone, {"left": whole, "right": with_gap}) == ("frozen_display",)
+    assert watched(replace(Config(), physics=Physics(balls=0)), {"left": with_gap, "right": with_gap}) == ()
 
 
-def test_frames_outside_of_an_attempt_are_not_kept() -> None:
+def test_frames_outside_attempts_are_discarded() -> None:
     referee = Referee(Config(), CLAMPED)
     for tick, painted_ns in frames(0, 10_000):
         referee.paint("left", tick, painted_ns)
     assert referee._frames == {"left": []}
 
 
-def test_the_page_lists_every_word() -> None:
+def test_documentation_lists_every_flag() -> None:
     page = (Path(__file__).parents[2] / "docs" / "explanation" / "quality.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(WORDS)

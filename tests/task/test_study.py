@@ -1,4 +1,4 @@
-"""The study file: valid files are read, errors name table, key and remedy."""
+"""The study file: valid files are parsed, and errors name table, key and remedy."""
 
 import re
 from dataclasses import fields
@@ -29,19 +29,19 @@ def problems(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_built_in_studies_read_and_read_back(name: str) -> None:
+def test_built_in_studies_survive_a_round_trip(name: str) -> None:
     study = parse_study(library.text_of(name), name)
     assert study.name == name
     assert parse_study(resolve_study(study), "resolved") == study
     assert resolve_study(parse_study(resolve_study(study))) == resolve_study(study)
 
 
-def test_there_is_no_other_built_in_study() -> None:
+def test_unknown_built_in_study_is_refused() -> None:
     with pytest.raises(ValueError, match="there are paper, "):
         library.text_of("other")
 
 
-def test_the_papers_study() -> None:
+def test_paper_study_declares_its_orders_and_trials_per_condition() -> None:
     study = paper_study()
     assert study.orders["paper"] == "4 bimanual, 6 dyadic, 2 bimanual"
     assert study.taken() == ("paper",)
@@ -49,7 +49,7 @@ def test_the_papers_study() -> None:
     assert study.trials_per_condition == 180
 
 
-def test_the_template_has_every_key() -> None:
+def test_template_has_every_key() -> None:
     text = library.text_of(library.TEMPLATE)
     for cls in (Study, Kind, Factor, Questionnaire):
         for item in fields(cls):
@@ -57,7 +57,7 @@ def test_the_template_has_every_key() -> None:
             assert f"{item.name} =" in text or any(table in text for table in tables), item.name
 
 
-def test_the_how_to_names_every_key_and_its_examples_are_studies() -> None:
+def test_how_to_page_names_every_key_and_its_examples_are_valid() -> None:
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
     for cls in (Study, Kind, Factor, Questionnaire):
         for item in fields(cls):
@@ -69,13 +69,13 @@ def test_the_how_to_names_every_key_and_its_examples_are_studies() -> None:
         assert require_balance(study, plan_of(study, 1, 1)).blocks
 
 
-def test_a_small_study_needs_two_lines() -> None:
+def test_minimal_study_has_two_lines() -> None:
     study = parse_study(SMALL)
     assert study.kinds == {"duo": Kind()}
     assert study.taken() == ("main",)
 
 
-def test_what_differs_is_read_as_the_configuration_reads_it() -> None:
+def test_overrides_are_converted_like_configuration_values() -> None:
     study = parse_study(SMALL + "physics.M = 1\nblock.trials = 3\nparticipant.kp = 2")
     assert study.kinds["duo"].changed() == {"block": {"trials": 3}, "physics": {"M": 1.0}, "participant": {"kp": 2.0}}
     assert type(study.kinds["duo"].physics["M"]) is float
@@ -129,7 +129,7 @@ def test_what_differs_is_read_as_the_configuration_reads_it() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_named(text: str, problem: str) -> None:
+def test_invalid_study_is_reported_with_table_and_key(text: str, problem: str) -> None:
     assert any(line.startswith(problem) for line in problems(text)), problems(text)
 
 
@@ -174,7 +174,7 @@ def read_or_refuse(text: str) -> None:
 
 @settings(deadline=None)
 @given(st.dictionaries(WORDS, VALUES, max_size=5))
-def test_any_tables_are_a_study_or_an_error(values: dict[str, object]) -> None:
+def test_any_tables_parse_or_raise_config_error(values: dict[str, object]) -> None:
     read_or_refuse("\n".join(f"{key} = {toml(value)}" for key, value in values.items()))
 
 
@@ -183,7 +183,7 @@ def test_any_tables_are_a_study_or_an_error(values: dict[str, object]) -> None:
 @example("a = " + "[" * 20_000)
 @example(SMALL + "catch = " + "9" * 400)
 @example(SMALL + "catch_after = " + "9" * 400)
-def test_any_text_is_a_study_or_an_error(text: str) -> None:
+def test_any_study_text_parses_or_raises_config_error(text: str) -> None:
     read_or_refuse(text)
     read_or_refuse(SMALL + text)
 
@@ -195,7 +195,7 @@ def study_with(*lines: str) -> str:
     return "\n".join(('orders.main = "4 duo"', "[kinds.duo]", *lines))
 
 
-def test_a_factor_whose_levels_set_one_number_is_numeric_with_its_unit() -> None:
+def test_factor_whose_levels_set_one_number_is_numeric_with_its_unit() -> None:
     levels = "levels.light.physics.m = 0.02", "levels.heavy.physics.m = 0.05"
     found = declared(parse_study(study_with("[factors.mass]", *levels)).factors["mass"])
     assert found == Declared("numeric", ("light", "heavy"), (0.02, 0.05), "kg")
@@ -217,23 +217,23 @@ def test_other_factors_are_categorical_or_boolean() -> None:
     assert types == {"force": "categorical", "smooth": "boolean", "nothing": "categorical"}
 
 
-def test_a_level_may_say_its_value() -> None:
+def test_level_may_declare_its_value() -> None:
     lines = 'unit = "y"', "levels.young.value = 20.0", "levels.old.value = 70.0"
     found = declared(parse_study(study_with("[factors.age]", 'order = "between"', *lines)).factors["age"])
     assert found == Declared("numeric", ("young", "old"), (20.0, 70.0), "y")
 
 
-def test_a_numeric_factor_without_values_is_refused() -> None:
+def test_numeric_factor_without_values_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"\[factors.age\] levels.old value: there is none, expected one for each"):
         parse_study(study_with("[factors.age]", 'type = "numeric"', "levels.young.value = 20.0", "levels.old = {}"))
 
 
-def test_within_a_block_only_the_gain_can_differ() -> None:
+def test_trial_factor_may_set_only_the_force_gain() -> None:
     levels = "levels.light.physics.m = 0.02", "levels.heavy.physics.m = 0.05"
     with pytest.raises(ConfigError, match=r"sets physics.m; within a block only block.force_scale can differ"):
         parse_study(study_with("[factors.mass]", 'order = "trial"', *levels))
 
 
-def test_what_came_later_does_not_change_the_text_of_a_study() -> None:
+def test_keys_added_later_are_absent_from_the_resolved_paper_study() -> None:
     text = resolve_study(paper_study())
     assert not {line.partition(" =")[0].rpartition(".")[2] for line in text.splitlines()} & {"role", "type", "unit"}

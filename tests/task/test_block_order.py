@@ -1,4 +1,4 @@
-"""The order of blocks in a study file."""
+"""Parsing of the block order in a study file."""
 
 import pytest
 from hypothesis import example, given, settings
@@ -8,8 +8,8 @@ from netboard.base.errors import ConfigError
 from netboard.task.studies.order import MOST, steps_of
 
 
-def written(text: str) -> str:
-    """Write what was read without numbers and brackets."""
+def expanded(text: str) -> str:
+    """Return the parsed order with all repetitions written out."""
     sessions = steps_of(text)
     return " | ".join(" ".join(("/" if step.rested else "") + step.kind for step in steps) for steps in sessions)
 
@@ -27,8 +27,8 @@ def written(text: str) -> str:
         ("2 a-b_3", "a-b_3 a-b_3"),
     ],
 )
-def test_what_is_written_is_done(text: str, steps: str) -> None:
-    assert written(text) == steps
+def test_order_expands_repetitions_brackets_rests_and_sessions(text: str, steps: str) -> None:
+    assert expanded(text) == steps
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_what_is_written_is_done(text: str, steps: str) -> None:
         ("1000 (1000 (1000 (1000 a)))", "more than 1000 blocks"),
     ],
 )
-def test_what_is_wrong_is_said(text: str, problem: str) -> None:
+def test_syntax_errors_are_reported(text: str, problem: str) -> None:
     with pytest.raises(ConfigError) as raised:
         steps_of(text)
     assert problem in str(raised.value)
@@ -58,7 +58,7 @@ def test_what_is_wrong_is_said(text: str, problem: str) -> None:
 @given(st.text() | st.text(alphabet="ab 12(),/|"))
 @example("(" * 100_000)
 @example("9" * 100_000)
-def test_any_text_is_an_order_or_none(text: str) -> None:
+def test_any_text_parses_or_raises_config_error(text: str) -> None:
     try:
         sessions = steps_of(text)
     except ConfigError:

@@ -41,19 +41,19 @@ def state(trial: int = 1, target: int = 1, phase: Phase = Phase.RUNNING, run_tic
     return made[0]
 
 
-def test_successful_attempts_are_taken_from_their_release_to_their_end() -> None:
+def test_forces_of_successful_attempts_run_from_release_to_end() -> None:
     found = unrelated_of(RECORDED, "a.mcap")
     assert [len(forces) for forces in found.trials] == [LONG, SHORT]
     assert [found.at(state(run_ticks=k))[0] for k in (0, 1, LONG - 1)] == [1000.0, 1001.0, 1000.0 + LONG - 1]
 
 
-def test_the_first_force_is_felt_while_the_ball_is_fixed_and_the_last_one_when_there_are_no_more() -> None:
+def test_first_force_is_held_before_release_and_last_force_after_the_end() -> None:
     found = unrelated_of(RECORDED, "a.mcap")
     assert found.at(state(phase=Phase.LEVELLING, run_ticks=30)) == (1000.0, 2000.0)
     assert found.at(state(run_ticks=10**6))[0] == 1000.0 + LONG - 1
 
 
-def test_each_trial_has_the_next_and_then_the_first_again_and_the_hands_change_with_the_target() -> None:
+def test_trials_cycle_through_recorded_trials_and_swap_hands_with_the_target() -> None:
     found = unrelated_of(RECORDED, "a.mcap")
     assert found.at(state(trial=1, target=1)) == (1000.0, 2000.0)
     assert found.at(state(trial=1, target=-1)) == (2000.0, 1000.0)
@@ -62,14 +62,14 @@ def test_each_trial_has_the_next_and_then_the_first_again_and_the_hands_change_w
     assert found.at(state(trial=3, target=1)) == (1000.0, 2000.0)
 
 
-@pytest.mark.parametrize("hole", [slice(60, 61), slice(0, 52)])
-def test_an_attempt_with_a_hole_is_left_out(hole: slice) -> None:
-    assert [len(forces) for forces in unrelated_of(np.delete(RECORDED, hole), "a.mcap").trials] == [SHORT]
+@pytest.mark.parametrize("missing", [slice(60, 61), slice(0, 52)])
+def test_attempt_with_missing_ticks_is_left_out(missing: slice) -> None:
+    assert [len(forces) for forces in unrelated_of(np.delete(RECORDED, missing), "a.mcap").trials] == [SHORT]
 
 
-def test_a_recording_without_forces_or_success_is_refused() -> None:
-    unfelt = RECORDED.copy()
-    unfelt["left_force"] = unfelt["right_force"] = 0.0
-    for ticks in (unfelt, RECORDED[:40], RECORDED[:0]):
+def test_recording_without_forces_or_success_is_refused() -> None:
+    without_forces = RECORDED.copy()
+    without_forces["left_force"] = without_forces["right_force"] = 0.0
+    for ticks in (without_forces, RECORDED[:40], RECORDED[:0]):
         with pytest.raises(ConfigError, match=r"a\.mcap: found no successful trial"):
             unrelated_of(ticks, "a.mcap")
