@@ -32,7 +32,7 @@ DRAWN = daily.some("figures of an analysis", FIGURES, 3)
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _some_figures() -> Iterator[None]:
+def _draw_some_figures() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(everything, "PICTURES", tuple(FIGURES[name] for name in DRAWN))
         yield
@@ -44,9 +44,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plain(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of an analysis as it is made unless told otherwise, with what is kept beside it, in `other`."""
-    folder = tmp_path_factory.mktemp("plain")
+def default_output(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Output folder of an analysis with default options; its cache is the sibling folder `other`."""
+    folder = tmp_path_factory.mktemp("default_output")
     result = analyse(study, "-o", folder / "out", "--workers", "1", "--cache", folder / "other")
     assert result.exit_code == 0, result.output
     assert "from the cache" not in result.output
@@ -54,7 +54,7 @@ def plain(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     monkeypatch.setenv("COLUMNS", "200")
@@ -66,20 +66,20 @@ def analyse(*words: str | Path) -> Result:
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make no pictures, which take most of the time of a small study."""
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no figures: they take most of the time of a small study."""
     monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])
 
 
 def refused(result: Result) -> str:
-    """The one line of an error."""
+    """Return the only line of an error message."""
     assert result.exit_code in (1, 2), result.output
     (line,) = result.stderr.strip().splitlines()
     return line
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_what_is_excluded_is_said_and_settings_are_kept(study: Path) -> None:
+@pytest.mark.usefixtures("without_figures")
+def test_exclusions_are_reported_and_settings_are_saved(study: Path) -> None:
     result = analyse(study, "-o", "out", "--workers", "1", "--set", "exclusions.warm_up=1")
     assert result.exit_code == 0, result.output
     assert "4 recordings" in result.output
@@ -89,20 +89,20 @@ def test_what_is_excluded_is_said_and_settings_are_kept(study: Path) -> None:
     assert list(Path().glob(".out*")) == []
 
 
-def test_a_folder_has_everything(study: Path, plain: Path) -> None:
-    assert {path.name for path in plain.iterdir()} == {
+def test_output_has_tables_figures_settings_provenance_and_report(study: Path, default_output: Path) -> None:
+    assert {path.name for path in default_output.iterdir()} == {
         *("tables", "figures", "settings.toml", "provenance.json", "report.html")
     }
-    said = json.loads((plain / "provenance.json").read_text())
+    said = json.loads((default_output / "provenance.json").read_text())
     assert set(said["recordings"]) == {path.stem for path in study.glob("*.mcap")}
     assert all(len(one["sha256"]) == 64 for one in said["recordings"].values())
-    drawn = sorted(path.name for path in (plain / "figures").iterdir())
+    drawn = sorted(path.name for path in (default_output / "figures").iterdir())
     assert {Path(name).suffix for name in drawn} == {".svg", ".pdf", ".png"}
     assert len(drawn) == len({Path(name).stem for name in drawn}) * len(KINDS) == len(DRAWN) * len(KINDS)
 
 
-def test_tables_are_described_and_typed(plain: Path) -> None:
-    tables = plain / "tables"
+def test_every_column_has_a_description_type_and_unit(default_output: Path) -> None:
+    tables = default_output / "tables"
     described = json.loads((tables / "dictionary.json").read_text())["tables"]
     for name, table in described.items():
         read = parquet.read_table(tables / f"{name}.parquet")
@@ -121,46 +121,48 @@ def test_tables_are_described_and_typed(plain: Path) -> None:
     assert set(described) == short | {"paths"}
 
 
-def same(one: Path, other: Path) -> int:
-    """How many files of an analysis are the same as those of another one: all that do not say how they were made."""
+def count_identical_files(one: Path, other: Path) -> int:
+    """Require that all files but those of provenance are identical, and return their number."""
     files = [path.relative_to(one) for path in one.rglob("*") if path.is_file()]
-    told = [file for file in files if file.name not in ("provenance.json", "report.html")]
-    assert [file for file in told if (one / file).read_bytes() != (other / file).read_bytes()] == []
-    return len(told)
+    compared = [file for file in files if file.name not in ("provenance.json", "report.html")]
+    assert [file for file in compared if (one / file).read_bytes() != (other / file).read_bytes()] == []
+    return len(compared)
 
 
 @pytest.mark.daily(1, of="same bytes")
-def test_tables_and_pictures_are_the_same_to_the_byte_made_by_several_processes(study: Path, plain: Path) -> None:
+def test_output_is_bitwise_identical_for_any_number_of_workers(study: Path, default_output: Path) -> None:
     assert analyse(study, "-o", "two", "--workers", "2").exit_code == 0
-    assert same(plain, Path("two")) == same(Path("two"), plain) > 10 + len(DRAWN) * len(KINDS)
+    assert (
+        count_identical_files(default_output, Path("two"))
+        == count_identical_files(Path("two"), default_output)
+        > 10 + len(DRAWN) * len(KINDS)
+    )
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.daily(1, of="same bytes")
-def test_tables_are_the_same_to_the_byte_whether_they_were_kept_or_not_and_that_is_said(
-    study: Path, plain: Path
-) -> None:
+def test_output_is_bitwise_identical_with_the_cache_and_its_use_is_reported(study: Path, default_output: Path) -> None:
     ways = {"anew": ("--no-cache",), "first": (), "kept": (), "measured": ("--set", "exclusions.warm_up=0")}
     for name, words in ways.items():
         result = analyse(study, "-o", name, "--workers", "1", *words)
         assert result.exit_code == 0
         assert ("; all from the cache" in result.output) == (name == "kept")
         assert ("; 4 from the cache" in result.output) == (name == "measured")
-        assert same(Path(name), plain) > 10
-    for kept in (Path("user/netboard/measures"), plain.with_name("other")):
+        assert count_identical_files(Path(name), default_output) > 10
+    for kept in (Path("user/netboard/measures"), default_output.with_name("other")):
         assert len(list(kept.glob(f"*{TABLES}"))) == 4
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_the_paper_is_put_beside_it_if_asked(study: Path, plain: Path) -> None:
+@pytest.mark.usefixtures("without_figures")
+def test_compare_paper_adds_a_table_with_the_values_of_the_paper(study: Path, default_output: Path) -> None:
     assert analyse(study, "-o", "out", "--workers", "1", "--compare-paper").exit_code == 0
     beside = parquet.read_table("out/tables/comparison.parquet").to_pylist()
     assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in beside}
     assert "comparison" in json.loads(Path("out/tables/dictionary.json").read_text())["tables"]
-    assert not (plain / "tables" / "comparison.csv").exists()
+    assert not (default_output / "tables" / "comparison.csv").exists()
 
 
-def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
+def test_analyse_never_overwrites_and_leaves_no_partial_output(study: Path) -> None:
     Path("out").mkdir()
     assert "out: already exists; choose another --output" in refused(analyse(study, "-o", "out"))
     (broken := Path("broken")).mkdir()
@@ -170,16 +172,16 @@ def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
     assert list(Path().glob(".new*")) == []
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_recordings_without_attempts_are_said(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("without_figures")
+def test_recordings_without_attempts_are_reported(tmp_path: Path) -> None:
     silent = recorded(tmp_path, two_trials()[:900])
     result = analyse(silent, "-o", "out", "--workers", "1", "--no-cache")
     assert result.exit_code == 0, result.output
     assert f"no attempt at a trial: 1 of these, the first is {silent.stem}" in result.output
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_what_cannot_be_read_is_left_out_and_listed(study: Path) -> None:
+@pytest.mark.usefixtures("without_figures")
+def test_unreadable_recordings_are_skipped_and_listed(study: Path) -> None:
     Path("broken.mcap").write_text("nothing")
     result = analyse(study, "broken.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
     assert result.exit_code == 0, result.output
@@ -199,26 +201,24 @@ def test_what_cannot_be_read_is_left_out_and_listed(study: Path) -> None:
         (("--set", "exclusions.trials=['S99/1: sneezed']"), "there is no trial 1 in 'S99'"),
     ],
 )
-def test_wrong_wishes_are_one_line(study: Path, words: tuple[str, ...], expected: str) -> None:
+def test_wrong_options_print_one_line(study: Path, words: tuple[str, ...], expected: str) -> None:
     more = () if "--workers" in words else ("--workers", "1")
     assert expected in refused(analyse(study, "-o", "out", *words, *more))
     assert not Path("out").exists()
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_the_template_is_a_file_of_settings(study: Path, plain: Path) -> None:
+@pytest.mark.usefixtures("without_figures")
+def test_template_is_a_file_of_the_default_settings(study: Path, default_output: Path) -> None:
     result = analyse("--template")
     assert result.exit_code == 0
     assert "# cutoff for all force and kinematic data [Hz]" in result.output
     Path("mine.toml").write_text(result.output)
     assert analyse(study, "-o", "one", "--settings", "mine.toml", "--workers", "1").exit_code == 0
-    assert Path("one/settings.toml").read_bytes() == (plain / "settings.toml").read_bytes()
+    assert Path("one/settings.toml").read_bytes() == (default_output / "settings.toml").read_bytes()
 
 
 @pytest.mark.parametrize(("name", "extra"), [("statsmodels", "analysis"), ("pyarrow", "analysis")])
-def test_a_missing_library_is_one_line_at_once(
-    study: Path, monkeypatch: pytest.MonkeyPatch, name: str, extra: str
-) -> None:
+def test_missing_library_prints_one_line(study: Path, monkeypatch: pytest.MonkeyPatch, name: str, extra: str) -> None:
     def without(hidden: str) -> Callable[[str], ModuleSpec | None]:
         return lambda wanted: None if wanted == hidden else importlib.util.find_spec(wanted)
 

@@ -1,4 +1,4 @@
-"""The commands check, sessions and whatif, for people and for scripts."""
+"""The commands check, sessions and whatif with printed and JSON output."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ runner = CliRunner()
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_folder_with_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -22,34 +22,34 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     proofs.write(Path("recordings/whole.mcap"), proofs.rows())
 
 
-def test_check_says_what_it_looked_at_and_how_fast() -> None:
+def test_check_reports_checksums_trials_and_speed() -> None:
     result = runner.invoke(app, ["check", "recordings/whole.mcap", "--verify"])
     assert result.exit_code == 0, result.output
     for words in ("whole.mcap: complete", "every checksum is right", "2 of 2 trials done", "identical", "x real time"):
         assert words in result.output
 
 
-def test_the_exit_code_is_that_of_the_worst() -> None:
+def test_check_exits_with_the_code_of_the_worst_recording() -> None:
     proofs.write(Path("recordings/early.mcap"), proofs.rows()[:-2000])
     assert runner.invoke(app, ["check", "recordings"]).exit_code == 3
     Path("recordings/cut.mcap").write_bytes(Path("recordings/whole.mcap").read_bytes()[:-9])
     result = runner.invoke(app, ["check", "recordings", "--json", "--verify"])
     assert result.exit_code == 1
-    said = json.loads(result.stdout)
-    assert said["verdict"] == "damaged"
-    assert [one["verdict"] for one in said["recordings"]] == ["damaged", "complete with listed losses", "complete"]
-    assert said["recordings"][2]["replay"]["identical"] is True
-    assert said["recordings"][0]["replay"] is None
+    report = json.loads(result.stdout)
+    assert report["verdict"] == "damaged"
+    assert [one["verdict"] for one in report["recordings"]] == ["damaged", "complete with listed losses", "complete"]
+    assert report["recordings"][2]["replay"]["identical"] is True
+    assert report["recordings"][0]["replay"] is None
 
 
-def test_what_is_not_there_is_said() -> None:
+def test_missing_files_and_folders_are_reported() -> None:
     assert "nowhere: no such file or folder" in runner.invoke(app, ["check", "nowhere"]).stderr
     Path("empty").mkdir()
     assert "no recording in this folder" in runner.invoke(app, ["check", "empty"]).stderr
     assert "no such folder" in runner.invoke(app, ["sessions", "nowhere"]).stderr
 
 
-def test_sessions_lists_the_folder_of_the_configuration() -> None:
+def test_sessions_lists_the_configured_folder() -> None:
     result = runner.invoke(app, ["sessions"])
     assert result.exit_code == 0, result.output
     for words in ("D01 S01", "whole.mcap", "2 of 2", "complete", "1 sessions, 1 files"):
@@ -59,7 +59,7 @@ def test_sessions_lists_the_folder_of_the_configuration() -> None:
     assert "no matching recording" in runner.invoke(app, ["sessions", "--dyad", "D99"]).output
 
 
-def test_whatif_shows_then_and_now() -> None:
+def test_whatif_shows_recorded_and_changed_outcomes() -> None:
     result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.g=0", "--figure", "a.png"])
     assert result.exit_code == 0, result.output
     for words in ("-> unfinished", "[mm]", "Open loop"):
@@ -74,13 +74,13 @@ def test_whatif_without_a_change_is_identical() -> None:
     assert json.loads(result.stdout)["identical"] is True
 
 
-def test_whatif_keeps_ticks_that_check_verifies() -> None:
+def test_check_verifies_the_output_of_whatif() -> None:
     command = ["whatif", "recordings/whole.mcap", "--model", "lagrangian", "--output", "b.mcap"]
     assert runner.invoke(app, command).exit_code == 0
     assert runner.invoke(app, ["check", "b.mcap", "--verify"]).exit_code == 3
     assert runner.invoke(app, command).exit_code == 1
 
 
-def test_a_wrong_setting_is_said() -> None:
+def test_whatif_reports_an_invalid_setting() -> None:
     result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.k_h=-1"])
     assert (result.exit_code, "k_h: found -1" in result.stderr) == (2, True)

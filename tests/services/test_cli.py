@@ -1,4 +1,4 @@
-"""The command line: accepted arguments, answers, and no unneeded imports."""
+"""The command line: accepted arguments, output, errors and lazy imports."""
 
 import inspect
 import os
@@ -42,7 +42,7 @@ BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz", "r
 
 
 @pytest.fixture(autouse=True)
-def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -73,11 +73,11 @@ def test_every_command_has_help_with_examples(command: str) -> None:
     )
 
 
-def test_nothing_asked_shows_the_help() -> None:
+def test_no_arguments_show_the_help() -> None:
     assert "Usage: netboard" in runner.invoke(app, []).output
 
 
-def test_control_takes_every_command_of_the_protocol_and_no_other() -> None:
+def test_control_accepts_exactly_the_commands_of_the_protocol() -> None:
     taken = get_args(get_args(inspect.signature(control_command).parameters["command"].annotation)[0])
     page = (resources.files("netboard.network.protocol") / "PROTOCOL.md").read_text()
     tables = re.findall(r"^\| command \|.*\n\| ---.*\n((?:\|.*\n)+)", page, re.MULTILINE)
@@ -87,7 +87,7 @@ def test_control_takes_every_command_of_the_protocol_and_no_other() -> None:
     assert set(taken) == set(control.COMMANDS) == listed
 
 
-def test_version() -> None:
+def test_version_option_prints_netboard_and_python_versions() -> None:
     result = runner.invoke(app, ["--version"])
     assert result.exit_code == 0
     assert result.output.startswith(f"netboard {version('netboard')} (Python 3.")
@@ -96,18 +96,18 @@ def test_version() -> None:
 @pytest.mark.parametrize(
     "words", ["fly", "agent", "agent --side up", "display", "demo --trials 0", "demo --haptics so", "demo --play me"]
 )
-def test_wrong_usage_ends_with_2(words: str) -> None:
+def test_wrong_usage_exits_with_2(words: str) -> None:
     assert runner.invoke(app, words.split()).exit_code == 2
 
 
-def test_the_command_loads_no_service() -> None:
+def test_importing_the_command_line_loads_no_heavy_module() -> None:
     heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
     script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
-def test_the_shell_completes_commands() -> None:
+def test_shell_completion_lists_matching_commands() -> None:
     environment = {
         **os.environ,
         "_NETBOARD_COMPLETE": "complete_bash",
@@ -122,7 +122,7 @@ def test_the_shell_completes_commands() -> None:
 # --- configuration -----------------------------------------------------------------------------------------------
 
 
-def test_init_then_check_then_show() -> None:
+def test_config_init_writes_the_valid_defaults() -> None:
     assert runner.invoke(app, ["config", "init"]).exit_code == 0
     checked = runner.invoke(app, ["config", "check"])
     assert checked.exit_code == 0
@@ -131,7 +131,7 @@ def test_init_then_check_then_show() -> None:
     assert parse(shown.output) == Config()
 
 
-def test_init_never_writes_over_a_file() -> None:
+def test_config_init_never_overwrites_a_file() -> None:
     Path("rig.toml").write_text("mine", encoding="utf-8")
     result = runner.invoke(app, ["config", "init", "rig.toml"])
     assert result.exit_code == 2
@@ -139,18 +139,18 @@ def test_init_never_writes_over_a_file() -> None:
     assert Path("rig.toml").read_text(encoding="utf-8") == "mine"
 
 
-def test_init_into_a_folder_that_is_not_there() -> None:
+def test_config_init_reports_a_missing_folder() -> None:
     result = runner.invoke(app, ["config", "init", "nowhere/rig.toml"])
     assert result.exit_code == 2
     assert "cannot be written" in result.stderr
 
 
-def test_without_a_file_the_defaults_hold() -> None:
+def test_defaults_apply_without_a_configuration_file() -> None:
     assert runner.invoke(app, ["config", "check"]).output.startswith("defaults: valid")
     assert parse(runner.invoke(app, ["config", "show"]).output) == Config()
 
 
-def test_the_file_of_the_folder_is_taken_and_overridden() -> None:
+def test_options_override_the_configuration_file_of_the_folder() -> None:
     Path("netboard.toml").write_text("[block]\ntrials = 4\nseed = 9\n", encoding="utf-8")
     block = parse(runner.invoke(app, ["config", "show", "--set", "block.trials=5"]).output).block
     assert (block.trials, block.seed) == (5, 9)
@@ -165,7 +165,9 @@ def test_the_file_of_the_folder_is_taken_and_overridden() -> None:
     ],
 )
 @pytest.mark.parametrize("command", ["config check", "server", "agent --side left", "demo", "logger"])
-def test_a_wrong_file_is_one_line_and_2(content: bytes | None, words: str, command: str) -> None:
+def test_invalid_configuration_file_prints_one_line_and_exits_with_2(
+    content: bytes | None, words: str, command: str
+) -> None:
     if content is not None:
         Path("rig.toml").write_bytes(content)
     result = runner.invoke(app, [*command.split(), "-c", "rig.toml"])
@@ -175,14 +177,14 @@ def test_a_wrong_file_is_one_line_and_2(content: bytes | None, words: str, comma
     assert result.stderr.count("\n") == 1
 
 
-def test_debug_shows_where_it_came_from() -> None:
+def test_debug_option_raises_the_original_exception() -> None:
     result = runner.invoke(app, ["--debug", "config", "check", "-c", "rig.toml"])
     assert result.exit_code == 1
     assert type(result.exception).__name__ == "ConfigError"
 
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "192.168.1.5", "::", "*", "rig.lab"])
-def test_the_server_does_not_listen_unasked_beyond_this_machine(address: str) -> None:
+def test_server_requires_keys_or_insecure_beyond_loopback(address: str) -> None:
     open_to_all = ["server", "--set", f"network.bind={address}"]
     result = runner.invoke(app, open_to_all)
     assert result.exit_code == 2
@@ -193,7 +195,7 @@ def test_the_server_does_not_listen_unasked_beyond_this_machine(address: str) ->
     assert "--insecure" in result.stderr
 
 
-def test_the_demos_options_are_settings() -> None:
+def test_demo_options_are_converted_to_settings() -> None:
     settings = demo_settings(trials=2, haptics="off", bimanual=True, seed=7, directory=Path("a b"))
     config = parse("", "defaults", settings)
     assert (config.block.trials, config.block.haptics, config.block.seed) == (2, False, 7)
@@ -204,7 +206,7 @@ def test_the_demos_options_are_settings() -> None:
 @pytest.mark.parametrize(
     ("play", "sides"), [(None, ()), ("left", ("left",)), ("right", ("right",)), ("both", ("left", "right"))]
 )
-def test_what_is_played_is_a_setting_too(play: str | None, sides: tuple[str, ...]) -> None:
+def test_play_option_of_the_demo_is_converted_to_settings(play: str | None, sides: tuple[str, ...]) -> None:
     settings = demo_settings(trials=2, haptics="on", bimanual=False, seed=1, directory=Path(), play=play)
     config = parse("", "defaults", settings)
     assert played_sides(config) == sides
@@ -218,13 +220,13 @@ def test_what_is_played_is_a_setting_too(play: str | None, sides: tuple[str, ...
         ("--play right --bimanual", "expected --play both"),
     ],
 )
-def test_a_demo_that_nobody_could_play_is_refused(words: str, problem: str) -> None:
+def test_contradictory_play_options_are_refused(words: str, problem: str) -> None:
     result = runner.invoke(app, ["demo", *words.split()])
     assert result.exit_code == 2
     assert problem in result.stderr
 
 
-def test_without_a_screen_nobody_plays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_playing_without_a_screen_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
@@ -235,14 +237,14 @@ def test_without_a_screen_nobody_plays(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("command", ["info", "recover", "replay --verify"])
-def test_a_missing_recording_is_one_line_and_1(command: str) -> None:
+def test_missing_recording_prints_one_line_and_exits_with_1(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "none.mcap"])
     assert result.exit_code == 1
     assert result.stderr.startswith("netboard: none.mcap: cannot be read")
     assert result.stderr.count("\n") == 1
 
 
-def test_check_refuses_a_scene_that_the_live_tick_cannot_hold() -> None:
+def test_config_check_refuses_a_scene_too_stiff_for_the_tick() -> None:
     result = runner.invoke(
         app,
         ["config", "check", "--set", "physics.c_h=50", "--set", "physics.method=rk4", "--set", "physics.substeps=1"],
@@ -251,7 +253,7 @@ def test_check_refuses_a_scene_that_the_live_tick_cannot_hold() -> None:
     assert "too stiff" in result.output
 
 
-def test_a_configuration_is_checked_by_its_file_and_its_folders_are(tmp_path: Path) -> None:
+def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: Path) -> None:
     Path("rig.toml").write_text("[block]\ntrials = 6\n")
     for words in (["rig.toml"], ["-c", "rig.toml"]):
         result = runner.invoke(app, ["config", "check", *words])
@@ -281,7 +283,7 @@ def test_a_configuration_is_checked_by_its_file_and_its_folders_are(tmp_path: Pa
         ("export rec.mcap --to parquet", "pyarrow", "parquet"),
     ],
 )
-def test_a_missing_library_is_named_with_the_command_that_installs_it(
+def test_missing_library_is_reported_with_its_install_command(
     command: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     proofs.write(Path("rec.mcap"), proofs.rows())

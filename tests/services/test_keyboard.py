@@ -1,4 +1,4 @@
-"""Keys of a terminal (a pseudo-terminal), complete and in pieces."""
+"""Key presses on a pseudo-terminal, including split escape sequences."""
 
 import os
 import sys
@@ -11,12 +11,12 @@ from netboard.services.keyboard import ARROWS, Keyboard
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="terminals are POSIX's here")
 
 TIMEOUT = 60.0
-"""A key is there long before, on a busy machine too [s]."""
+"""Time within which a key press arrives even on a busy machine [s]."""
 
 
 @pytest.fixture
-def fingers(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Where keys are pressed: the other end of this process's terminal."""
+def terminal_end(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """The end of a pseudo-terminal into which key presses are written."""
     ours, theirs = os.openpty()
     with os.fdopen(theirs) as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)
@@ -30,35 +30,35 @@ def key(keyboard: Keyboard) -> str:
     return pressed
 
 
-def test_letters_and_arrows_are_told_apart(fingers: int) -> None:
+def test_letters_and_arrows_are_distinguished(terminal_end: int) -> None:
     with Keyboard() as keyboard:
         assert keyboard.pressed() is None
         for sent, name in {b"q": "q", b" ": " ", **ARROWS}.items():
-            os.write(fingers, sent)
+            os.write(terminal_end, sent)
             assert key(keyboard) == name
 
 
 @pytest.mark.parametrize("first", [1, 2])
 @pytest.mark.parametrize("sent", ARROWS)
-def test_an_arrow_that_comes_in_pieces_is_one(fingers: int, sent: bytes, first: int) -> None:
+def test_split_arrow_sequence_is_read_as_one_key(terminal_end: int, sent: bytes, first: int) -> None:
     with Keyboard() as keyboard:
-        os.write(fingers, sent[:first])
+        os.write(terminal_end, sent[:first])
         assert keyboard.pressed(TIMEOUT) is None
-        os.write(fingers, sent[first:])
+        os.write(terminal_end, sent[first:])
         assert key(keyboard) == ARROWS[sent]
 
 
-def test_what_is_no_arrow_after_all_is_the_key_that_it_is(fingers: int) -> None:
+def test_escape_followed_by_a_letter_gives_the_letter(terminal_end: int) -> None:
     with Keyboard() as keyboard:
-        os.write(fingers, b"\x1b")
+        os.write(terminal_end, b"\x1b")
         assert keyboard.pressed(TIMEOUT) is None
-        os.write(fingers, b"q")
+        os.write(terminal_end, b"q")
         assert key(keyboard) == "q"
-        os.write(fingers, b"\x1b[C")
+        os.write(terminal_end, b"\x1b[C")
         assert key(keyboard) == "right"
 
 
-def test_where_there_is_no_terminal_no_key_ever_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keyboard_reads_no_keys_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (it is no file)
         monkeypatch.setattr(sys, "stdin", nothing)
         with Keyboard() as keyboard:

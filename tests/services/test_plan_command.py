@@ -15,11 +15,11 @@ from netboard.task.studies import library
 from netboard.task.studies.study import paper_study, parse_study
 
 runner = CliRunner()
-UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
+UNBALANCED = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
 
 
 @pytest.fixture(autouse=True)
-def _folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -36,7 +36,7 @@ def test_every_command_has_help_with_examples(command: str) -> None:
     assert f"netboard plan {command}" in run(f"{command} --help").partition("Examples:")[2]
 
 
-def test_the_blocks_of_a_dyad() -> None:
+def test_show_lists_the_blocks_of_a_dyad() -> None:
     shown = run("show --study paper --dyad 3")
     assert "dyad 3, seed 1, order paper, A sits right" in shown
     assert [line.split()[:4] for line in shown.splitlines() if line.split()[:1] == ["9"]] == [
@@ -45,7 +45,7 @@ def test_the_blocks_of_a_dyad() -> None:
     assert sum(line.split()[1:2] == ["bimanual"] for line in shown.splitlines()) >= 12
 
 
-def test_the_balance_of_several() -> None:
+def test_show_tabulates_the_balance_over_several_dyads() -> None:
     shown = run("show --study paper --dyads 8")
     assert "Session 1" not in shown
     assert shown.count(" 180 ") == 64
@@ -53,7 +53,7 @@ def test_the_balance_of_several() -> None:
     assert "uneven" not in shown
 
 
-def test_everything_as_json() -> None:
+def test_show_prints_plan_and_balance_as_json() -> None:
     shown = json.loads(run("show --study paper --dyad 3 --dyads 4 --seed 5 --json"))
     assert shown["digest"] == digest(plan_of(paper_study(), 5, 3))
     assert [block["number"] for block in shown["sessions"][0]["blocks"]] == list(range(1, 19))
@@ -62,20 +62,20 @@ def test_everything_as_json() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", library.NAMES)
-def test_built_in_studies_are_in_order(name: str) -> None:
+def test_built_in_studies_are_valid_and_listed(name: str) -> None:
     assert f"{name}: valid (1 session, " in run(f"check {name} --dyads 60")
     assert name in run("list")
 
 
-def test_another_order_of_a_study() -> None:
+def test_name_of_a_study_may_select_block_orders() -> None:
     assert load_study("paper:abba").taken() == ("abba",)
     assert load_study("paper:paper,dyadic_first").taken() == ("paper", "dyadic_first")
     assert "order abba" in run("show --study paper:abba")
     assert 'order: found "abab", expected one of paper' in run("check paper:abab", 2)
 
 
-def test_a_study_whose_counts_do_not_meet_is_refused() -> None:
-    Path("study.toml").write_text(UNEVEN, encoding="utf-8")
+def test_unbalanced_study_is_refused() -> None:
+    Path("study.toml").write_text(UNBALANCED, encoding="utf-8")
     refused = run("check study.toml", 2)
     assert "the study is not valid" in refused
     assert "dyad 2, participant B, duo: trials are not even: a 60 in 1 blocks, b 120 in 2 blocks" in refused
@@ -84,7 +84,7 @@ def test_a_study_whose_counts_do_not_meet_is_refused() -> None:
     run("show --study study.toml", 2)
 
 
-def test_a_study_that_contradicts_the_rig_is_refused() -> None:
+def test_study_that_conflicts_with_the_rig_is_refused() -> None:
     Path("study.toml").write_text('orders.main = "9 a"\n[kinds.a]\ngeometry.target_distance = 0.34', encoding="utf-8")
     refused = run("check study.toml", 2)
     assert refused.count("[geometry] target_distance") == 1
@@ -92,7 +92,7 @@ def test_a_study_that_contradicts_the_rig_is_refused() -> None:
     assert ": valid (" in run("check study.toml --set geometry.board_length=1 --set task.fall_distance=0.45")
 
 
-def test_what_is_no_study_is_said() -> None:
+def test_missing_unreadable_and_invalid_studies_are_reported() -> None:
     assert "nothing: no such study or file; the built-in studies are paper, five_forces" in run("check nothing", 2)
     Path("folder").mkdir()
     assert "folder: cannot be read" in run("check folder", 2)
@@ -100,13 +100,13 @@ def test_what_is_no_study_is_said() -> None:
     assert "bad.toml: not valid TOML" in run("check bad.toml", 2)
 
 
-def test_the_template_is_a_study() -> None:
+def test_template_prints_a_valid_study() -> None:
     assert parse_study(run("template")).name == "template"
     assert parse_study(run("template paper")) == paper_study()
     assert "there are paper, " in run("template other", 2)
 
 
-def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
+def test_show_lists_factor_levels_with_their_settings_and_units() -> None:
     Path("own.toml").write_text(
         'orders.main = "3 duo"\n[kinds.duo]\n'
         "[factors.mass]\nlevels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.05\n"
@@ -120,13 +120,13 @@ def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
 
 
 @pytest.mark.slow
-def test_a_session_that_was_begun_before_is_said_when_the_server_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_server_start_reports_an_existing_journal_of_the_session(capsys: pytest.CaptureFixture[str]) -> None:
     planned = Planned(Config(), load_study("pilot"), StudySession("pilot", 1))
     planned.begun()
     assert capsys.readouterr().out == ""
     planned.path.parent.mkdir()
     planned.path.write_text("begun before")
     planned.begun()
-    said = capsys.readouterr().out
-    assert f"{planned.path}: exists already" in said
-    assert "--resume" in said
+    printed = capsys.readouterr().out
+    assert f"{planned.path}: exists already" in printed
+    assert "--resume" in printed

@@ -50,7 +50,7 @@ LONG = "bimanual, haptics on, stiffness 1200 N/m, board of 0.85 kg"
 ADVICE = "write a rule for udev, reload the rules, and plug the device in again; " * 3
 PEERS = ("agent.left", "agent.right", "display.left", "display.left", "display.right", "console", "console", "logger")
 ESTIMATE = (0.0421, 0.0013)
-UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
+UNBALANCED = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
 DATA = Path(__file__).parent.parent / "data"
 POWER = json.loads((DATA.parent.parent / "docs" / "data" / "power.json").read_text())
 RUNNER = CliRunner()
@@ -84,7 +84,7 @@ PART = Part(
 
 
 def printing(renderable: RenderableType) -> Callable[[int], str]:
-    """Make what prints on a terminal of some width."""
+    """Return a function that prints on a terminal of a given width."""
 
     def on(width: int) -> str:
         console = Console(width=width, file=StringIO(), record=True)
@@ -95,7 +95,7 @@ def printing(renderable: RenderableType) -> Callable[[int], str]:
 
 
 def running(*words: str, code: int = 0) -> Callable[[int], str]:
-    """Make what runs a command in a terminal of some width."""
+    """Return a function that runs a command in a terminal of a given width."""
 
     def on(width: int) -> str:
         result = RUNNER.invoke(app, words, env={"COLUMNS": str(width), "NO_COLOR": "1"})
@@ -123,14 +123,14 @@ def status() -> RenderableType:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recordings whose names differ only at their ends, keys, tables of hands, and a study whose counts do not meet."""
+    """Recordings whose names differ only at their ends, keys, tables of hands, and an unbalanced study."""
     made = tmp_path_factory.mktemp("printed")
     (made / "rec").mkdir()
     for end in ("practice", "test"):
         proofs.write(made / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", proofs.rows())
         columns = np.stack([np.arange(201) / 1000, *np.zeros((4, 201))], 1)
         np.savetxt(made / f"{end}.csv", columns, delimiter=",", header="t,z_left,v_left,z_right,v_right", comments="")
-    (made / "uneven.toml").write_text(UNEVEN)
+    (made / "uneven.toml").write_text(UNBALANCED)
     return made
 
 
@@ -145,7 +145,7 @@ def late(folder: Path) -> Path:
 
 
 def cases(folder: Path) -> list[Callable[[int], str]]:
-    """Everything that prints a table."""
+    """Return a function for every command and table that is printed."""
     recording = str(min((folder / "rec").iterdir()))
     keys = ("--set", f'network.keys="{folder}"')
     all_of_them = ("--output", f"{folder}/all/", "--force")
@@ -178,8 +178,8 @@ def cases(folder: Path) -> list[Callable[[int], str]]:
     ]
 
 
-def makers() -> set[str]:
-    """Every function that makes a table."""
+def table_makers() -> set[str]:
+    """Return every function of the source that makes a table."""
     found = set()
     for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
         for path in place.rglob("*.py"):
@@ -194,37 +194,37 @@ def _makes(node: ast.AST) -> bool:
 
 
 @pytest.mark.parametrize(("module", "makes"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn")])
-def test_only_one_module_makes_tables_and_one_progress_bars(module: str, makes: str) -> None:
+def test_tables_and_progress_bars_are_made_in_one_module_each(module: str, makes: str) -> None:
     for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
         for path in place.rglob("*.py"):
             assert (makes in path.read_text(encoding="utf-8")) == (path.name == module), path
 
 
-def test_every_table_that_is_printed_tells_its_rows_apart(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_printed_table_keeps_its_rows_distinguishable(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tables: list[FittedTable] = []
     made_by: set[str] = set()
     make = FittedTable.__init__
 
-    def note(self: FittedTable, *columns: object, **options: object) -> None:
+    def record_table(self: FittedTable, *columns: object, **options: object) -> None:
         make(self, *columns, **options)  # type: ignore[arg-type]
         caller = sys._getframe(1).f_code
         made_by.add(f"{Path(caller.co_filename).name}: {caller.co_name}")
         tables.append(self)
 
-    monkeypatch.setattr(FittedTable, "__init__", note)
+    monkeypatch.setattr(FittedTable, "__init__", record_table)
     monkeypatch.chdir(folder)
     for case in cases(folder):
         for width in WIDTHS:
             shown = case(width)
             assert "\N{HORIZONTAL ELLIPSIS}" not in shown, shown
-    assert made_by >= makers()
+    assert made_by >= table_makers()
     for table in tables:
         for width in WIDTHS:
-            require_told_apart(table, width)
+            require_distinguishable_rows(table, width)
 
 
-def require_told_apart(table: FittedTable, width: int) -> None:
-    """Names are there, whole or folded, in each row; numbers are not broken."""
+def require_distinguishable_rows(table: FittedTable, width: int) -> None:
+    """Require that each row shows its names, whole or wrapped, and no broken number."""
     shown = printing(table)(width)
     words, names = set(shown.split()), table.names
     assert all(cell_len(line.rstrip()) <= width for line in shown.splitlines()), shown

@@ -19,7 +19,7 @@ TICKS = 700
 
 
 @pytest.fixture(autouse=True)
-def _wide_and_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_wide_plain_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -27,7 +27,7 @@ def _wide_and_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def writer(tmp_path: Path) -> RecordingWriter:
-    """A recording of some ticks, flushed and not finished."""
+    """Writer of a recording that is flushed but not finished."""
     config = Config()
     welcome = Welcome(session="a1b2c3d4", protocol=1, server_ns=0, config=resolve(config))
     metadata = provenance(welcome, config, 1, 10**18, 0)
@@ -40,7 +40,7 @@ def writer(tmp_path: Path) -> RecordingWriter:
     return made
 
 
-def test_info_says_what_is_in_a_recording(writer: RecordingWriter) -> None:
+def test_info_describes_a_recording(writer: RecordingWriter) -> None:
     writer.finish(TICKS * 1_000_000)
     result = runner.invoke(app, ["info", "S01.mcap"])
     assert result.exit_code == 0, result.exception
@@ -49,14 +49,14 @@ def test_info_says_what_is_in_a_recording(writer: RecordingWriter) -> None:
         assert words in result.output
 
 
-def test_info_of_an_unfinished_file_says_what_to_do(writer: RecordingWriter) -> None:
+def test_info_of_an_unfinished_file_suggests_recover(writer: RecordingWriter) -> None:
     writer.abandon()
     result = runner.invoke(app, ["info", "S01.mcap.part"])
     assert result.exit_code == 1
     assert "netboard recover" in result.stderr
 
 
-def test_recover_makes_a_whole_file_and_says_what_was_lost(writer: RecordingWriter) -> None:
+def test_recover_writes_a_complete_file_and_reports_losses(writer: RecordingWriter) -> None:
     writer.abandon()
     with Path("S01.mcap.part").open("ab") as file:
         file.write(b"torn")
@@ -67,14 +67,14 @@ def test_recover_makes_a_whole_file_and_says_what_was_lost(writer: RecordingWrit
     assert "recovered" in runner.invoke(app, ["info", "whole.mcap"]).output
 
 
-def test_recover_never_writes_over_a_file(writer: RecordingWriter) -> None:
+def test_recover_never_overwrites_a_file(writer: RecordingWriter) -> None:
     writer.abandon()
     Path("whole.mcap").write_bytes(b"mine")
     assert runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"]).exit_code == 1
     assert Path("whole.mcap").read_bytes() == b"mine"
 
 
-def test_recover_takes_a_folder_and_goes_on_after_what_it_cannot_read(writer: RecordingWriter) -> None:
+def test_recover_of_a_folder_continues_after_an_unreadable_file(writer: RecordingWriter) -> None:
     writer.abandon()
     Path("torn.mcap.part").write_bytes(b"never was one")
     result = runner.invoke(app, ["recover", "."])
@@ -83,7 +83,7 @@ def test_recover_takes_a_folder_and_goes_on_after_what_it_cannot_read(writer: Re
     assert "torn.mcap.part: not an MCAP file" in result.stderr
 
 
-def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
+def test_recover_refuses_one_output_for_several_files(writer: RecordingWriter) -> None:
     writer.abandon()
     result = runner.invoke(app, ["recover", "S01.mcap.part", "other.mcap.part", "-o", "whole.mcap"])
     assert result.exit_code == 2
@@ -91,6 +91,6 @@ def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
     assert not Path("whole.mcap").exists()
 
 
-def test_a_folder_with_nothing_to_recover_is_said(tmp_path: Path) -> None:
+def test_recover_reports_a_folder_with_nothing_to_recover(tmp_path: Path) -> None:
     result = runner.invoke(app, ["recover", str(tmp_path)])
     assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing to recover in this folder\n")

@@ -1,4 +1,4 @@
-"""Blocks are rehearsed by one function: table or JSON, with recordings or without, shortened as asked."""
+"""Rehearsal of blocks: printed table or JSON output, with or without recordings."""
 
 import json
 from dataclasses import replace
@@ -21,21 +21,23 @@ def blocks(trials: int = 1) -> list[Config]:
 
 
 @pytest.mark.slow
-def test_a_table_tells_what_came_of_the_blocks(capsys: pytest.CaptureFixture[str]) -> None:
+def test_rehearsal_prints_a_table_of_block_results(capsys: pytest.CaptureFixture[str]) -> None:
     assert rehearsal.rehearse_blocks(blocks(), 1, 1, folder=None) == 0
-    said = capsys.readouterr().out
-    assert "alone" in said
-    assert "2 blocks, 2 successful trials" in said
-    assert "x real time" in said
+    captured = capsys.readouterr().out
+    assert "alone" in captured
+    assert "2 blocks, 2 successful trials" in captured
+    assert "x real time" in captured
 
 
 @pytest.mark.slow
-def test_recordings_are_whole_and_json_names_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rehearsal_writes_verifiable_recordings_listed_in_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert rehearsal.rehearse_blocks(blocks(), 1, 1, folder=tmp_path / "new", as_json=True) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["ticks"] == sum(block["ticks"] for block in told["blocks"])
-    assert told["real_time_factor"] > 0
-    for block in told["blocks"]:
+    report = json.loads(capsys.readouterr().out)
+    assert report["ticks"] == sum(block["ticks"] for block in report["blocks"])
+    assert report["real_time_factor"] > 0
+    for block in report["blocks"]:
         with Recording(Path(block["recording"])) as recording:
             assert verify_recording(recording).checked == block["ticks"]
     assert len(list((tmp_path / "new").iterdir())) == 2

@@ -9,17 +9,17 @@ from netboard.services.cli import app
 
 
 @pytest.mark.slow
-def test_the_command_does_what_it_is_told() -> None:
+def test_rehearse_runs_the_requested_blocks_and_trials() -> None:
     done = CliRunner().invoke(
         app, ["session", "rehearse", "paper", "--dyad", "2", "--blocks", "2", "--trials", "1", "--json"]
     )
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert [block["successes"] for block in told["blocks"]] == [1, 1]
-    assert told["ticks_per_second"] > 0
+    report = json.loads(done.stdout)
+    assert [block["successes"] for block in report["blocks"]] == [1, 1]
+    assert report["ticks_per_second"] > 0
 
 
-def test_a_study_that_is_not_there_is_named() -> None:
+def test_rehearse_names_a_missing_study() -> None:
     done = CliRunner().invoke(app, ["session", "rehearse", "nowhere.toml", "--dyad", "1"])
     assert done.exit_code == 2
     assert "nowhere.toml" in done.output

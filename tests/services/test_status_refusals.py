@@ -1,4 +1,4 @@
-"""``netboard status`` shows what was refused, and how often."""
+"""``netboard status`` lists refused messages with their counts."""
 
 from dataclasses import replace
 from io import StringIO
@@ -9,13 +9,13 @@ from fakes import STATUS
 from netboard.nodes.operator.status_table import status_tables
 
 
-def test_what_was_refused_is_shown_with_its_number() -> None:
+def test_refusals_are_shown_with_their_counts() -> None:
     console = Console(file=StringIO(), width=80)
     status = replace(
         STATUS, refused=(("handshake", "its key is not known here", 400), ("control", "say hello first", 3))
     )
     console.print(status_tables(status))
     assert isinstance(console.file, StringIO)
-    said = console.file.getvalue()
-    assert "refused 400 times: handshake: its key is not known here" in said
-    assert "refused 3 times: control: say hello first" in said
+    printed = console.file.getvalue()
+    assert "refused 400 times: handshake: its key is not known here" in printed
+    assert "refused 3 times: control: say hello first" in printed

@@ -16,14 +16,14 @@ from netboard.services import up
 RIG = Path("rig.toml")
 
 
-def test_a_station_has_an_agent_and_a_display() -> None:
+def test_station_starts_an_agent_and_a_display() -> None:
     assert up.processes(RIG, (), server=False, station="left") == {
         "left agent": ["agent", "--side", "left", "-c", "rig.toml"],
         "left display": ["display", "--station", "left", "-c", "rig.toml"],
     }
 
 
-def test_the_server_has_its_logger_and_its_options() -> None:
+def test_server_starts_with_a_logger_and_gets_its_options() -> None:
     wanted = up.processes(None, ["block.trials=2"], server=True, station=None, autostart=False, insecure=True)
     assert wanted == {
         "logger": ["logger", "--set", "block.trials=2"],
@@ -31,19 +31,19 @@ def test_the_server_has_its_logger_and_its_options() -> None:
     }
 
 
-def test_one_machine_for_all() -> None:
+def test_one_machine_may_run_all_processes() -> None:
     wanted = up.processes(None, (), server=True, station="both")
     assert list(wanted) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
     assert {command[0] for command in wanted.values()} == set(launcher.STOP_ORDER)
 
 
-def test_nothing_at_all_is_a_mistake() -> None:
+def test_up_requires_a_server_or_a_station() -> None:
     with pytest.raises(ConfigError, match="--server, --station"):
         up.processes(None, (), server=False, station=None)
 
 
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
-def test_nothing_is_started_that_would_join_the_session_of_another_server(transport: str) -> None:
+def test_up_refuses_to_start_if_another_server_listens(transport: str) -> None:
     network = parse("", "test", (f"network.port={free_port()}", f"network.transport={transport}")).network
     up.require_free(network)
     with sockets.open_context() as context:
@@ -54,7 +54,7 @@ def test_nothing_is_started_that_would_join_the_session_of_another_server(transp
         server.socket.close()
 
 
-def test_a_place_that_is_no_place_is_left_to_the_server() -> None:
+def test_unavailable_bind_address_is_reported_by_the_server() -> None:
     network = parse("", "test", ("network.bind=192.0.2.7",)).network
     up.require_free(network)
     with sockets.open_context() as context, pytest.raises(NetboardError, match=r"cannot listen on .*192\.0\.2\.7"):
@@ -63,21 +63,21 @@ def test_a_place_that_is_no_place_is_left_to_the_server() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "code"), [("--version", 0), ("fly", 1)])
-def test_a_process_that_ends_takes_the_others_with_it(
+def test_end_of_one_process_stops_the_others(
     words: str, code: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     stopped: list[tuple[str, ...]] = []
 
-    class Watched(Launcher):
-        """A launcher that notes what it is told to stop."""
+    class RecordingLauncher(Launcher):
+        """A launcher that records which processes it stops."""
 
         def stop(self, *names: str) -> list[Ended]:
             stopped.append(names)
             return super().stop(*names)
 
-    monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", Watched)
-    patient = ["agent", "--side", "left", "--set", "network.port=1025"]
+    monkeypatch.setattr("netboard.nodes.operator.launcher.Launcher", RecordingLauncher)
+    long_running = ["agent", "--side", "left", "--set", "network.port=1025"]
     with caplog.at_level(logging.INFO):
-        assert launcher.supervise({"server": [words], "left agent": patient}, lambda: False) == code
+        assert launcher.supervise({"server": [words], "left agent": long_running}, lambda: False) == code
     assert f"the server ended with exit code {2 if code else 0}; stopping the others" in caplog.text
     assert stopped[:4] == [(), ("left agent",), ("server",), ()]

@@ -80,16 +80,16 @@ def rows_of(path: Path, delimiter: str = ",") -> list[dict[str, str]]:
         return list(csv.DictReader(file, delimiter=delimiter))
 
 
-def check_columns(rows: list[dict[str, str]], names: Mapping[str, set[str]] = COLUMNS, nothing: str = "") -> None:
-    """Whether rows of test trials have every level of every factor, and its value; and nothing anything else."""
+def check_columns(rows: list[dict[str, str]], names: Mapping[str, set[str]] = COLUMNS, missing: str = "") -> None:
+    """Require that the rows have every level of every factor with its value, and no other level."""
     for name, levels in names.items():
-        assert {row[name] for row in rows} - {nothing} == levels
+        assert {row[name] for row in rows} - {missing} == levels
         value = f"{name}_value"
         if value in VALUES and value in rows[0]:
-            assert {float(row[value]) for row in rows if row[name] != nothing} == VALUES[value][1]
+            assert {float(row[value]) for row in rows if row[name] != missing} == VALUES[value][1]
 
 
-def shown(item: Any) -> str:
+def printed(item: Any) -> str:
     console = Console(width=200)
     with console.capture() as captured:
         console.print(item)
@@ -99,20 +99,20 @@ def shown(item: Any) -> str:
 # --- plan, info, sessions ----------------------------------------------------------------------------------------
 
 
-def test_the_plan_is_checked_with_its_factors_and_roles(capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_check_prints_factors_and_roles(capsys: pytest.CaptureFixture[str]) -> None:
     check_study(Config(), load_study(str(FILE)), "mine", 1, 2)
-    said = capsys.readouterr().out
-    assert "4 blocks, 32 trials, 1 practice block with 2 trials" in said
-    assert "factor mass: light (0.02 kg), heavy (0.05 kg); numeric, between blocks" in said
-    assert "factor gain: weak (0.5), strong (1); numeric, within blocks" in said
+    console_text = capsys.readouterr().out
+    assert "4 blocks, 32 trials, 1 practice block with 2 trials" in console_text
+    assert "factor mass: light (0.02 kg), heavy (0.05 kg); numeric, between blocks" in console_text
+    assert "factor gain: weak (0.5), strong (1); numeric, within blocks" in console_text
 
 
-def test_info_and_sessions_say_role_and_factors(recordings: tuple[Path, ...]) -> None:
+def test_info_and_sessions_print_role_and_factors(recordings: tuple[Path, ...]) -> None:
     practice, first = recordings[:2]
     with Recording(first) as recording:
-        said = shown(provenance_table(recording))
+        console_text = printed(provenance_table(recording))
     for words in ("test, kind duo", "light (0.02 kg), numeric", "board, categorical", "young (22 y), numeric"):
-        assert words in said
+        assert words in console_text
     assert entry_of(first).factors["mass"] == "light (0.02 kg)"
     assert (entry_of(practice).role, entry_of(first).role) == ("practice", "test")
     assert "mass light (0.02 kg)" in entry_of(first).condition
@@ -121,7 +121,7 @@ def test_info_and_sessions_say_role_and_factors(recordings: tuple[Path, ...]) ->
 # --- the analysis ------------------------------------------------------------------------------------------------
 
 
-def test_every_table_of_an_analysis_has_every_factor(tables: Path) -> None:
+def test_every_table_of_the_analysis_has_every_factor(tables: Path) -> None:
     for name in ("trials", "movements", "blocks", "people"):
         rows = [row for row in rows_of(tables / f"{name}.csv") if row["role"] == "test"]
         block_wise = {one: levels for one, levels in COLUMNS.items() if one != "factor_gain" or name != "blocks"}
@@ -130,14 +130,14 @@ def test_every_table_of_an_analysis_has_every_factor(tables: Path) -> None:
     assert set(COLUMNS) <= set(pd.read_parquet(tables / "paths.parquet").columns)
 
 
-def test_the_dictionary_has_the_unit_of_every_numeric_factor(tables: Path) -> None:
+def test_data_dictionary_has_the_unit_of_every_numeric_factor(tables: Path) -> None:
     described = json.loads((tables / "dictionary.json").read_text(encoding="utf-8"))["tables"]
     for name, (unit, _) in VALUES.items():
         assert described["trials"]["columns"][name]["unit"] == unit
     assert "heavy (0.05 kg)" in described["trials"]["columns"]["factor_mass"]["description"]
 
 
-def test_no_condition_pools_over_a_factor(study: Study) -> None:
+def test_no_condition_pools_levels_of_a_factor(study: Study) -> None:
     names = {one.name for one in conditions(study)}
     assert len(names) == 2 * 2 * 2 * 2
     assert set(study.counted["condition"]) <= names
@@ -145,27 +145,27 @@ def test_no_condition_pools_over_a_factor(study: Study) -> None:
         assert all(own[column].nunique() == 1 for column in COLUMNS)
 
 
-def test_what_a_picture_pools_over_is_said(study: Study) -> None:
-    fewer, said = bounded(study)
+def test_figures_state_the_factors_pooled_over(study: Study) -> None:
+    fewer, console_text = bounded(study)
     assert len(conditions(fewer)) <= 6
-    assert said.startswith("Pooled over gain (weak (0.5), strong (1)); ")
+    assert console_text.startswith("Pooled over gain (weak (0.5), strong (1)); ")
     assert len(fewer.counted) == len(study.counted)
     assert fewer.trials[list(COLUMNS)].equals(study.trials[list(COLUMNS)])
 
 
-def test_numeric_factors_are_terms_of_the_models_with_their_unit(study: Study) -> None:
+def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
     (times, *_) = fits(study).fits
     names = {effect.name for effect in times.model.effects}
     assert {"mass [0.01 kg]", "gain [0.1]", "age [10 y]", "force: partner_only vs full"} <= names
 
 
-def test_each_level_is_compared_with_the_first_under_equal_conditions(study: Study) -> None:
+def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -> None:
     names = {one.question.name for one in comparisons(study).comparisons}
     assert any(name.startswith("mass heavy (0.05 kg) vs light (0.02 kg), dyadic") for name in names)
     assert any(name.startswith("gain strong (1) vs weak (0.5), dyadic") for name in names)
 
 
-def test_the_report_lists_the_factors(study: Study) -> None:
+def test_report_lists_the_factors(study: Study) -> None:
     rows = {row[0]: row for row in design(study).factors.rows}
     assert rows["mass [kg]"][1:] == ("between blocks", "numeric", "light (0.02 kg), heavy (0.05 kg)")
     assert rows["gain [1]"][1] == "within blocks"
@@ -182,7 +182,7 @@ def test_practice_is_excluded_by_role_and_listed(study: Study) -> None:
     assert not any("practice" in one.name for one in conditions(study))
 
 
-def test_practice_that_is_analysed_is_a_condition_of_its_own(recordings: tuple[Path, ...]) -> None:
+def test_practice_trials_form_a_separate_condition_if_included(recordings: tuple[Path, ...]) -> None:
     readings = parse("", overrides=["exclusions.roles=[]"])
     found = study_of([measure(run, readings) for run in runs_of(recordings)], readings)
     assert "dyadic, full, practice" in {one.name for one in conditions(found)}
@@ -207,7 +207,7 @@ def test_bids_has_every_factor_and_is_valid(recordings: tuple[Path, ...], tmp_pa
     folder = tmp_path / "bids"
     export(recordings, "bids", folder, lambda *_: None)
     events = [row for path in folder.rglob("*_events.tsv") for row in rows_of(path, "\t")]
-    check_columns([row for row in events if row["role"] == "test"], nothing="n/a")
+    check_columns([row for row in events if row["role"] == "test"], missing="n/a")
     scans = [row for path in folder.rglob("*_scans.tsv") for row in rows_of(path, "\t")]
     check_columns(scans, {name: COLUMNS[name] for name in ("factor_mass", "factor_felt", "factor_age")}, "n/a")
     assert {row["role"] for row in scans} == {"practice", "test"}

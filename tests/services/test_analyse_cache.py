@@ -1,4 +1,4 @@
-"""A cached analysis is written again to the byte, and never for other data, settings or code."""
+"""A cached analysis is restored bit for bit, and never used for other data, settings or code."""
 
 import json
 import shutil
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.analysis.extraction import store as kept
+from netboard.analysis.extraction import store as store_module
 from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
 from netboard.analysis.report.analysing import PLACEHOLDER, name_command
 from netboard.services.cli import app
@@ -29,7 +29,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -48,18 +48,16 @@ def contents(folder: str) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_the_second_time_nothing_is_computed_and_all_is_the_same_to_the_byte(
-    study: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_repeated_analysis_is_restored_from_the_cache_bit_for_bit(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["netboard", "analyse", "it's <here>"])
     first = analyse(study, "-o", "first")
     assert "before" not in first
 
-    def never(*parts: object, **options: object) -> None:
+    def fail_if_called(*parts: object, **options: object) -> None:
         raise AssertionError("computed again")
 
-    with monkeypatch.context() as undone:
-        undone.setattr("netboard.analysis.report.folder.write_analysis", never)
+    with monkeypatch.context() as patch:
+        patch.setattr("netboard.analysis.report.folder.write_analysis", fail_if_called)
         again = analyse(study, "-o", "again")
     assert "; all from the cache" in again
     assert again.splitlines()[1:-1] == first.splitlines()[1:-1]
@@ -71,85 +69,89 @@ def test_the_second_time_nothing_is_computed_and_all_is_the_same_to_the_byte(
     report = Path("again/report.html").read_text()
     assert "&lt;here&gt;" in report
     assert PLACEHOLDER not in report
-    Path("again/tables/trials.csv").write_text("changed by somebody")  # a copy, not the kept one
+    Path("again/tables/trials.csv").write_text("changed by somebody")  # a copy, not the cached file
     analyse(study, "-o", "third")
     assert contents("third") == contents("first")
 
 
 @pytest.mark.slow
-def test_whatever_goes_into_it_is_in_the_key(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cache_key_depends_on_recordings_settings_options_and_code(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recordings = sorted(study.glob("*.mcap"))
     (other := Path("other")).mkdir()
     copies = [Path(shutil.copy(path, other)) for path in recordings]
-    keys = [kept.key_of_analysis(recordings, b"", ())]
-    keys.append(kept.key_of_analysis(recordings[:-1], b"", ()))
-    keys.append(kept.key_of_analysis(copies, b"", ()))
-    keys.append(kept.key_of_analysis(recordings, b"[filters]\nfast = 10.0\n", ()))
-    keys.append(kept.key_of_analysis(recordings, b"", ("filters.fast=10",)))
-    keys.append(kept.key_of_analysis(recordings, b"", ("paper=True",)))
+    keys = [store_module.key_of_analysis(recordings, b"", ())]
+    keys.append(store_module.key_of_analysis(recordings[:-1], b"", ()))
+    keys.append(store_module.key_of_analysis(copies, b"", ()))
+    keys.append(store_module.key_of_analysis(recordings, b"[filters]\nfast = 10.0\n", ()))
+    keys.append(store_module.key_of_analysis(recordings, b"", ("filters.fast=10",)))
+    keys.append(store_module.key_of_analysis(recordings, b"", ("paper=True",)))
     copies[0].write_bytes(copies[0].read_bytes() + b"\0")
-    keys.append(kept.key_of_analysis(copies, b"", ()))
-    monkeypatch.setattr(kept, "code_digest", lambda: "other code")
-    keys.append(kept.key_of_analysis(recordings, b"", ()))
+    keys.append(store_module.key_of_analysis(copies, b"", ()))
+    monkeypatch.setattr(store_module, "code_digest", lambda: "other code")
+    keys.append(store_module.key_of_analysis(recordings, b"", ()))
     assert len(set(keys)) == len(keys)
-    assert kept.key_of_analysis(recordings, b"", ()) == keys[-1]
+    assert store_module.key_of_analysis(recordings, b"", ()) == keys[-1]
 
 
-def test_the_code_is_every_source_and_every_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    digest = kept.code_digest.__wrapped__
+def test_code_digest_covers_every_source_file_and_library_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    digest = store_module.code_digest.__wrapped__
     before = digest()
     assert digest() == before
     package = tmp_path / "own"
     (package / "deep").mkdir(parents=True)
     (package / "__init__.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(kept, "PACKAGES", ("own",))
+    monkeypatch.setattr(store_module, "PACKAGES", ("own",))
     seen = [digest()]
     for name in ("deep/module.py", "page.jinja", "style.css", "words.toml"):
         (package / name).write_text("one")
         seen.append(digest())
         (package / name).write_text("two")
         seen.append(digest())
-    monkeypatch.setattr(kept, "version", lambda name: "99")
+    monkeypatch.setattr(store_module, "version", lambda name: "99")
     seen.append(digest())
     assert len(set(seen)) == len(seen)
 
 
-def test_what_is_damaged_or_half_gone_is_not_taken(tmp_path: Path) -> None:
+def test_damaged_or_incomplete_cache_entry_is_not_used(tmp_path: Path) -> None:
     (folder := tmp_path / "folder" / "deep").mkdir(parents=True)
     (folder / "a.csv").write_bytes(b"1,2")
     (folder / "b.csv").write_bytes(b"3,4")
     store = Store(tmp_path / "store")
-    kept.keep(store, "key", tmp_path / "folder", ["words"])
+    store_module.keep(store, "key", tmp_path / "folder", ["words"])
     (taken := tmp_path / "taken").mkdir()
-    assert kept.take(store, "other", taken) is None
-    assert kept.take(store, "key", taken) == ("words",)
+    assert store_module.take(store, "other", taken) is None
+    assert store_module.take(store, "key", taken) == ("words",)
     assert contents(str(taken)) == contents(str(tmp_path / "folder"))
     (empty := tmp_path / "empty").mkdir()
     for victim in [*(tmp_path / "store").glob(f"*{FILE}"), tmp_path / "store" / f"key{ANALYSIS}"]:
         whole = victim.read_bytes()
         victim.write_bytes(whole[:-1] + b"x")
-        assert kept.take(store, "key", empty) is None
+        assert store_module.take(store, "key", empty) is None
         victim.unlink()
-        assert kept.take(store, "key", empty) is None
+        assert store_module.take(store, "key", empty) is None
         victim.write_bytes(whole)
     assert list(empty.iterdir()) == []
-    assert kept.take(store, "key", empty) == ("words",)
+    assert store_module.take(store, "key", empty) == ("words",)
 
 
-def test_analyses_do_not_grow_the_store_without_bound(tmp_path: Path) -> None:
+def test_cached_analyses_respect_the_size_limit_of_the_store(tmp_path: Path) -> None:
     (folder := tmp_path / "folder").mkdir()
     for number in range(5):
         (folder / "table.csv").write_bytes(bytes([number]) * 10_000)
-        kept.keep(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
+        store_module.keep(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
     assert sum(path.stat().st_size for path in (tmp_path / "store").iterdir()) <= 25_000
     store = Store(tmp_path / "store")
     (taken := tmp_path / "taken").mkdir()
-    assert kept.take(store, "4", taken) == ()
-    assert kept.take(store, "0", taken) is None
+    assert store_module.take(store, "4", taken) == ()
+    assert store_module.take(store, "0", taken) is None
 
 
-def test_a_command_is_written_as_text_of_each_file(tmp_path: Path) -> None:
+def test_command_is_escaped_for_each_file_format(tmp_path: Path) -> None:
     (tmp_path / "provenance.json").write_text(f'{{"command": "{PLACEHOLDER}"}}')
     (tmp_path / "report.html").write_text(f"<code>{PLACEHOLDER}</code>")
     name_command(tmp_path, ["netboard", "a\u202eb", '"<&'])
@@ -160,7 +162,7 @@ def test_a_command_is_written_as_text_of_each_file(tmp_path: Path) -> None:
     assert "&#34;&lt;&amp;" in shown
 
 
-def test_nothing_that_computes_is_loaded_to_find_what_is_kept() -> None:
+def test_cache_lookup_imports_no_numerical_library() -> None:
     code = "import sys, netboard.services.cli, netboard.services.analyse; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {name.partition(".")[0] for name in done.stdout.split()} & set(HEAVY)
