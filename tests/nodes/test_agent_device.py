@@ -145,7 +145,7 @@ def nothing() -> None:
 
 
 @pytest.mark.slow
-def test_a_device_that_is_pulled_out_is_looked_for_and_comes_back(new_rig: Callable[..., Rig]) -> None:
+def test_unplugged_device_is_searched_for_and_reconnected(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
     device, heard = rig.device, rig.server.heard
 
@@ -167,7 +167,7 @@ def test_a_device_that_is_pulled_out_is_looked_for_and_comes_back(new_rig: Calla
 
 
 @pytest.mark.slow
-def test_a_stop_button_cuts_the_force_at_once_until_the_server_has_disarmed(new_rig: Callable[..., Rig]) -> None:
+def test_stop_button_cuts_the_force_until_the_server_disarms(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig(stop_buttons=2)
     device = rig.device
 
@@ -196,7 +196,7 @@ def test_a_stop_button_cuts_the_force_at_once_until_the_server_has_disarmed(new_
 
 
 @pytest.mark.slow
-def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[..., Rig]) -> None:
+def test_no_force_without_consent_or_while_not_ready(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig(consent_buttons=1)
     device = rig.device
 
@@ -216,7 +216,7 @@ def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[
 
 
 @pytest.mark.slow
-def test_the_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
+def test_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
 
     def forbid() -> None:

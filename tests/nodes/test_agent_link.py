@@ -56,14 +56,14 @@ def force(tick: int, seq: int) -> Force:
     return Force(tick, 0, seq, 1.0, 0)
 
 
-def test_an_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
+def test_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
     pair.send(1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.received_ns == pair.link.answer_ns > 0
 
 
-def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
+def test_answer_to_an_old_sample_is_received_but_not_fresh(pair: Pair) -> None:
     pair.send(1, now_ns() - TIMEOUT_NS)
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
@@ -71,13 +71,13 @@ def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
     assert pair.link.received_ns is None
 
 
-def test_an_answer_to_a_sample_long_forgotten_is_not_fresh(pair: Pair) -> None:
+def test_answer_to_a_forgotten_sample_is_not_fresh(pair: Pair) -> None:
     pair.send(REMEMBERED + 1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.received_ns is None
 
 
-def test_a_point_counts_as_a_force_does_in_either_form(pair: Pair) -> None:
+def test_point_is_accepted_like_a_force_in_either_encoding(pair: Pair) -> None:
     pair.send(1, now_ns() - 5_000_000)
     point = Point(1, 0, 1, 7, 0.01, -0.5, 200.0, 2.0, 300_000)
     assert pair.say(point)
@@ -93,19 +93,19 @@ def test_a_point_counts_as_a_force_does_in_either_form(pair: Pair) -> None:
     assert pair.link.newest == replace(point, tick=2)
 
 
-def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:
+def test_heartbeat_without_a_sample_is_fresh(pair: Pair) -> None:
     assert pair.say(Heartbeat(1, 0, -1, 0, True))
     assert pair.link.received_ns is not None
 
 
-def test_what_is_older_than_the_newest_is_not_taken(pair: Pair) -> None:
+def test_older_force_is_ignored(pair: Pair) -> None:
     pair.send(1, now_ns())
     assert pair.say(force(2, 1))
     assert not pair.say(force(1, 1))
     assert pair.link.newest == force(2, 1)
 
 
-def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
+def test_welcome_of_another_session_resets_the_link(pair: Pair) -> None:
     pair.send(1, now_ns())
     assert pair.say(force(5, 1))
     assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
@@ -113,7 +113,7 @@ def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
     assert pair.say(force(1, 1))
 
 
-def test_an_empty_frame_is_nonsense_and_changes_nothing(pair: Pair) -> None:
+def test_empty_frame_is_ignored(pair: Pair) -> None:
     pair.send(1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.router.send(pair.agent, b"")

@@ -128,7 +128,7 @@ def outcomes(attempts: Attempts) -> list[tuple[int, int, int, str]]:
     return [row[:4] for row in attempts.outcomes(0).attempts]
 
 
-def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
+def test_outcome_of_every_attempt_is_journaled(path: Path) -> None:
     attempts = opened(path)
     table = Table(attempts, PLAN[2])
     table.do(Cause.START)
@@ -166,7 +166,7 @@ def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
 
 
 @pytest.mark.parametrize("paused", [False, True])
-def test_the_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
+def test_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
     attempts = opened(path)
     table = Table(attempts, PLAN[1])
     table.do(Cause.START)
@@ -179,7 +179,7 @@ def test_the_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
     assert entries_of(path)[-2] == BlockEnded(2, "finished")
 
 
-def test_a_block_that_is_stopped_is_not_over_and_one_that_is_given_up_is(path: Path) -> None:
+def test_stopped_block_is_not_done_but_given_up_block_is(path: Path) -> None:
     attempts = opened(path)
     table = Table(attempts, PLAN[0])
     table.do(Cause.START)
@@ -195,7 +195,7 @@ def test_a_block_that_is_stopped_is_not_over_and_one_that_is_given_up_is(path: P
     assert ends == [BlockEnded(1, "stopped"), BlockEnded(1, "given_up")]
 
 
-def test_a_doubtful_trial_comes_again_at_the_end_by_the_rule(path: Path) -> None:
+def test_flagged_trial_is_repeated_at_the_end_of_the_block(path: Path) -> None:
     attempts = opened(path)
     table = Table(attempts, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
     table.do(Cause.START)
@@ -215,7 +215,7 @@ def test_a_doubtful_trial_comes_again_at_the_end_by_the_rule(path: Path) -> None
     assert 1 in progress.done
 
 
-def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
+def test_operator_may_request_and_veto_repeats(path: Path) -> None:
     attempts = opened(path)
     table = Table(attempts, PLAN[0])
     with pytest.raises(NetboardError, match="no trial is done"):
@@ -240,7 +240,7 @@ def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
     attempts.close()
 
 
-def test_a_session_without_a_journal_has_a_ledger_all_the_same() -> None:
+def test_session_without_a_journal_keeps_its_outcomes() -> None:
     attempts = Attempts()
     attempts.open(config_of(PLAN[1]), "run")
     table = Table(attempts, PLAN[1])
@@ -253,13 +253,13 @@ def test_a_session_without_a_journal_has_a_ledger_all_the_same() -> None:
     attempts.close()
 
 
-def test_a_session_that_was_begun_before_is_not_begun_again(path: Path) -> None:
+def test_existing_session_is_not_started_again(path: Path) -> None:
     opened(path).close()
     with pytest.raises(NetboardError, match="this session was started before"):
         opened(path)
 
 
-def test_it_counts_what_a_station_had_not_and_hears_of_frames(path: Path) -> None:
+def test_missing_samples_are_counted_and_frames_accepted(path: Path) -> None:
     attempts = opened(path)
     assert attempts.counts("left") == (0, 0)
     attempts.painted(FrameRecord(0, "left", 0, 0, 0, 0))
@@ -275,7 +275,7 @@ def test_it_counts_what_a_station_had_not_and_hears_of_frames(path: Path) -> Non
     attempts.close()
 
 
-def test_outcomes_are_told_a_few_hundred_at_a_time() -> None:
+def test_outcomes_are_paged() -> None:
     attempts = Attempts()
     attempts.finished += [(1, k, 1, "success", 1.0, "", 0) for k in range(450)]
     told = []
@@ -322,7 +322,7 @@ DEEDS: tuple[Callable[[Table, random.Random], object], ...] = (
 )
 
 
-def require_told(path: Path, table: Table) -> None:
+def require_journal_matches_state(path: Path, table: Table) -> None:
     """The journal says of a block that goes on what its state says."""
     progress, now = progress_in(path), table.now
     said = (progress.block, progress.trial, progress.successes, progress.failures, progress.extra)
@@ -343,7 +343,7 @@ def require_told(path: Path, table: Table) -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_wherever_a_run_ends_the_next_one_goes_on(path: Path, seed: int) -> None:
+def test_killed_session_resumes_at_any_point(path: Path, seed: int) -> None:
     chance = random.Random(seed)
     attempts, run, tick = opened(path), 1, 0
     settings = ("quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
@@ -360,7 +360,7 @@ def test_wherever_a_run_ends_the_next_one_goes_on(path: Path, seed: int) -> None
             tick = table.tick
         attempts._journal.close()  # type: ignore[union-attr]
         if table.phase != Phase.FINISHED:
-            require_told(path, table)
+            require_journal_matches_state(path, table)
         check(entries_of(path), progress_in(path))
         run += 1
         attempts = resumed(path, run)

@@ -107,13 +107,13 @@ def link() -> Iterator[Link]:
         yield made
 
 
-def assert_true(rows: Any, first: int) -> None:
+def assert_rows_match_rendered_forces(rows: Any, first: int) -> None:
     """Every tick says what was rendered at the newest sample before it."""
     np.testing.assert_array_equal(rows["left_rendered"], [rendered(tick + first) for tick in range(len(rows))])
     np.testing.assert_array_equal(rows["left_safeguards"], [guards(tick + first) for tick in range(len(rows))])
 
 
-def test_a_tick_without_a_sample_does_not_hold_an_old_force(link: Link) -> None:
+def test_tick_without_a_sample_has_no_rendered_force(link: Link) -> None:
     link.go(20)
     link.go(1000, cut=True)
     rows = link.recorded()[20:]
@@ -125,7 +125,7 @@ def test_a_tick_without_a_sample_does_not_hold_an_old_force(link: Link) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("away", [30, 700, SILENCE_TIMEOUT_NS // MS + 500])
-def test_after_a_cut_every_tick_has_what_the_agent_remembers(link: Link, away: int) -> None:
+def test_ticks_of_a_cut_are_backfilled_from_the_agent(link: Link, away: int) -> None:
     link.go(50)
     link.go(away, cut=True)
     if away * MS > SILENCE_TIMEOUT_NS:
@@ -136,14 +136,14 @@ def test_after_a_cut_every_tick_has_what_the_agent_remembers(link: Link, away: i
     unknown = np.isnan(link.recorded()["left_rendered"])
     assert away - 5 < np.count_nonzero(unknown) <= away + 5
     filled = np.flatnonzero(unknown)
-    assert_true(known[filled[0] : filled[-1] + 1], int(filled[0]))
+    assert_rows_match_rendered_forces(known[filled[0] : filled[-1] + 1], int(filled[0]))
     assert not np.isnan(known["left_rendered"]).any()
     assert [record.seq for record in link.records] == list(range(len(link.records)))
     assert max(len(record.rows) for record in link.records) <= BACKFILL_ROWS * RENDERED.itemsize
     assert len(link.asked) <= len(link.records) + 2 + 1
 
 
-def test_a_cut_while_the_agent_tells_loses_nothing(link: Link) -> None:
+def test_cut_during_backfill_loses_nothing(link: Link) -> None:
     link.go(20)
     link.go(400, cut=True)
     link.go(30)
@@ -153,7 +153,7 @@ def test_a_cut_while_the_agent_tells_loses_nothing(link: Link) -> None:
     assert not np.isnan(link.filled()["left_rendered"]).any()
 
 
-def test_an_agent_that_was_started_anew_has_forgotten_it(link: Link) -> None:
+def test_restarted_agent_cannot_backfill(link: Link) -> None:
     link.go(100)
     link.go(500, cut=True)
     link.ring, link.seq = RenderedRing(), -1
@@ -166,13 +166,13 @@ def test_an_agent_that_was_started_anew_has_forgotten_it(link: Link) -> None:
     np.testing.assert_array_equal(rows["left_rendered"][600:], [rendered(k) for k in range(500)])
 
 
-def test_before_an_agent_has_come_nothing_is_asked(link: Link) -> None:
+def test_nothing_is_requested_before_the_agent_connects(link: Link) -> None:
     link.go(500, cut=True)
     link.go(100)
     assert (link.asked, link.records) == ([], [])
 
 
-def test_answers_that_were_not_asked_for_or_break_the_rules_are_ignored(link: Link) -> None:
+def test_unrequested_or_invalid_backfills_are_ignored(link: Link) -> None:
     link.go(20)
     link.go(300, cut=True)
     link.answers_lost = 10**6
@@ -192,7 +192,7 @@ def test_answers_that_were_not_asked_for_or_break_the_rules_are_ignored(link: Li
     assert link.filler.take("left", Backfill(asked.first, asked.stop, row), 5) is None
 
 
-def test_the_ring_forgets_what_is_old_and_says_so() -> None:
+def test_ring_buffer_answers_only_for_what_it_still_holds() -> None:
     ring = RenderedRing(capacity=100)
     assert ring.answer(BackfillRequest(3, 9)) == Backfill(3, 9, b"")
     for seq in range(250):
@@ -209,7 +209,7 @@ def test_the_ring_forgets_what_is_old_and_says_so() -> None:
     assert ring.answer(BackfillRequest(240, 400)).next == 400
 
 
-def test_of_too_many_interruptions_the_oldest_are_forgotten() -> None:
+def test_oldest_gaps_are_dropped_beyond_the_limit() -> None:
     filler, rows = Backfiller(), np.zeros(1024, TICK)
     number = 0
     for _ in range(MAX_GAPS + 7):
@@ -226,7 +226,7 @@ def test_of_too_many_interruptions_the_oldest_are_forgotten() -> None:
     assert filler.due("right", 0) is None
 
 
-def test_late_samples_that_pass_for_new_ones_hide_no_part_of_an_interruption() -> None:
+def test_delayed_samples_do_not_hide_part_of_a_gap() -> None:
     filler, rows = Backfiller(), np.zeros(8192, TICK)
     rows["left_rendered"], rows["left_seq"] = np.nan, -1
     rows["left_rendered"][:1000], rows["left_seq"][:1000] = 0.0, np.arange(1000)

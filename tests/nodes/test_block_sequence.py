@@ -30,7 +30,7 @@ def configs(session: Session | None = None) -> list[Config]:
     return made
 
 
-class Remade:
+class BlockFactory:
     """Makes the blocks anew, and remembers for whom."""
 
     def __init__(self) -> None:
@@ -41,8 +41,8 @@ class Remade:
         return configs(session)
 
 
-def test_the_blocks_come_one_after_the_other() -> None:
-    sequence = BlockSequence(configs(), Remade())
+def test_blocks_follow_in_order() -> None:
+    sequence = BlockSequence(configs(), BlockFactory())
     assert sequence.planned
     seen = []
     while True:
@@ -53,21 +53,21 @@ def test_the_blocks_come_one_after_the_other() -> None:
     assert seen == [(1, False), (2, False), (3, False), (4, True)]
 
 
-def test_a_session_that_is_resumed_begins_in_its_middle() -> None:
-    sequence = BlockSequence(configs(), Remade(), 2)
+def test_resumed_session_starts_at_a_later_block() -> None:
+    sequence = BlockSequence(configs(), BlockFactory(), 2)
     assert sequence.block.config.block.number == 3
     assert sequence.next().config.block.number == 4
     assert sequence.last
 
 
-def test_a_single_block_is_no_plan() -> None:
+def test_single_block_is_not_a_plan() -> None:
     sequence = BlockSequence(configs()[:1])
     assert not sequence.planned
     assert sequence.last
 
 
-def test_each_block_is_ready_to_begin() -> None:
-    sequence = BlockSequence(configs(), Remade())
+def test_each_block_is_prepared() -> None:
+    sequence = BlockSequence(configs(), BlockFactory())
     blocks = [sequence.block, *(sequence.next() for _ in range(3))]
     for block in blocks:
         assert parse(block.text, "test") == block.config
@@ -79,21 +79,21 @@ def test_each_block_is_ready_to_begin() -> None:
     assert [block.ends for block in blocks] == [None] * 4
 
 
-def test_agents_that_compute_their_own_forces_are_told_what_they_need() -> None:
+def test_coupling_at_both_ends_provides_the_board_ends() -> None:
     sequence = BlockSequence([parse("", "test", ("physics.coupling_at=both",))])
     assert np.shape(sequence.block.ends) == (2, 3)
 
 
-def test_blocks_of_one_scene_share_the_watch_over_its_loops() -> None:
-    sequence = BlockSequence(configs(), Remade())
+def test_blocks_of_one_scene_share_the_delay_monitor() -> None:
+    sequence = BlockSequence(configs(), BlockFactory())
     first, second, third = sequence.block, sequence.next(), sequence.next()
     assert first.delays is second.delays
     assert first.delays is not third.delays
 
 
 @pytest.mark.slow
-def test_a_form_makes_all_blocks_those_of_its_session() -> None:
-    remade = Remade()
+def test_opening_with_a_form_rebuilds_all_blocks() -> None:
+    remade = BlockFactory()
     sequence = BlockSequence(configs(), remade, 1)
     before = sequence.block
     form = replace(before.config.session, dyad="D17", consent=True, pilot=False)
@@ -107,7 +107,7 @@ def test_a_form_makes_all_blocks_those_of_its_session() -> None:
 
 
 @pytest.mark.slow
-def test_a_block_that_cannot_be_is_refused_before_the_first_tick(tmp_path: Path) -> None:
+def test_invalid_block_is_refused_before_the_first_tick(tmp_path: Path) -> None:
     path = tmp_path / "other.mcap"
     with pytest.raises(ConfigError, match=r"\[block\] unrelated: found .*other\.mcap"):
         BlockSequence([parse("", "test", ("block.force=unrelated", f"block.unrelated={path}"))])

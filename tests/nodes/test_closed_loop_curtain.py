@@ -16,7 +16,7 @@ from netboard.task.trials.state_machine import Phase
 @pytest.mark.parametrize("station", ["left", "right"])
 @pytest.mark.parametrize("block", [{}, {"configuration": "bimanual"}, {"left": "still"}, {"right": "robot"}])
 @pytest.mark.parametrize("balls", [0, 1])
-def test_it_sees_what_its_display_shows(station: Side, block: dict[str, str], balls: int) -> None:
+def test_simulated_participant_sees_what_its_display_shows(station: Side, block: dict[str, str], balls: int) -> None:
     config = Config()
     config = replace(config, block=replace(config.block, **block), physics=replace(config.physics, balls=balls))
     curtain = make_curtain(config)

@@ -41,7 +41,7 @@ class Rig:
         return self.router.heard(peer)
 
 
-def test_an_operator_asks_and_commands() -> None:
+def test_operator_requests_and_commands_are_answered() -> None:
     rig = Rig()
     assert rig.say(C, StatusRequest()) == [STATUS]
     assert rig.say(C, OutcomesRequest(3)) == [Outcomes(3, ())]
@@ -53,7 +53,7 @@ def test_an_operator_asks_and_commands() -> None:
     assert rig.router.heard(C) == [Reply(5, False, "cannot pause while idle")]
 
 
-def test_a_display_cannot_command_nor_report_for_another_station() -> None:
+def test_display_cannot_command_or_report_for_another_station() -> None:
     rig = Rig()
     for message in (Command("start", "", 1), StatusRequest(), STYLUS):
         assert rig.say(D, message) == [Refusal(f"a display may not send {type(message).__name__}")]
@@ -78,14 +78,14 @@ def test_frames_are_numbered_per_station() -> None:
     ]
 
 
-def test_a_stranger_must_say_hello_and_nonsense_is_refused() -> None:
+def test_unregistered_peers_and_malformed_messages_are_refused() -> None:
     rig = Rig()
     assert rig.say(b"x", StatusRequest()) == [Refusal("say hello first")]
     assert isinstance(rig.say(b"x", b"\xc1")[0], Refusal)
     assert rig.say(b"x", hello("logger")) == [Refusal("this is the control channel, not one for a logger")]
 
 
-def test_who_is_there_is_listed_and_the_last_display_of_a_station_reports() -> None:
+def test_peers_are_listed_and_the_newest_display_of_a_station_reports() -> None:
     rig = Rig()
     assert rig.port.peers == ("console", "display.left")
     rig.say(b"display.left@2", hello("display", "left", "host:2"))
@@ -98,7 +98,7 @@ def test_who_is_there_is_listed_and_the_last_display_of_a_station_reports() -> N
     assert rig.port.peers == ("display.left",)
 
 
-def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> None:
+def test_pings_yield_clock_offsets_of_peers() -> None:
     rig = Rig()
     rig.port.pump(PING_NS)
     ahead = 5_000_000_000
@@ -115,7 +115,7 @@ def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> Non
     assert rig.router.heard(C) == []
 
 
-def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
+def test_silent_display_is_removed_and_may_return() -> None:
     rig = Rig()
     rig.port.pump(SILENCE_TIMEOUT_NS + PING_NS)
     assert rig.port.peers == ()
@@ -127,7 +127,7 @@ def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
     assert [frame.tick for frame in rig.port.take_frames()] == [1]
 
 
-def test_a_console_that_was_suspended_may_answer_every_ping_that_waited_for_it() -> None:
+def test_suspended_console_may_answer_all_queued_pings() -> None:
     rig = Rig()
     suspended_s = 3600
     for tenth in range(suspended_s * 10):
@@ -141,7 +141,7 @@ def test_a_console_that_was_suspended_may_answer_every_ping_that_waited_for_it()
     assert rig.router.heard(C) == []
 
 
-def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
+def test_undelivered_block_change_is_sent_again() -> None:
     router = FakeRouter(room=1)
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     router.say(b"console", hello("console"))
@@ -153,7 +153,7 @@ def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
     assert router.heard(b"console") == [another]
 
 
-def test_peers_that_come_and_go_with_full_queues_leave_nothing_owed() -> None:
+def test_departed_peers_with_full_queues_leave_no_pending_messages() -> None:
     router = FakeRouter(room=0)  # nobody reads
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     for number in range(2000):

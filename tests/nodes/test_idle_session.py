@@ -45,9 +45,7 @@ def records(session: Session) -> list[TickRecord | EventRecord]:
 
 
 @pytest.mark.parametrize("rounds", [(1, 1, 1), (NO_PEER_TICKS, 1, 7), (RING_ROWS - 1, 50), (RING_ROWS,)])
-def test_ticks_with_nobody_there_are_those_of_one_by_one(
-    session: Session, config: Config, rounds: tuple[int, ...]
-) -> None:
+def test_batched_idle_ticks_equal_single_ticks(session: Session, config: Config, rounds: tuple[int, ...]) -> None:
     for count in rounds:
         session._idle_ticks(session._clock.due_ns + (count - 1) * TICK_NS)
     rows = np.zeros(sum(rounds), TICK)
@@ -64,7 +62,7 @@ def test_ticks_with_nobody_there_are_those_of_one_by_one(
     assert session._clock.due_ns == DUE + len(rows) * TICK_NS
 
 
-def test_a_session_with_nobody_there_sleeps_long_and_one_with_an_operator_does_not(session: Session) -> None:
+def test_session_is_alone_only_without_any_peer(session: Session) -> None:
     state = session._state
     assert state.alone
     state.ports.control._peers[b"console"] = None  # type: ignore[assignment]

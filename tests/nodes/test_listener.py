@@ -73,8 +73,8 @@ class PortLink:
         return True
 
 
-class Told:
-    """What a listener has told."""
+class RecordingSink:
+    """Stores what a listener reports."""
 
     def __init__(self) -> None:
         self.sessions: list[str] = []
@@ -104,7 +104,7 @@ class Rig:
         self.folder = folder
         self.clock = FakeClock()
         self.link = PortLink(self.clock)
-        self.told = Told()
+        self.told = RecordingSink()
         self.listener = Listener(self.link, self.told, "a test", lambda: self.clock() + AHEAD_NS)
 
     def serve(self, session: str, capacity: int = 1000) -> Server:
@@ -121,7 +121,7 @@ def rig(tmp_path: Path) -> Rig:
     return Rig(tmp_path)
 
 
-def test_who_comes_to_a_session_that_goes_on_hears_it_from_then_on(rig: Rig) -> None:
+def test_late_listener_receives_records_from_then_on(rig: Rig) -> None:
     server = rig.serve("one")
     server.tick(10)
     rig.step(3)
@@ -133,7 +133,7 @@ def test_who_comes_to_a_session_that_goes_on_hears_it_from_then_on(rig: Rig) -> 
     assert (rig.told.sessions, rig.told.lost) == (["one"], [])
 
 
-def test_who_has_waited_for_the_server_hears_everything(rig: Rig) -> None:
+def test_listener_waiting_for_the_server_receives_every_record(rig: Rig) -> None:
     rig.step(int(EARLY_WELCOME_NS / 20e6) + 1)
     server = rig.serve("one")
     server.event("block_began")
@@ -142,7 +142,7 @@ def test_who_has_waited_for_the_server_hears_everything(rig: Rig) -> None:
     assert (rig.told.ticks, rig.told.events) == (list(range(300)), ["block_began"])
 
 
-def test_another_session_is_heard_from_its_beginning(rig: Rig) -> None:
+def test_listener_receives_the_next_session_from_its_start(rig: Rig) -> None:
     rig.serve("one").tick(10)
     rig.step(3)
     rig.link.server = None
@@ -154,7 +154,7 @@ def test_another_session_is_heard_from_its_beginning(rig: Rig) -> None:
     assert rig.told.lost == []
 
 
-def test_a_link_that_was_gone_costs_nothing_the_ring_still_has(rig: Rig) -> None:
+def test_lost_link_loses_no_record_still_in_the_ring_buffer(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(3)
     server.tick(10)
@@ -171,7 +171,7 @@ def test_a_link_that_was_gone_costs_nothing_the_ring_still_has(rig: Rig) -> None
     assert rig.told.lost == []
 
 
-def test_what_is_missed_is_told(rig: Rig) -> None:
+def test_missed_records_are_reported(rig: Rig) -> None:
     server = rig.serve("one", capacity=100)
     rig.step(3)
     server.tick(10)
@@ -183,7 +183,7 @@ def test_what_is_missed_is_told(rig: Rig) -> None:
     assert rig.told.ticks == [*range(10), *range(410, 510)]
 
 
-def test_what_comes_twice_is_heard_once(rig: Rig) -> None:
+def test_repeated_records_are_delivered_once(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(3)
     server.tick(10)
@@ -195,7 +195,7 @@ def test_what_comes_twice_is_heard_once(rig: Rig) -> None:
     assert rig.told.lost == []
 
 
-def test_what_cannot_be_read_is_lost_and_not_more(rig: Rig) -> None:
+def test_unreadable_records_are_reported_as_lost(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(3)
     server.tick(1)
@@ -208,7 +208,7 @@ def test_what_cannot_be_read_is_lost_and_not_more(rig: Rig) -> None:
     assert rig.told.lost == [(1, 1), (2, 1)]
 
 
-def test_the_server_tells_what_time_it_is_here(rig: Rig) -> None:
+def test_clock_record_gives_the_offset_of_the_listener(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(60)
     server.note_clocks()
@@ -218,7 +218,7 @@ def test_the_server_tells_what_time_it_is_here(rig: Rig) -> None:
     assert abs(offset_ns - AHEAD_NS) <= bound_ns < 30_000_000
 
 
-def test_nothing_is_heard_before_a_welcome_and_a_goodbye_is_followed_by_a_hello(rig: Rig) -> None:
+def test_records_before_welcome_are_ignored_and_goodbye_triggers_hello(rig: Rig) -> None:
     server = rig.serve("one")
     server.router.send(NAME, encode(LogBatch(0, 0, (encode(TickRecord(np.zeros(1, TICK).tobytes())),))))
     rig.step(1)
@@ -230,7 +230,7 @@ def test_nothing_is_heard_before_a_welcome_and_a_goodbye_is_followed_by_a_hello(
     assert rig.told.sessions == ["one"]
 
 
-def test_a_refusal_is_said_once_and_asked_again(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
+def test_refusal_is_logged_once_and_the_connection_retried(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
     server = rig.serve("one")
     server.router.forbidden = "the key has been revoked"
     rig.step(200)
@@ -242,7 +242,7 @@ def test_a_refusal_is_said_once_and_asked_again(rig: Rig, caplog: pytest.LogCapt
     assert rig.told.sessions == ["one"]
 
 
-def test_it_says_goodbye(rig: Rig) -> None:
+def test_stopped_listener_sends_goodbye(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(3)
     rig.listener.run(lambda: True)

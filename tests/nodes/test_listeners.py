@@ -50,7 +50,7 @@ def listen(rig: Rig, peer: bytes, first: int = -1) -> list[Message]:
     return rig.pump(peer, LogRequest(first))
 
 
-def test_a_listener_hears_what_is_recorded_from_now_on(rig: Rig) -> None:
+def test_listener_receives_records_from_now_on(rig: Rig) -> None:
     rig.record(5)
     assert listen(rig, E) == []
     rig.record(3)
@@ -58,14 +58,14 @@ def test_a_listener_hears_what_is_recorded_from_now_on(rig: Rig) -> None:
     assert rig.pump(E) == []
 
 
-def test_or_from_the_record_it_asks_for(rig: Rig) -> None:
+def test_listener_receives_records_from_the_requested_number(rig: Rig) -> None:
     rig.record(5)
     assert rig.numbers(listen(rig, E, 2)) == [2, 3, 4]
     assert rig.numbers(rig.pump(E, LogRequest(0))) == [0, 1, 2, 3, 4]
     assert rig.pump(E, LogRequest(99)) == []
 
 
-def test_a_listener_is_no_logger(rig: Rig) -> None:
+def test_listener_does_not_count_as_a_logger(rig: Rig) -> None:
     listen(rig, E)
     rig.record(900)
     rig.pump(E)
@@ -79,7 +79,7 @@ def test_a_listener_is_no_logger(rig: Rig) -> None:
     assert rig.names() == ["listener_joined", "listener_left"]
 
 
-def test_what_a_listener_says_counts_for_nothing(rig: Rig) -> None:
+def test_acknowledgements_and_requests_of_a_listener_are_refused(rig: Rig) -> None:
     rig.record(5)
     listen(rig, E)
     assert rig.pump(E, LogAck(5, 1, "a.mcap", 0)) == [Refusal("a listener does not send LogAck")]
@@ -87,7 +87,7 @@ def test_what_a_listener_says_counts_for_nothing(rig: Rig) -> None:
     assert (rig.port.store.backlog, rig.port.free_bytes, rig.port.notice) == (5, 0, "")
 
 
-def test_nobody_is_both(rig: Rig) -> None:
+def test_peer_cannot_be_both_listener_and_logger(rig: Rig) -> None:
     listen(rig, E)
     assert rig.pump(E, hello("logger")) == [Refusal("it has come as another than a logger")]
     rig.join(L)
@@ -95,7 +95,7 @@ def test_nobody_is_both(rig: Rig) -> None:
     assert (rig.port.loggers, len(rig.port.subscribers)) == (1, 1)
 
 
-def test_who_may_not_listen_is_refused(rig: Rig) -> None:
+def test_unauthorised_and_surplus_listeners_are_refused(rig: Rig) -> None:
     assert isinstance(rig.pump(E, hello("listener", "left"))[0], Refusal)
     rig.router.forbidden = "this key is that of a logger"
     assert rig.pump(E, hello("listener")) == [Refusal("this key is that of a logger")]
@@ -107,7 +107,7 @@ def test_who_may_not_listen_is_refused(rig: Rig) -> None:
     assert rig.port.loggers == 1
 
 
-def test_what_a_listener_does_not_take_in_time_is_lost_to_it_and_counted(tmp_path: Path) -> None:
+def test_slow_listener_loses_records_and_the_loss_is_counted(tmp_path: Path) -> None:
     rig, router = stalling(tmp_path, capacity=300)
     listen(rig, E)
     router.stalled = (E,)
@@ -122,13 +122,13 @@ def test_what_a_listener_does_not_take_in_time_is_lost_to_it_and_counted(tmp_pat
     end(rig)
 
 
-def test_a_listener_that_is_behind_gets_one_batch_at_a_time(rig: Rig) -> None:
+def test_late_listener_receives_one_batch_at_a_time(rig: Rig) -> None:
     rig.record(900)
     assert len(rig.numbers(listen(rig, E, 0))) == MAX_RECORDS
     assert len(rig.numbers(rig.pump(E))) == MAX_RECORDS
 
 
-def test_a_listener_gets_nothing_from_the_spill(rig: Rig) -> None:
+def test_listener_receives_nothing_from_the_spill(rig: Rig) -> None:
     rig.fill_spill(5000)
     heard = listen(rig, E, 0)
     assert isinstance(heard[0], LogBatch)
@@ -136,7 +136,7 @@ def test_a_listener_gets_nothing_from_the_spill(rig: Rig) -> None:
     assert rig.catch_up(M, rig.join(M), 4999) == list(range(5000))
 
 
-def test_a_silent_listener_is_gone_and_one_that_says_hello_again_goes_on(rig: Rig) -> None:
+def test_silent_listener_is_dropped_and_repeated_hello_is_accepted(rig: Rig) -> None:
     listen(rig, E)
     rig.record(3)
     assert isinstance(rig.pump(E, hello("listener", name=E.decode()))[0], Welcome)
@@ -149,7 +149,7 @@ def test_a_silent_listener_is_gone_and_one_that_says_hello_again_goes_on(rig: Ri
     assert rig.names()[:2] == ["listener_joined", "listener_left"]
 
 
-def test_the_end_waits_for_no_listener(tmp_path: Path) -> None:
+def test_session_end_does_not_wait_for_listeners(tmp_path: Path) -> None:
     rig, router = stalling(tmp_path)
     rig.join(L)
     listen(rig, E)
@@ -167,7 +167,7 @@ def test_the_end_waits_for_no_listener(tmp_path: Path) -> None:
     assert rig.port.store.shortfall == ""
 
 
-def test_the_clock_of_a_listener_is_probed(rig: Rig) -> None:
+def test_clock_of_a_listener_is_probed(rig: Rig) -> None:
     listen(rig, E)
     for _ in range(5):
         rig.clock.advance(0.2)
@@ -267,6 +267,6 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(deeds=DEEDS)
-def test_whatever_listeners_do_the_loggers_hear_the_same_at_the_same_time(deeds: list) -> None:
+def test_listeners_never_affect_what_loggers_receive(deeds: list) -> None:
     with TemporaryDirectory() as one, TemporaryDirectory() as other:
         assert history(Path(one), deeds, listened=True) == history(Path(other), deeds, listened=False)

@@ -26,7 +26,7 @@ def said(router: endpoints.Router) -> list[tuple[bytes, Message]]:
 
 
 @pytest.mark.slow
-def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_operator_says_hello_again_to_a_silent_server(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator, "SILENCE_TIMEOUT_NS", 200_000_000)
     monkeypatch.setattr(sockets, "RENEW_S", 0.0)
     network = replace(Network(), port=free_port())
@@ -52,7 +52,7 @@ def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_a_console_that_was_forgotten_says_hello_again() -> None:
+def test_operator_says_hello_again_after_hello_first_refusal() -> None:
     network = replace(Network(), port=free_port())
     with sockets.open_context() as context:
         router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))

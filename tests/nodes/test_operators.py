@@ -21,7 +21,7 @@ def operators() -> Operators:
     return Operators(opened=True, armed=True)
 
 
-def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> None:
+def test_first_operator_to_command_is_the_commander() -> None:
     one = operators()
     assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
     refused = one.decide("start", B, "lab:2", NOW)
@@ -35,7 +35,7 @@ def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> Non
     assert not one.decide("start", A, "lab:1", NOW).accepted
 
 
-def test_what_cannot_be_done_now_is_refused_with_what_can() -> None:
+def test_refused_command_lists_the_commands_possible_now() -> None:
     one = operators()
     paused = replace(NOW, phase=Phase.PAUSED)
     assert one.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
@@ -53,21 +53,21 @@ def test_what_cannot_be_done_now_is_refused_with_what_can() -> None:
 
 
 @pytest.mark.parametrize("command", ["emergency_stop", "note"])
-def test_anybody_may_stop_everything_and_leave_a_note(command: str) -> None:
+def test_every_operator_may_stop_and_add_notes(command: str) -> None:
     one = operators()
     one.decide("take", A, "lab:1", NOW)
     assert one.decide(command, B, "lab:2", NOW).accepted
     assert one.commander == A
 
 
-def test_a_commander_who_has_left_makes_room() -> None:
+def test_another_operator_may_command_after_the_commander_leaves() -> None:
     one = operators()
     one.decide("take", A, "lab:1", NOW)
     one.leave()
     assert one.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
 
 
-def test_before_the_form_is_complete_no_block_begins() -> None:
+def test_start_is_refused_until_the_session_form_is_complete() -> None:
     one = Operators(opened=False, armed=True)
     decision = one.decide("start", A, "lab:1", NOW)
     assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
@@ -76,7 +76,7 @@ def test_before_the_form_is_complete_no_block_begins() -> None:
     assert one.decide("open", A, "lab:1", NOW).reason == "the session is open already"
 
 
-def test_nothing_starts_without_the_peers_or_while_devices_are_not_armed() -> None:
+def test_start_is_refused_with_missing_peers_or_disarmed_devices() -> None:
     one = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
     assert one.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
@@ -86,7 +86,7 @@ def test_nothing_starts_without_the_peers_or_while_devices_are_not_armed() -> No
     assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
 
 
-def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() -> None:
+def test_pause_after_trial_takes_effect_at_its_end_and_can_be_cancelled() -> None:
     one, running = operators(), replace(NOW, phase=Phase.RUNNING)
     assert one.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
     assert one.pending == "pause after this trial"
@@ -101,7 +101,7 @@ def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() 
 
 
 @pytest.mark.parametrize("command", REPLAY_COMMANDS)
-def test_what_only_a_replay_can_do_is_refused_in_words_and_makes_nobody_the_commander(command: str) -> None:
+def test_replay_commands_are_refused_in_a_live_session(command: str) -> None:
     one = operators()
     decision = one.decide(command, A, "lab:1", NOW)
     assert (decision.accepted, decision.cause) == (False, Cause.NONE)
@@ -109,7 +109,7 @@ def test_what_only_a_replay_can_do_is_refused_in_words_and_makes_nobody_the_comm
     assert one.commander == b""
 
 
-def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> None:
+def test_next_and_stop_after_block_require_a_plan() -> None:
     one = operators()
     for command in ("next", "stop_after_block"):
         assert not one.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
@@ -127,7 +127,7 @@ def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> 
         st.tuples(st.sampled_from(COMMANDS), st.sampled_from([A, B]), st.sampled_from(Phase)), max_size=30
     )
 )
-def test_no_command_is_accepted_that_the_table_has_no_edge_for(commands: list[tuple[str, bytes, Phase]]) -> None:
+def test_accepted_commands_have_an_edge_in_the_transition_table(commands: list[tuple[str, bytes, Phase]]) -> None:
     one = operators()
     for command, who, phase in commands:
         decision = one.decide(command, who, who.decode(), replace(NOW, phase=phase))
@@ -139,7 +139,7 @@ def test_no_command_is_accepted_that_the_table_has_no_edge_for(commands: list[tu
             assert decision.cause is CAUSES[command]
 
 
-def test_a_form_is_checked_like_the_configuration() -> None:
+def test_form_is_converted_to_a_session() -> None:
     told = {"participant_a": "P07", "participant_b": "P08", "seat_a": "right", "consent": True}
     form = form_of(json.dumps(told), Session(dyad="D03"))
     assert (form.participant_a, form.seat_a, form.dyad, form.consent) == ("P07", "right", "D03", True)
@@ -155,18 +155,18 @@ def test_a_form_is_checked_like_the_configuration() -> None:
         ('{"pilot": true, "participant": "P1"}', "participant: unknown key"),
     ],
 )
-def test_a_form_that_will_not_do_is_refused_in_words(text: str, problem: str) -> None:
+def test_invalid_form_is_refused_with_its_problem(text: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         form_of(text, Session())
 
 
-def test_a_note_has_the_tick_at_which_its_writing_began() -> None:
+def test_note_has_the_tick_at_which_typing_began() -> None:
     assert note_of('{"text": "sneezed", "tick": 1234}', 9) == ("sneezed", 1234)
     assert note_of("sneezed", 9) == ("sneezed", 9)
     with pytest.raises(ConfigError):
         note_of('{"text": 1}', 9)
 
 
-def test_brackets_in_brackets_without_end_are_no_form_and_no_end_of_the_server() -> None:
+def test_deeply_nested_note_is_refused() -> None:
     with pytest.raises(ConfigError, match="the note is not JSON"):
         note_of('{"text":' + "[" * 7000, 5)

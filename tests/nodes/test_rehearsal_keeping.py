@@ -25,7 +25,7 @@ def config() -> Config:
 
 
 @pytest.mark.slow
-def test_a_rehearsed_block_is_a_whole_recording(tmp_path: Path) -> None:
+def test_rehearsed_block_is_a_complete_recording(tmp_path: Path) -> None:
     keeper = BlockWriter(tmp_path, config(), SESSION, UTC_NS)
     rehearsal = Rehearsal(config(), {"A": Participant(), "B": Participant()})
     for rows in rehearsal.pieces():
@@ -47,7 +47,7 @@ def test_a_rehearsed_block_is_a_whole_recording(tmp_path: Path) -> None:
     assert [a.completion for a in find_attempts(ticks) if a.outcome == "success"] == list(summary.completions)
 
 
-def test_no_recording_is_written_over(tmp_path: Path) -> None:
+def test_existing_recording_is_not_overwritten(tmp_path: Path) -> None:
     keeper = BlockWriter(tmp_path, config(), SESSION, UTC_NS)
     keeper.finish()
     with pytest.raises(RecordingError, match="block04"):

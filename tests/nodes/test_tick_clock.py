@@ -15,11 +15,11 @@ def clock() -> TickClock:
     return clock
 
 
-def test_the_first_tick_is_due_when_it_was_said_to_be(clock: TickClock) -> None:
+def test_first_tick_is_due_at_the_start_time(clock: TickClock) -> None:
     assert (clock.due_ns, clock.wake_ns, clock.gap) == (DUE, DUE, "")
 
 
-def test_a_tick_waits_for_its_deadline_unless_both_samples_are_in(clock: TickClock) -> None:
+def test_tick_starts_early_only_with_both_samples(clock: TickClock) -> None:
     early = DUE - EARLIEST_NS
     assert clock.is_due(DUE, complete=False)
     assert not clock.is_due(DUE - 1, complete=False)
@@ -27,7 +27,7 @@ def test_a_tick_waits_for_its_deadline_unless_both_samples_are_in(clock: TickClo
     assert not clock.is_due(early - 1, complete=True)
 
 
-def test_the_next_deadline_is_a_tick_later(clock: TickClock) -> None:
+def test_deadline_advances_by_one_tick_per_tick(clock: TickClock) -> None:
     clock.advance(1)
     assert clock.due_ns == DUE + TICK_NS
     clock.advance(IDLE_TICKS)
@@ -35,20 +35,18 @@ def test_the_next_deadline_is_a_tick_later(clock: TickClock) -> None:
 
 
 @pytest.mark.parametrize(("late", "due"), [(-1, 0), (0, 1), (TICK_NS - 1, 1), (TICK_NS, 2), (24 * TICK_NS, 25)])
-def test_what_has_become_due_is_counted(clock: TickClock, late: int, due: int) -> None:
+def test_due_ticks_are_counted(clock: TickClock, late: int, due: int) -> None:
     assert clock.due_count(DUE + late) == due
 
 
-def test_late_is_more_than_half_a_tick(clock: TickClock) -> None:
+def test_ticks_beyond_the_late_threshold_are_counted(clock: TickClock) -> None:
     for late in (-LATE_NS, 0, LATE_NS, LATE_NS + 1, 3 * TICK_NS):
         clock.began(late)
     assert clock.late_ticks == 2
 
 
 @pytest.mark.parametrize(("idle", "most"), [(False, CATCH_UP_TICKS), (True, CATCH_UP_TICKS + NO_PEER_TICKS)])
-def test_a_standstill_moves_the_deadlines_by_whole_ticks_and_is_told_of_once(
-    clock: TickClock, *, idle: bool, most: int
-) -> None:
+def test_stall_shifts_deadlines_by_whole_ticks_and_is_reported_once(clock: TickClock, *, idle: bool, most: int) -> None:
     assert clock.catch_up(DUE + most * TICK_NS, idle) == 0
     assert (clock.due_ns, clock.gap) == (DUE, "")
     moved = clock.catch_up(DUE + most * TICK_NS + 1, idle)
@@ -58,7 +56,7 @@ def test_a_standstill_moves_the_deadlines_by_whole_ticks_and_is_told_of_once(
     assert clock.take_gap() == clock.gap == ""
 
 
-def test_one_sleeps_until_there_may_be_something_to_do(clock: TickClock) -> None:
+def test_wake_time_depends_on_idleness_and_samples(clock: TickClock) -> None:
     clock.sleep(idle=False, complete=False)
     assert clock.wake_ns == DUE
     clock.sleep(idle=False, complete=True)

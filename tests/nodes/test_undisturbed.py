@@ -75,7 +75,7 @@ def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
 
 
 @pytest.mark.parametrize("delay", [0, 3])
-def test_one_call_does_what_the_steps_do(delay: int) -> None:
+def test_compiled_tick_equals_the_single_steps(delay: int) -> None:
     plain = Config()
     config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, trials=2))
     rng, heard = np.random.default_rng(7), 0
