@@ -8,13 +8,18 @@ import pytest
 from netboard.base.compiled import kernel
 from netboard.physics.arithmetic.simd import (
     applied,
+    clipped,
     gathered,
+    kept_where_equal,
     lane,
     lanes_at,
+    larger,
     listed,
     pair_at,
     put,
+    smaller,
     spread,
+    where_within,
     within,
     written,
 )
@@ -109,3 +114,38 @@ def test_an_array_that_is_not_contiguous_is_refused(values: Any) -> None:
 def test_a_text_is_written_for_the_lengths_of_its_arguments() -> None:
     assert twice((1.0, 2.0, 3.0)) == (2.0, 4.0, 6.0)
     assert doubled((1.0, 2.0), 3) == (3.0, 6.0)
+
+
+SPECIAL = np.array([-0.0, 0.0, -1.0, 1.0, np.inf, -np.inf, np.nan, 0.5, 2.0, -2.0, 0.0, -0.0])
+
+
+@kernel
+def chosen(a: Any, b: Any, bound: float, out: Any) -> None:
+    one, other = lanes_at(a, 0, 4), lanes_at(b, 0, 4)
+    put(out, 0, clipped(one, bound))
+    put(out, 4, larger(one, other))
+    put(out, 8, smaller(one, other))
+    put(out, 12, kept_where_equal(one, other, one))
+    put(out, 16, where_within(one, -other, other, one, other))
+
+
+@kernel
+def chosen_singly(a: Any, b: Any, bound: float, out: Any) -> None:
+    for i in range(4):
+        x, y = a[i], b[i]
+        out[i] = min(max(x, -bound), bound)
+        out[4 + i] = max(x, y)
+        out[8 + i] = min(x, y)
+        out[12 + i] = x if y == x else 0.0
+        out[16 + i] = x if -y <= x <= y else y
+
+
+@pytest.mark.parametrize("bound", [0.0, 0.7, 1.0, np.inf])
+def test_choices_between_lanes_have_the_bits_of_choices_between_floats(bound: float) -> None:
+    random = np.random.default_rng(5)
+    for _ in range(300):
+        a, b = random.choice(SPECIAL, 4), random.choice(SPECIAL, 4)
+        found, expected = np.zeros(20), np.zeros(20)
+        chosen(a, b, bound, found)
+        chosen_singly(a, b, bound, expected)
+        assert found.tobytes() == expected.tobytes(), (a, b)
