@@ -1,5 +1,7 @@
 """Adaptive windowing: exact on lines, low noise at rest, and low lag in fast movement."""
 
+from math import isnan, nan
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -70,3 +72,17 @@ def test_the_window_is_the_longest_in_which_every_line_to_the_newest_position_fi
                 break
             best = rate
         assert velocity[now] == pytest.approx(best, abs=1e-9)
+
+
+def test_velocity_is_unknown_only_along_the_axis_whose_position_is() -> None:
+    velocity = Velocimeter(STEP)
+    velocity.update(0, 0.0, 0.0, 0.0)
+    vx, vy, vz = velocity.update(MS, nan, 0.0, 0.0)
+    assert isnan(vx)
+    assert vy == vz == 0.0
+
+
+def test_unknown_position_before_a_jump_does_not_affect_the_velocity_after_it() -> None:
+    velocity, places = Velocimeter(STEP), [0.0, nan, 0.0, 0.0, 0.001, 0.002]
+    found = [velocity.update(k * MS, x, 0.0, 0.0)[0] for k, x in enumerate(places)]
+    assert found[-1] == pytest.approx(1.0)

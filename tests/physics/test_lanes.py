@@ -137,7 +137,7 @@ def chosen_singly(a: Any, b: Any, bound: float, out: Any) -> None:
         out[4 + i] = max(x, y)
         out[8 + i] = min(x, y)
         out[12 + i] = x if y == x else 0.0
-        out[16 + i] = x if -y <= x <= y else y
+        out[16 + i] = y if x < -y or x > y or -y > y else x
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.7, 1.0, np.inf])

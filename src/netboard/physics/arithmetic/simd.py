@@ -237,8 +237,9 @@ def _choosing(comparison: str) -> Callable[..., Any]:
 def _sorting(typing: Any, lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
     def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         value, low, high, inside, outside = args
-        fits = builder.and_(builder.fcmp_ordered(">=", value, low), builder.fcmp_ordered("<=", value, high))
-        return builder.select(fits, inside, outside)
+        above, below = builder.fcmp_ordered("<", high, value), builder.fcmp_ordered("<", value, low)
+        out = builder.or_(builder.or_(above, below), builder.fcmp_ordered("<", high, low))
+        return builder.select(out, outside, inside)
 
     return lanes(*[lanes] * 5), write
 
@@ -408,6 +409,8 @@ def smaller(one: Any, other: Any) -> Any:
 def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
     """Return one of two in each lane: the first where a number lies between two bounds, the second elsewhere.
 
+    Not a number counts as inside, unless the bounds leave no room, so that it is passed on as from arithmetic.
+
     Parameters
     ----------
     lanes : lanes
@@ -417,7 +420,7 @@ def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> 
     inside, outside : lanes
         What to return.
     """
-    return np.where((lanes >= low) & (lanes <= high), inside, outside)
+    return np.where((lanes < low) | (lanes > high) | (low > high), outside, inside)
 
 
 def kept_where_equal(lanes: Any, one: Any, other: Any) -> Any:
