@@ -24,7 +24,7 @@ from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import CABLES, TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
-from netboard.physics.arithmetic.simd import clipped, gathered, kept_where_equal, lane
+from netboard.physics.arithmetic.simd import gathered, lane, larger, smaller, where_within
 
 STEP_NS = 250_000
 """Length of an integration step [ns]."""
@@ -164,10 +164,9 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
 def _advanced(place: Any, v: Any, force: Any, arm: Any) -> tuple[Any, Any]:
     """Advance all axes by one step: implicit friction and damping (Moreau's time stepping), then the stops."""
     v = v + arm["per_force"] * force
-    v = arm["damping_factor"] * (v - clipped(v, arm["friction_step"]))
-    there = place + STEP * v
-    place = clipped(there, arm["stop"])
-    return place, kept_where_equal(v, there, place)
+    v = arm["damping_factor"] * (v - smaller(larger(v, -arm["friction_step"]), arm["friction_step"]))
+    there, stop = place + STEP * v, arm["stop"]
+    return smaller(larger(there, -stop), stop), where_within(there, -stop, stop, v, 0.0)
 
 
 @inlined

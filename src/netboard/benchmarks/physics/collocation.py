@@ -20,9 +20,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import borrowed, fast, inlined, relaxed, specialised
-from netboard.physics.arithmetic.simd import lanes_at, listed, pair_at, put, width_of, within, written
+from netboard.physics.arithmetic.simd import lanes_at, pair_at, put, within
 from netboard.physics.arithmetic.trig import EIGHTH_TURN, sincos, small
 from netboard.physics.arithmetic.vectors import State
+from netboard.physics.arithmetic.written import listed, width_of, written
 from netboard.physics.methods.phi import DIGITS, phi_decimals, weighted_sum
 from netboard.physics.methods.semilinear import FIXED, columns_of, kicked_rows, known_of, needed_rows, remainder
 from netboard.physics.scene.linear import scene_matrix

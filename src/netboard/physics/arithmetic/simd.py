@@ -10,8 +10,7 @@ Numba has no such type; this is the only module that generates LLVM instructions
 import inspect
 import math
 import operator
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -120,6 +119,60 @@ def _intrinsic(name: str) -> Callable[..., Any]:
     return write
 
 
+def larger(one: Any, other: Any) -> Any:
+    """Return the larger of two in each lane, as ``max(one, other)`` does.
+
+    Parameters
+    ----------
+    one, other : lanes
+        Some numbers.
+    """
+    return np.where(other > one, other, one)
+
+
+def smaller(one: Any, other: Any) -> Any:
+    """Return the smaller of two in each lane, as ``min(one, other)`` does.
+
+    Parameters
+    ----------
+    one, other : lanes
+        Some numbers.
+    """
+    return np.where(other < one, other, one)
+
+
+def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+    """Return one of two in each lane: the first where a number lies between two bounds, the second elsewhere.
+
+    Not a number counts as inside, unless the bounds leave no room, so that it is passed on as from arithmetic.
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    low, high : lanes
+        The bounds of each, which are inside, in the unit of the lanes.
+    inside, outside : lanes
+        What to return.
+    """
+    return np.where((lanes < low) | (lanes > high) | (low > high), outside, inside)
+
+
+def _choice(comparison: str) -> Callable[..., Any]:
+    """Return a generator of a choice between two lanes, which compares as Python's max and min do."""
+
+    def write(builder: Any, one: Any, other: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(comparison, other, one), other, one)
+
+    return write
+
+
+def _write_within(builder: Any, value: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
+    pairs = ((high, value), (value, low), (high, low))
+    above, below, empty = (builder.fcmp_ordered("<", one, other) for one, other in pairs)
+    return builder.select(builder.or_(builder.or_(above, below), empty), outside, inside)
+
+
 _BUILDER = ir.IRBuilder
 for _name, _instruction in (
     ("add", _BUILDER.fadd),
@@ -132,6 +185,9 @@ for _name, _instruction in (
 _define(operator.neg, _BUILDER.fneg, 1)
 _define(math.sqrt, _intrinsic("sqrt"), 1)
 _define(abs, _intrinsic("fabs"), 1)
+_define(larger, _choice(">"), 2)
+_define(smaller, _choice("<"), 2)
+_define(where_within, _write_within, 5)
 
 
 def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
@@ -209,47 +265,6 @@ def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
         return builder.icmp_unsigned("==", bits, ir.Constant(ir.IntType(n), -1))
 
     return types.boolean(lanes, types.float64), write
-
-
-def _clipping(typing: Any, lanes: Any, bound: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        high = _spread_value(builder, args[1], lanes.count)
-        low = _spread_value(builder, builder.fneg(args[1]), lanes.count)
-        # Compared as Python's max and min compare, so that zeros keep their signs.
-        raised = builder.select(builder.fcmp_ordered(">", low, args[0]), low, args[0])
-        return builder.select(builder.fcmp_ordered("<", high, raised), high, raised)
-
-    return lanes(lanes, types.float64), write
-
-
-def _choosing(comparison: str) -> Callable[..., Any]:
-    """Generate the choice of one of two lanes by a comparison, as Python's max and min choose."""
-
-    def choose(typing: Any, one: Any, other: Any) -> Any:
-        def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            return builder.select(builder.fcmp_ordered(comparison, args[1], args[0]), args[1], args[0])
-
-        return one(one, other), write
-
-    return choose
-
-
-def _sorting(typing: Any, lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value, low, high, inside, outside = args
-        above, below = builder.fcmp_ordered("<", high, value), builder.fcmp_ordered("<", value, low)
-        out = builder.or_(builder.or_(above, below), builder.fcmp_ordered("<", high, low))
-        return builder.select(out, outside, inside)
-
-    return lanes(*[lanes] * 5), write
-
-
-def _keeping(typing: Any, lanes: Any, one: Any, other: Any) -> Any:
-    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        zero = ir.Constant(args[0].type, [0.0] * lanes.count)
-        return builder.select(builder.fcmp_ordered("==", args[1], args[2]), args[0], zero)
-
-    return lanes(lanes, lanes, lanes), write
 
 
 def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> Any:
@@ -370,70 +385,6 @@ def within(lanes: Any, bound: float) -> bool:
     return bool((np.abs(lanes) <= bound).all())
 
 
-def clipped(lanes: Any, bound: float) -> Any:
-    """Return lanes limited to a magnitude: ``min(max(lane, -bound), bound)``.
-
-    Parameters
-    ----------
-    lanes : lanes
-        Some numbers.
-    bound : float
-        The largest magnitude, in the unit of the lanes [1].
-    """
-    raised = np.where(-bound > lanes, -bound, lanes)
-    return np.where(bound < raised, bound, raised)
-
-
-def larger(one: Any, other: Any) -> Any:
-    """Return the larger of two in each lane, as ``max(one, other)`` does.
-
-    Parameters
-    ----------
-    one, other : lanes
-        Some numbers.
-    """
-    return np.where(other > one, other, one)
-
-
-def smaller(one: Any, other: Any) -> Any:
-    """Return the smaller of two in each lane, as ``min(one, other)`` does.
-
-    Parameters
-    ----------
-    one, other : lanes
-        Some numbers.
-    """
-    return np.where(other < one, other, one)
-
-
-def where_within(lanes: Any, low: Any, high: Any, inside: Any, outside: Any) -> Any:
-    """Return one of two in each lane: the first where a number lies between two bounds, the second elsewhere.
-
-    Not a number counts as inside, unless the bounds leave no room, so that it is passed on as from arithmetic.
-
-    Parameters
-    ----------
-    lanes : lanes
-        Some numbers.
-    low, high : lanes
-        The bounds of each, which are inside, in the unit of the lanes.
-    inside, outside : lanes
-        What to return.
-    """
-    return np.where((lanes < low) | (lanes > high) | (low > high), outside, inside)
-
-
-def kept_where_equal(lanes: Any, one: Any, other: Any) -> Any:
-    """Return lanes, and 0 in place of those for which two others differ.
-
-    Parameters
-    ----------
-    lanes, one, other : lanes
-        Some numbers.
-    """
-    return np.where(one == other, lanes, 0.0)
-
-
 def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     """Return the product of a matrix and lanes.
 
@@ -474,69 +425,6 @@ for _plain, _writer in (
     (spread, _spreading),
     (gathered, _gathering),
     (within, _bounding),
-    (clipped, _clipping),
-    (kept_where_equal, _keeping),
-    (larger, _choosing(">")),
-    (smaller, _choosing("<")),
-    (where_within, _sorting),
     (applied, _applying),
 ):
     _is(_plain, intrinsic(prefer_literal=True)(_writer))
-
-
-def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
-    """Return a function whose text depends on the lengths of its arguments, in kernels and in plain Python alike.
-
-    Parameters
-    ----------
-    names : str
-        Names of the arguments.
-    write : callable
-        Returns the text: an expression, perhaps after lines that it needs. Its arguments are the lengths of those that
-        are tuples, the numbers of those that are constants at the call, and 0 for others.
-    """
-
-    @cache
-    def compose(*sizes: int) -> Any:
-        *lines, result = write(*sizes).split("\n")
-        known: dict[str, Any] = {**_OPERATIONS, "__name__": __name__}
-        exec("\n    ".join([f"def composed({names}):", *lines, f"return {result}"]), known)
-        return known["composed"]
-
-    def run(*arguments: Any) -> Any:
-        sizes = [len(a) if isinstance(a, tuple) else a if isinstance(a, int) else 0 for a in arguments]
-        return compose(*sizes)(*arguments)
-
-    def choose(*arguments: Any) -> Any:
-        sizes = [len(a) if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
-        return compose(*sizes)
-
-    plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run, "__name__": __name__})
-    specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
-    return plain
-
-
-def width_of(length: int) -> int:
-    """Return how many lanes hold a state.
-
-    Returns
-    -------
-    int
-        As many as a vector register has, or several [1].
-    """
-    return 4 if length <= 4 else 8 if length <= 8 else 16
-
-
-def listed(terms: Sequence[str]) -> str:
-    """Return the text of a tuple.
-
-    Parameters
-    ----------
-    terms : sequence of str
-        Texts of its elements.
-    """
-    return "(" + "".join(f"{term}, " for term in terms) + ")"
-
-
-_OPERATIONS = {f.__name__: f for f in (lanes_at, lane, spread, gathered, within, applied)}
-"""What such a text may use."""

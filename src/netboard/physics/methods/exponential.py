@@ -16,8 +16,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.base.compiled import inlined, specialised
-from netboard.physics.arithmetic.simd import listed
 from netboard.physics.arithmetic.vectors import State, joined, places, plus, speeds
+from netboard.physics.arithmetic.written import listed
 from netboard.physics.hands.extrapolation import drives
 from netboard.physics.methods.phi import phi
 from netboard.physics.methods.semilinear import pushed, remainder, times

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 from netboard.base.compiled import inlined
-from netboard.physics.arithmetic.simd import listed, written
 from netboard.physics.arithmetic.vectors import State, alike, joined, places, plus, speeds, total
+from netboard.physics.arithmetic.written import listed, written
 from netboard.physics.scene.models import friction, rates, turned
 from netboard.physics.scene.parameters import Parts
 
