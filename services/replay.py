@@ -66,29 +66,21 @@ def replay(
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
-    from rich.console import Console
-
     from netboard.base.process import Stopping
 
-    console = Console(highlight=False)
     if verify:
-        from netboard.recording.files.reader import Recording
-        from netboard.recording.integrity.verification import verify_recording
-        from netboard.recording.replay.text import verification_line
-
-        with Recording(path) as recording:
-            verdict = verify_recording(recording)
-        console.print(verification_line(verdict))
-        raise typer.Exit(0 if verdict.identical else 1)
+        raise typer.Exit(0 if is_verified(path) else 1)
     if headless:
         from netboard.nodes.replay.replay import print_events
 
         with Stopping() as stopping:
             print_events(path, speed, stopping, print)
     elif markers:
+        from rich.console import Console
+
         from netboard.recording.replay.text import marks_table
 
-        console.print(marks_table(loaded(path)))
+        Console(highlight=False).print(marks_table(loaded(path)))
     elif serve:
         serve_replay(path, load(config, overrides), speed, at)
     else:
@@ -97,6 +89,20 @@ def replay(
         reels = [loaded(path) for path in recordings]
         with Stopping() as stopping:
             run(reels, station, stopping, speed, screenshot, sync, at)
+
+
+def is_verified(path: Path) -> bool:
+    """Recompute a recording, print the verdict, and return whether every tick is identical."""
+    from rich.console import Console
+
+    from netboard.recording.files.reader import Recording
+    from netboard.recording.integrity.verification import verify_recording
+    from netboard.recording.replay.text import verification_line
+
+    with Recording(path) as recording:
+        verdict = verify_recording(recording)
+    Console(highlight=False).print(verification_line(verdict))
+    return verdict.identical
 
 
 def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -> None:
