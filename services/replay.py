@@ -92,7 +92,7 @@ def replay(
 
 
 def is_verified(path: Path) -> bool:
-    """Recompute a recording, print the verdict, and return whether every tick is identical."""
+    """Recompute a recording, print the result, and return whether every tick is identical."""
     from rich.console import Console
 
     from netboard.recording.files.reader import Recording
@@ -100,9 +100,9 @@ def is_verified(path: Path) -> bool:
     from netboard.recording.replay.text import verification_line
 
     with Recording(path) as recording:
-        verdict = verify_recording(recording)
-    Console(highlight=False).print(verification_line(verdict))
-    return verdict.identical
+        result = verify_recording(recording)
+    Console(highlight=False).print(verification_line(result))
+    return result.identical
 
 
 def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -> None:
