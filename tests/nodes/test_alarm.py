@@ -7,11 +7,11 @@ from netboard.nodes.ports.samples import STOPPED, TRIPPED, TRIPS
 FINE = {"left": 0, "right": 0}
 
 
-def test_there_are_words_for_all_that_trips() -> None:
+def test_every_safety_trip_has_a_description() -> None:
     assert set(WORDS) == {trip for trip in Safeguard if trip & TRIPS}
 
 
-def test_an_emergency_stop_holds_until_it_is_released() -> None:
+def test_emergency_stop_holds_until_released() -> None:
     alarm = EmergencyStop()
     assert alarm.halt("by an operator") == [(STOP, {"reason": "by an operator"})]
     assert alarm.halt("again") == []
@@ -21,14 +21,14 @@ def test_an_emergency_stop_holds_until_it_is_released() -> None:
     assert alarm.release() == []
 
 
-def test_a_button_at_either_device_stops_everything() -> None:
+def test_stop_button_of_either_device_triggers_the_emergency_stop() -> None:
     for found, side in ((STOPPED, "left"), (STOPPED << 1, "right")):
         alarm = EmergencyStop()
         assert alarm.poll(found, FINE, 0) == [(STOP, {"reason": f"emergency stop at the {side} device"})]
         assert alarm.poll(found, FINE, 1) == []
 
 
-def test_a_trip_is_told_with_its_cause_once_in_a_while() -> None:
+def test_safety_trip_is_reported_with_its_cause_at_intervals() -> None:
     alarm = EmergencyStop()
     bits = {"left": Safeguard.ARMED.value, "right": (Safeguard.TOO_FAST | Safeguard.STALE).value}
     told = alarm.poll(TRIPPED << 1, bits, 0)
@@ -40,7 +40,7 @@ def test_a_trip_is_told_with_its_cause_once_in_a_while() -> None:
     assert alarm.halted == ""
 
 
-def test_why_a_device_is_not_armed_is_what_tripped_a_moment_ago() -> None:
+def test_reason_for_a_disarmed_device_is_its_latest_trip() -> None:
     alarm = EmergencyStop()
     alarm.poll(TRIPPED, {"left": Safeguard.NOT_READY.value, "right": 0}, 0)
     assert alarm.why("left", 1) == f" ({WORDS[Safeguard.NOT_READY]})"

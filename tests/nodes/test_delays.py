@@ -18,8 +18,8 @@ def delays(action: str, physics: Physics = FIXED) -> Delays:
     return Delays(Config(physics=physics, network=Network(delay_action=action)))  # type: ignore[arg-type]
 
 
-def looks(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> list[str]:
-    """Look so many times; the names of what is to be recorded."""
+def poll_repeatedly(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> list[str]:
+    """Poll a number of times and return the names of the events."""
     watch.news.clear()
     for _ in range(times):
         watch.poll([int(left_ms * 1e6), int(right_ms * 1e6)], felt=True)
@@ -27,52 +27,52 @@ def looks(watch: Delays, left_ms: float, right_ms: float, times: int = 60) -> li
 
 
 @pytest.mark.slow
-def test_the_limit_is_that_of_a_bare_stylus_at_a_board_held_fast() -> None:
+def test_delay_limit_of_a_bare_stylus_on_a_fixed_board() -> None:
     assert delays("warn").limit_ns == 8_000_000
     assert delays("warn", replace(FIXED, coupling_at="both")).limit_ns == 60_000_000
     assert delays("warn", replace(FIXED, coupling="none")).limit_ns == 60_000_000
     assert delays("warn", replace(FIXED, k_h=1e6, c_h=0.0)).limit_ns == 0
 
 
-def test_the_limit_is_recorded_when_the_scene_is_loaded() -> None:
+def test_delay_limit_is_recorded_when_the_scene_is_loaded() -> None:
     ((name, details),) = delays("warn").news
     assert name == "delay_limit"
     assert details == {"limit": "8 ms", "allowed": "4 ms", "coupling": "server"}
 
 
-def test_an_agent_knows_its_own_device_better() -> None:
+def test_delay_limits_of_the_agents_override_the_default() -> None:
     watch = delays("warn")
     watch.news.clear()
     watch.know("left", {DELAY_LIMIT: "12 ms"})
     assert watch.limit_ns == 8_000_000  # the other side's is not known
     watch.know("right", {DELAY_LIMIT: "10.5 ms"})
     assert [details["limit"] for _, details in watch.news] == ["10.5 ms"]
-    assert not looks(watch, 1.0, 5.0)
+    assert not poll_repeatedly(watch, 1.0, 5.0)
     for nonsense in ("", "nan ms", "-1 ms", "1e9 ms", "12 s"):
         watch.know("right", {DELAY_LIMIT: nonsense})
         assert watch.limit_ns == 8_000_000
 
 
-def test_a_heavier_device_stands_more_than_a_lighter_one() -> None:
+def test_heavier_device_tolerates_a_longer_delay() -> None:
     light, heavy = (limit_ns(loops_of(Config(physics=FIXED), Mechanism(mass, 0.1))) for mass in (0.045, 0.2))
     assert light < heavy
 
 
-def test_a_slow_loop_is_told_of_once_and_once_when_it_is_over() -> None:
+def test_slow_loop_is_reported_once_at_its_start_and_end() -> None:
     watch = delays("warn")
-    assert looks(watch, 1.0, 3.9) == []
+    assert poll_repeatedly(watch, 1.0, 3.9) == []
     assert not watch.notice
-    assert looks(watch, 1.0, 5.0) == ["loop_too_slow"]
+    assert poll_repeatedly(watch, 1.0, 5.0) == ["loop_too_slow"]
     assert "the right hand's loop takes 5 ms, more than the 4 ms" in watch.notice
-    assert looks(watch, 1.0, 3.8) == []
-    assert looks(watch, 1.0, 1.0) == ["loop_in_time"]
+    assert poll_repeatedly(watch, 1.0, 3.8) == []
+    assert poll_repeatedly(watch, 1.0, 1.0) == ["loop_in_time"]
     assert not watch.notice + watch.trouble
     assert list(watch.gains) == [1.0, 1.0]
 
 
-def test_a_loop_that_is_not_closed_has_no_delay() -> None:
+def test_open_loop_has_no_delay() -> None:
     watch = delays("warn")
-    looks(watch, 5.0, 0.0)
+    poll_repeatedly(watch, 5.0, 0.0)
     assert not isnan(watch.late[0])
     assert isnan(watch.late[1])
     watch.poll([5_000_000, 0], felt=False)
@@ -80,9 +80,9 @@ def test_a_loop_that_is_not_closed_has_no_delay() -> None:
     assert not watch.notice
 
 
-def test_a_trial_is_paused_and_none_begins_for_a_while() -> None:
+def test_disarm_action_pauses_the_trial_and_blocks_the_next() -> None:
     watch = delays("disarm")
-    looks(watch, 5.0, 1.0)
+    poll_repeatedly(watch, 5.0, 1.0)
     assert watch.trouble == watch.notice != ""
     for _ in range(REST):
         assert watch.lacking == ("a quicker network",)
@@ -93,7 +93,7 @@ def test_a_trial_is_paused_and_none_begins_for_a_while() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("physics", [FIXED, Physics()])
-def test_a_hand_is_softened_smoothly_and_no_more_than_needed(physics: Physics) -> None:
+def test_soften_action_reduces_the_gain_smoothly_and_restores_it(physics: Physics) -> None:
     watch = delays("soften", physics)
     quick, slow = 0.4 * watch.limit_ns * 1e-6 / MARGIN, 3.0 * watch.limit_ns * 1e-6 / MARGIN
     before, gains = 1.0, []
@@ -108,13 +108,13 @@ def test_a_hand_is_softened_smoothly_and_no_more_than_needed(physics: Physics) -
     told = [details for name, details in watch.news if name == "softened"]
     assert told
     assert {details["side"] for details in told} == {"left"}
-    assert looks(watch, quick, quick, 100).count("softened") >= 1
+    assert poll_repeatedly(watch, quick, quick, 100).count("softened") >= 1
     assert list(watch.gains) == [1.0, 1.0]
     assert not watch.trouble
 
 
 @pytest.mark.parametrize("changes", [{}, {"coupling": "left"}, {"k_h": 2000.0, "c_h": 0.5}])
-def test_the_limit_is_that_of_the_loop_that_stands_least(changes: dict[str, object]) -> None:
+def test_delay_limit_is_that_of_the_least_stable_loop(changes: dict[str, object]) -> None:
     loops = loops_of(Config(physics=replace(Physics(), **changes)), Mechanism(0.045, 0.1))  # type: ignore[arg-type]
     assert len(loops) > 1
     assert limit_ns(loops) == 1_000_000 * max(min(largest_round_trip(loop) for loop in loops), 0)

@@ -1,4 +1,4 @@
-"""The event log of a session: records before it is open are kept and not lost."""
+"""The event log of a session: records before it is open are held and not lost."""
 
 import pytest
 
@@ -10,8 +10,8 @@ from netboard.nodes.server.event_log import EventLog
 FRAME = FrameRecord(0, "left", 7, 1, 2, 0)
 
 
-class Kept:
-    """What is recorded, in memory, as the log port takes it."""
+class RecordSink:
+    """Stores records in memory in place of the log port."""
 
     def __init__(self) -> None:
         self.messages: list[Message] = []
@@ -21,54 +21,54 @@ class Kept:
         return len(self.messages) - 1
 
 
-def told(kept: Kept) -> list[tuple[int, int, str]]:
-    return [(event.seq, event.tick, event.name) for event in kept.messages if isinstance(event, EventRecord)]
+def told(sink: RecordSink) -> list[tuple[int, int, str]]:
+    return [(event.seq, event.tick, event.name) for event in sink.messages if isinstance(event, EventRecord)]
 
 
 def test_events_of_an_unopened_session_are_recorded_when_it_opens() -> None:
-    kept = Kept()
-    event_log = EventLog(kept)
+    sink = RecordSink()
+    event_log = EventLog(sink)
     event_log.note(3, "agent_joined", {"side": "left"})
     event_log.record(FRAME)
-    assert kept.messages == []
+    assert sink.messages == []
     event_log.opened = True
     event_log.note(9, "block_began", {})
     event_log.catch_up(9)
     event_log.catch_up(10)
-    assert told(kept) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
+    assert told(sink) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
 
 
-def test_an_open_session_records_all_in_its_order() -> None:
-    kept = Kept()
-    event_log = EventLog(kept)
+def test_open_session_records_everything_in_order() -> None:
+    sink = RecordSink()
+    event_log = EventLog(sink)
     event_log.opened = True
     event_log.note(1, "start", {"trial": "1"})
     event_log.record(FRAME)
     event_log.note(2, "held", {})
-    assert told(kept) == [(0, 1, "start"), (1, 2, "held")]
-    assert kept.messages[1] == FRAME
+    assert told(sink) == [(0, 1, "start"), (1, 2, "held")]
+    assert sink.messages[1] == FRAME
 
 
-def test_probes_are_numbered_on_from_port_to_port() -> None:
-    kept = Kept()
-    event_log = EventLog(kept)
+def test_probe_numbers_continue_across_ports() -> None:
+    sink = RecordSink()
+    event_log = EventLog(sink)
     event_log.opened = True
     for _ in range(2):
         first = event_log.probes
         event_log.record_probes(ClockRecord(first + k, "agent.left", 0, 0, 0, 0, 0, 0, 0.0) for k in range(2))
-    assert [probe.seq for probe in kept.messages] == [0, 1, 2, 3]
+    assert [probe.seq for probe in sink.messages] == [0, 1, 2, 3]
 
 
-def test_a_stranger_has_no_power_over_the_terminal(caplog: pytest.LogCaptureFixture) -> None:
+def test_control_characters_of_peers_are_not_logged(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
-    EventLog(Kept()).note(0, "agent_joined", {"name": "\x1b[2J", "config": "long"})
+    EventLog(RecordSink()).note(0, "agent_joined", {"name": "\x1b[2J", "config": "long"})
     assert caplog.messages == ["agent_joined name=?[2J"]
 
 
-def test_the_log_sums_stalls_in_a_row_and_the_recording_has_each(caplog: pytest.LogCaptureFixture) -> None:
+def test_log_sums_consecutive_stalls_and_the_recording_has_each(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
-    kept = Kept()
-    event_log = EventLog(kept)
+    sink = RecordSink()
+    event_log = EventLog(sink)
     event_log.opened = True
     for _ in range(11):
         event_log.note(1, "stood_still", {"milliseconds": "20"})
@@ -79,4 +79,4 @@ def test_the_log_sums_stalls_in_a_row_and_the_recording_has_each(caplog: pytest.
         *(f"stood_still milliseconds={20 * times} times={times}" for times in (1, 2, 4, 8, 11)),
         "stood_still milliseconds=7 times=1",
     ]
-    assert sum(name == "stood_still" for _, _, name in told(kept)) == 12
+    assert sum(name == "stood_still" for _, _, name in told(sink)) == 12

@@ -26,11 +26,11 @@ runner = CliRunner()
 
 
 def silent(done: float) -> None:
-    """Follow nothing."""
+    """Discard the progress."""
 
 
 @pytest.fixture(autouse=True)
-def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _isolated_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     monkeypatch.setenv("COLUMNS", "200")
@@ -42,7 +42,7 @@ def woken(p999_us: float, scheduling: str = "ok") -> WakeUps:
 
 
 @pytest.mark.parametrize(("p999_us", "colour"), [(120.0, "green"), (800.0, "yellow"), (1500.0, "red")])
-def test_a_loop_is_judged_by_its_late_ticks(p999_us: float, colour: str) -> None:
+def test_timer_finding_depends_on_the_p999_latency(p999_us: float, colour: str) -> None:
     finding = timing.verdict(woken(p999_us))
     assert finding.colour == colour
     assert f"p99.9 {p999_us:.0f}" in finding.found
@@ -50,12 +50,12 @@ def test_a_loop_is_judged_by_its_late_ticks(p999_us: float, colour: str) -> None
     assert timing.comparison(woken(p999_us)).colour == "green"
 
 
-def test_percentiles_are_in_microseconds() -> None:
+def test_percentiles_are_returned_in_microseconds() -> None:
     summed = timing.percentiles([1000 * k for k in range(1001)])
     assert summed == pytest.approx({"p50_us": 500, "p99_us": 990, "p999_us": 999, "max_us": 1000})
 
 
-def test_the_disk_is_where_the_recordings_go(tmp_path: Path) -> None:
+def test_disk_checks_use_the_recording_folder(tmp_path: Path) -> None:
     settings = Recording(directory=str(tmp_path / "not" / "yet" / "there"))
     assert disk.nearest(Path(settings.directory)) == tmp_path
     told: list[float] = []
@@ -67,14 +67,14 @@ def test_the_disk_is_where_the_recordings_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_may_not_be_written_to_is_red(tmp_path: Path) -> None:
+def test_read_only_folder_is_red(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     finding = disk.speed(Recording(directory=str(tmp_path)), 1, silent)
     tmp_path.chmod(0o700)
     assert finding.colour == "red"
 
 
-def test_a_disk_that_is_nearly_full_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nearly_full_disk_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Usage:
         free = 10**9
 
@@ -84,20 +84,20 @@ def test_a_disk_that_is_nearly_full_is_red(tmp_path: Path, monkeypatch: pytest.M
     assert "1.0 GB free" in finding.found
 
 
-def test_the_clock_of_this_machine_agrees_with_itself() -> None:
+def test_clock_offset_to_the_same_machine_is_within_its_bound() -> None:
     estimator = network.compare(20, silent)
     assert estimator.accepted == 20
     assert estimator.rejected == estimator.restarts == 0
     assert abs(estimator.offset_ns) <= estimator.bound_ns
 
 
-def test_a_bound_beyond_the_limit_is_red() -> None:
+def test_clock_bound_beyond_the_limit_is_red() -> None:
     finding = network.clock_bound(Network(clock_bound_ms=1e-6), 3, silent)
     assert finding.colour == "red"
     assert "armed" in finding.advice
 
 
-def test_ports_in_use_are_told() -> None:
+def test_ports_in_use_are_yellow() -> None:
     with net.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -106,7 +106,7 @@ def test_ports_in_use_are_told() -> None:
     assert "is a server running?" in finding.advice
 
 
-def test_ports_of_another_machine_are_its_own() -> None:
+def test_ports_of_another_machine_are_not_checked() -> None:
     finding = network.ports(Network(bind="192.0.2.1"))
     assert (finding.colour, finding.advice) == ("green", "")
 
@@ -114,7 +114,7 @@ def test_ports_of_another_machine_are_its_own() -> None:
 OUTSIDE = Network(bind="192.0.2.1", host="192.0.2.1")
 
 
-def test_keys_are_needed_beyond_this_machine(tmp_path: Path) -> None:
+def test_keys_are_required_beyond_loopback(tmp_path: Path) -> None:
     assert network.secrets(Network()).colour == "green"
     assert network.secrets(replace(OUTSIDE, curve="off")).colour == "yellow"
     assert network.secrets(OUTSIDE).colour == "red"
@@ -124,7 +124,7 @@ def test_keys_are_needed_beyond_this_machine(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
-def test_a_key_that_others_can_read_is_red() -> None:
+def test_key_readable_by_other_users_is_red() -> None:
     keys.init(Path("keys"))
     Path("keys/server.key").chmod(0o640)
     finding = network.secrets(OUTSIDE)
@@ -141,7 +141,7 @@ def test_a_key_that_others_can_read_is_red() -> None:
         ("import os; os.abort()", "yellow", "no display can run here"),
     ],
 )
-def test_qt_is_tried_in_a_process_of_its_own(opening: str, colour: str, found: str) -> None:
+def test_qt_is_checked_in_a_separate_process(opening: str, colour: str, found: str) -> None:
     finding = system.qt(opening)
     assert finding.colour == colour
     assert found in finding.found
@@ -160,14 +160,14 @@ def report(*findings: Finding) -> Report:
     return Report("2026-01-02T03:04:05+00:00", {"platform": "made up"}, findings)
 
 
-def test_a_report_in_one_line() -> None:
+def test_report_has_a_one_line_summary() -> None:
     made = report(GREEN, GREEN, YELLOW, timing.verdict(woken(123.4)))
     assert made.summary == "3 green, 1 yellow, 0 red; timer p99.9 123 us"
     assert made.fit
     assert not report(GREEN, RED).fit
 
 
-def test_a_report_goes_into_recordings_with_its_age() -> None:
+def test_report_is_embedded_in_recordings_with_its_age() -> None:
     report(GREEN).save(doctor_report_path())
     report(GREEN, YELLOW).save(doctor_report_path())
     assert [file.name for file in doctor_report_path().parent.iterdir()] == ["doctor.json"]
@@ -176,27 +176,27 @@ def test_a_report_goes_into_recordings_with_its_age() -> None:
     assert [finding["name"] for finding in json.loads(made["doctor_report"])["findings"]] == ["a", "b"]
 
 
-def test_without_a_report_recordings_say_so() -> None:
+def test_recording_without_a_report_states_so() -> None:
     made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
     assert (made["doctor"], made["doctor_report"]) == ("not asked", "")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"summary": "x", "utc": "yesterday"}', '{"summary": "x", "utc": 3}'])
-def test_a_report_that_is_none_does_not_stop_a_recording(text: str) -> None:
+def test_invalid_report_does_not_prevent_a_recording(text: str) -> None:
     doctor_report_path().parent.mkdir(parents=True)
     doctor_report_path().write_text(text, encoding="utf-8")
     made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
     assert made["doctor"].startswith("its report cannot be read")
 
 
-def test_a_report_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
+def test_unwritable_report_raises_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(NetboardError, match="cannot be written"):
         report(GREEN).save(tmp_path / "file" / "doctor.json")
 
 
 @pytest.mark.slow
-def test_everything_is_looked_at_and_followed() -> None:
+def test_examination_runs_every_check_and_reports_progress() -> None:
     followed: list[tuple[str, float]] = []
     made = examine(Config(), SHORT, lambda what, done: followed.append((what, done)))
     names = [finding.name for finding in made.findings]
@@ -214,7 +214,7 @@ def test_everything_is_looked_at_and_followed() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_prints_and_leaves_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_command_prints_and_saves_its_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.nodes.doctor.report.QUICK", SHORT)
     result = runner.invoke(app, ["doctor", "--quick", "--json", "copy.json", "--set", "realtime.lock_memory=false"])
     saved = json.loads(doctor_report_path().read_text(encoding="utf-8"))

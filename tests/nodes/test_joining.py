@@ -51,7 +51,7 @@ class SlowLink:
         return True
 
 
-def test_a_logger_joins_over_a_way_that_takes_longer_than_it_waits_to_say_hello_again(tmp_path: Path) -> None:
+def test_logger_joins_over_a_link_slower_than_its_hello_interval(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=50_000)
     config: Config = parse("", "test")
     rig.port.store._welcomes = [(0, Welcome("session", PROTOCOL_VERSION, 0, resolve(config)))]
@@ -71,7 +71,7 @@ def test_a_logger_joins_over_a_way_that_takes_longer_than_it_waits_to_say_hello_
     end(rig)
 
 
-def test_a_greeting_whose_answer_finds_a_full_queue_is_answered_when_there_is_room(tmp_path: Path) -> None:
+def test_welcome_is_sent_once_a_full_queue_has_room(tmp_path: Path) -> None:
     rig = Rig(tmp_path, room=1)
     rig.router.sent[L] = [b"waits to be read"]
     rig.router.say(L, hello("logger"))
@@ -83,7 +83,7 @@ def test_a_greeting_whose_answer_finds_a_full_queue_is_answered_when_there_is_ro
     end(rig)
 
 
-def test_a_logger_that_says_hello_again_counts_as_there_while_it_asks(tmp_path: Path) -> None:
+def test_logger_that_repeats_hello_stays_connected(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.join(L)
     rig.pump(L, hello("logger", name=L.decode()))
@@ -91,7 +91,7 @@ def test_a_logger_that_says_hello_again_counts_as_there_while_it_asks(tmp_path: 
     end(rig)
 
 
-def test_a_logger_whose_word_waits_behind_a_flood_has_not_fallen_silent(tmp_path: Path) -> None:
+def test_logger_delayed_by_a_flood_does_not_count_as_silent(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.join(L)
     for _ in range(5 * MAX_FRAMES):
@@ -118,7 +118,7 @@ class Control:
         self.port.answer(Answers())
 
 
-def test_a_console_joins_while_others_say_all_they_can() -> None:
+def test_console_joins_during_a_flood_of_messages() -> None:
     rig = Control()
     for number in range(50):
         for _ in range(20):
@@ -129,7 +129,7 @@ def test_a_console_joins_while_others_say_all_they_can() -> None:
     assert isinstance(rig.router.heard(b"console")[0], Welcome)
 
 
-def test_nobody_who_is_there_is_pushed_out_and_who_is_silent_makes_room() -> None:
+def test_new_peers_replace_only_silent_peers() -> None:
     rig = Control()
     consoles = [b"console %d" % number for number in range(MAX_PEERS)]
     for name in consoles:
@@ -148,7 +148,7 @@ def test_nobody_who_is_there_is_pushed_out_and_who_is_silent_makes_room() -> Non
     assert isinstance(rig.router.heard(b"late")[-1], Welcome)
 
 
-def test_a_peer_that_says_too_much_is_refused_and_the_others_are_answered() -> None:
+def test_flooding_peer_is_refused_and_other_peers_are_answered() -> None:
     rig = Control()
     for name in (b"greedy", b"console"):
         rig.router.say(name, hello("console"))
@@ -166,7 +166,7 @@ def test_a_peer_that_says_too_much_is_refused_and_the_others_are_answered() -> N
     assert rig.port.refusals.totals["too many messages"] > 2000
 
 
-def test_commands_beyond_a_few_are_answered_and_not_carried_out_but_for_an_emergency_stop() -> None:
+def test_surplus_commands_are_refused_except_the_emergency_stop() -> None:
     rig = Control()
     rig.router.say(b"console", hello("console"))
     rig.tick()
@@ -180,7 +180,7 @@ def test_commands_beyond_a_few_are_answered_and_not_carried_out_but_for_an_emerg
     assert rig.port.refusals.totals == {"too many commands at once": 22}
 
 
-def test_only_a_greeting_is_unpacked_of_a_stranger() -> None:
+def test_only_hello_is_unpacked_from_unregistered_peers() -> None:
     assert Hello in ALLOWED_MESSAGES[""]
     rig = Control()
     rig.router.say(b"x", b"\x97\x15\xc1")  # a report of frames, and then nonsense
@@ -188,7 +188,7 @@ def test_only_a_greeting_is_unpacked_of_a_stranger() -> None:
     assert rig.router.heard(b"x") == [Refusal("say hello first")]
 
 
-def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
+def test_closed_connection_frees_its_place_at_once() -> None:
     rig = Control()
     for number in range(MAX_PEERS):
         rig.router.say(b"guest %d" % number, hello("console"))
@@ -200,7 +200,7 @@ def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
     assert isinstance(rig.router.heard(b"console")[0], Welcome)
 
 
-def test_every_peer_whose_connection_has_ended_makes_room_at_once() -> None:
+def test_all_closed_connections_free_their_places_at_once() -> None:
     rig = Control()
     before = [b"guest %d" % number for number in range(MAX_PEERS)]
     for name in before:
@@ -214,7 +214,7 @@ def test_every_peer_whose_connection_has_ended_makes_room_at_once() -> None:
     assert [type(rig.router.heard(name)[0]) for name in consoles] == [Welcome] * 3
 
 
-def test_a_logger_whose_connection_has_ended_makes_room_at_once(tmp_path: Path) -> None:
+def test_closed_connection_of_a_logger_frees_its_place_at_once(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     for number in range(MAX_LOGGERS):
         rig.pump(b"guest %d" % number, hello("logger", name=str(number)))

@@ -25,7 +25,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     end(rig)
 
 
-def test_a_logger_gets_every_record_once_in_order(rig: Rig) -> None:
+def test_logger_receives_every_record_once_and_in_order(rig: Rig) -> None:
     rig.record(5)
     assert isinstance(rig.pump(L, hello("logger"))[0], Welcome)
     assert rig.numbers(rig.pump(L, LogRequest(-1))) == [0, 1, 2, 3, 4]
@@ -37,7 +37,7 @@ def test_a_logger_gets_every_record_once_in_order(rig: Rig) -> None:
     assert (rig.port.store.backlog, rig.port.free_bytes) == (0, 10**9)
 
 
-def test_a_full_queue_delays_and_loses_nothing(tmp_path: Path) -> None:
+def test_full_queue_delays_records_but_loses_none(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=5000, room=2)
     rig.record(4000)
     rig.pump(L, hello("logger"))
@@ -49,7 +49,7 @@ def test_a_full_queue_delays_and_loses_nothing(tmp_path: Path) -> None:
     assert got == list(range(4000))
 
 
-def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk(rig: Rig) -> None:
+def test_restarted_logger_continues_after_the_last_acknowledged_record(rig: Rig) -> None:
     rig.record(10)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), LogAck(6, 0, "a.mcap", 0))
@@ -57,7 +57,7 @@ def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk(ri
     assert rig.numbers(rig.pump(M, LogRequest(-1))) == [6, 7, 8, 9]
 
 
-def test_what_nobody_holds_is_counted(tmp_path: Path) -> None:
+def test_records_evicted_before_the_first_logger_are_counted(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=10)
     rig.record(25, pump_each=1)
     rig.pump(L, hello("logger"))
@@ -70,7 +70,7 @@ def test_what_nobody_holds_is_counted(tmp_path: Path) -> None:
     assert rig.port.links(rig.clock())[0][-1] == 15
 
 
-def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again(rig: Rig) -> None:
+def test_silent_logger_is_dropped_and_must_say_hello_again(rig: Rig) -> None:
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1))
     assert rig.port.loggers == 1
@@ -80,7 +80,7 @@ def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again(rig: Rig) -
     assert rig.pump(L, LogAck(0, 0, "a.mcap", 0)) == [Refusal("say hello first")]
 
 
-def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_disk(rig: Rig) -> None:
+def test_end_is_sent_after_all_records_and_done_when_they_are_on_disk(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.port.end()
@@ -94,7 +94,7 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert rig.port.done
 
 
-def test_a_logger_that_has_been_told_the_end_may_take_its_time(rig: Rig) -> None:
+def test_logger_may_be_silent_after_the_end_was_sent(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.port.end()
@@ -105,7 +105,7 @@ def test_a_logger_that_has_been_told_the_end_may_take_its_time(rig: Rig) -> None
     assert rig.port.done
 
 
-def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays(rig: Rig) -> None:
+def test_departed_logger_is_reported_and_its_backlog_kept(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), Goodbye("done"))
@@ -117,7 +117,7 @@ def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays(rig: Rig) -
     assert rig.port.trouble == ""
 
 
-def test_who_does_not_belong_is_refused(rig: Rig) -> None:
+def test_unauthorised_peers_and_messages_are_refused(rig: Rig) -> None:
     assert rig.pump(L, LogRequest(0)) == [Refusal("say hello first")]
     assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the log channel, not one for a agent")]
     assert isinstance(rig.pump(L, hello("logger", "left"))[0], Refusal)
@@ -127,7 +127,7 @@ def test_who_does_not_belong_is_refused(rig: Rig) -> None:
     assert rig.pump(M, hello("logger")) == [Refusal("this key is that of an agent")]
 
 
-def test_a_logger_that_is_silent_does_not_stop_the_trial_before_there_is_no_room(rig: Rig) -> None:
+def test_silent_logger_does_not_pause_the_trial_while_there_is_room(rig: Rig) -> None:
     rig.join(L)
     rig.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
     rig.record(500)
@@ -135,7 +135,7 @@ def test_a_logger_that_is_silent_does_not_stop_the_trial_before_there_is_no_room
     assert (rig.port.loggers, rig.port.trouble) == (0, "")
 
 
-def test_what_no_logger_takes_goes_to_the_spill_and_from_there_to_the_next_one(rig: Rig) -> None:
+def test_unread_records_are_spilled_and_delivered_to_the_next_logger(rig: Rig) -> None:
     rig.fill_spill(20_000)
     assert rig.port.ring.first == 19_000
     assert rig.port.trouble == ""
@@ -158,7 +158,7 @@ def test_two_loggers_read_the_spill_at_their_own_pace(rig: Rig) -> None:
     assert rig.catch_up(L, one, 4999) == list(range(5000))
 
 
-def test_the_ring_is_read_again_while_the_spill_is_still_growing(rig: Rig) -> None:
+def test_logger_catches_up_while_the_spill_is_growing(rig: Rig) -> None:
     rig.fill_spill(5000)
     got = rig.numbers(rig.join(M))
     while rig.port.ring.next < 20_000:
@@ -168,7 +168,7 @@ def test_the_ring_is_read_again_while_the_spill_is_still_growing(rig: Rig) -> No
     assert got == list(range(20_000))
 
 
-def test_a_spill_of_its_full_size_stops_the_trial_and_what_is_lost_is_said(tmp_path: Path) -> None:
+def test_full_spill_pauses_the_trial_and_losses_are_reported(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=100, spill_bytes=3000)
     rig.fill_spill(150)
     assert rig.port.trouble == ""
@@ -187,7 +187,7 @@ def test_a_spill_of_its_full_size_stops_the_trial_and_what_is_lost_is_said(tmp_p
     end(rig)
 
 
-def test_without_a_spill_the_trial_stops_before_anything_is_lost(tmp_path: Path) -> None:
+def test_trial_is_paused_before_any_loss_without_a_spill(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=100, spill_bytes=0)
     rig.fill_spill(int(100 * FULL_SHARE))
     assert rig.port.trouble == ""
@@ -199,9 +199,7 @@ def test_without_a_spill_the_trial_stops_before_anything_is_lost(tmp_path: Path)
     assert rig.port.store.shortfall == "81 records are not known to be on disk: no logger took them"
 
 
-def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_spill_is_reported_and_lost_records_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spilling, "RETRY_SECONDS", 0.001)
     monkeypatch.setattr(spilling, "MAX_WAITING", 2)
     rig = Rig(tmp_path / "nowhere", capacity=100)
@@ -224,7 +222,7 @@ def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
     end(rig)
 
 
-def test_before_the_first_logger_nothing_is_spilled(rig: Rig) -> None:
+def test_nothing_is_spilled_before_the_first_logger(rig: Rig) -> None:
     rig.record(5000, pump_each=10)
     assert rig.names() == []
     assert rig.spill.next == 0
@@ -232,7 +230,7 @@ def test_before_the_first_logger_nothing_is_spilled(rig: Rig) -> None:
     assert not rig.spill.path.exists()
 
 
-def test_what_no_logger_took_by_the_end_is_in_the_spill(rig: Rig) -> None:
+def test_records_unread_at_the_end_are_in_the_spill(rig: Rig) -> None:
     rig.fill_spill(3000)
     rig.port.end()
     end(rig)
@@ -245,14 +243,14 @@ def test_what_no_logger_took_by_the_end_is_in_the_spill(rig: Rig) -> None:
     assert rig.numbers(batches) == list(range(3000))  # type: ignore[arg-type]
 
 
-def test_a_logger_that_is_there_at_the_end_is_told_goodbye(rig: Rig) -> None:
+def test_connected_logger_receives_goodbye_at_the_end(rig: Rig) -> None:
     rig.record(10)
     rig.join(L)
     end(rig)
     assert Goodbye("the session is over") in rig.router.heard(L)
 
 
-def test_the_clock_of_a_logger_is_probed(rig: Rig) -> None:
+def test_clock_of_a_logger_is_probed(rig: Rig) -> None:
     rig.pump(L, hello("logger", name="lab:7"))
     assert rig.port.clock_records(3) == []
     what, name, _, _, _, bound, *_ = rig.port.links(rig.clock())[0]
@@ -270,7 +268,7 @@ def test_the_clock_of_a_logger_is_probed(rig: Rig) -> None:
     assert rig.port.links(rig.clock())[0][4] == pytest.approx(0.9e-3)
 
 
-def test_an_answer_is_listened_for_at_every_tick_for_a_while_only(rig: Rig) -> None:
+def test_port_is_read_every_tick_only_while_a_pong_is_expected(rig: Rig) -> None:
     rig.join(L)
     rig.clock.advance(PONG_WAIT_NS * 1e-9)
     rig.router.say(L, LogAck(0, 7, "a.mcap", 0))
@@ -280,7 +278,7 @@ def test_an_answer_is_listened_for_at_every_tick_for_a_while_only(rig: Rig) -> N
     assert rig.port.free_bytes == 7
 
 
-def test_a_disk_that_gets_full_is_said_once(rig: Rig) -> None:
+def test_low_disk_space_is_reported_once(rig: Rig) -> None:
     rig.record(3)
     rig.join(L)
     for free in (LOW_BYTES, LOW_BYTES - 10**8, 10**8, LOW_BYTES + 1):

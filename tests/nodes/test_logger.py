@@ -74,8 +74,8 @@ def block_config(number: int) -> str:
     return f"{CONFIG}[block]\nnumber = {number}\nblocks = 3\n"
 
 
-class Blocks(Rig):
-    """Blocks of a session, each of so many ticks: it begins with its event, and everybody is told."""
+class BlockRig(Rig):
+    """A rig for the blocks of a session, with these numbers of ticks: each begins with its event and a welcome."""
 
     def __init__(self, directory: Path, *ticks: int) -> None:
         super().__init__(directory, sum(ticks))
@@ -120,7 +120,7 @@ def never() -> bool:
     return False
 
 
-def test_a_session_becomes_one_recording(tmp_path: Path) -> None:
+def test_session_is_written_to_one_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path / "new" / "folder", 2000)
     logger = rig.logger()
     assert logger.run(never) == 0
@@ -153,8 +153,8 @@ def require_blocks(paths: list[Path], *ends: tuple[int, int, str]) -> None:
             following = int(recording.end["next_record"])
 
 
-def test_each_block_has_a_recording(tmp_path: Path) -> None:
-    rig = Blocks(tmp_path, 700, 5, 800)
+def test_each_block_has_its_own_recording(tmp_path: Path) -> None:
+    rig = BlockRig(tmp_path, 700, 5, 800)
     logger = rig.logger()
     assert logger.run(never) == 0
     require_blocks(logger.finished, *((number, 1, "complete") for number in (1, 2, 3)))
@@ -170,8 +170,8 @@ def test_each_block_has_a_recording(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
-def test_a_bad_line_leaves_no_hole_between_blocks(tmp_path: Path, seed: int) -> None:
-    rig = Blocks(tmp_path, 600, 600, 600)
+def test_lossy_link_leaves_no_gap_between_blocks(tmp_path: Path, seed: int) -> None:
+    rig = BlockRig(tmp_path, 600, 600, 600)
     logger = rig.logger()
     while not rig.server.acks:
         logger.step()
@@ -183,8 +183,8 @@ def test_a_bad_line_leaves_no_hole_between_blocks(tmp_path: Path, seed: int) -> 
 
 
 @pytest.mark.parametrize("seconds", [0.5, 0.93, 1.02, 1.3])
-def test_a_logger_that_dies_in_a_block_is_followed_in_that_block(tmp_path: Path, seconds: float) -> None:
-    rig = Blocks(tmp_path, 500, 1000)
+def test_next_logger_continues_the_block_in_which_the_first_died(tmp_path: Path, seconds: float) -> None:
+    rig = BlockRig(tmp_path, 500, 1000)
     victim = rig.logger()
     stop = rig.stop_after(seconds)
     while not stop():
@@ -206,8 +206,8 @@ def test_a_logger_that_dies_in_a_block_is_followed_in_that_block(tmp_path: Path,
     assert victim.run(lambda: True) == 0
 
 
-def test_a_logger_that_is_stopped_in_a_block_leaves_the_rest_to_the_next(tmp_path: Path) -> None:
-    rig = Blocks(tmp_path, 500, 1000, 500)
+def test_next_logger_continues_the_block_in_which_the_first_was_stopped(tmp_path: Path) -> None:
+    rig = BlockRig(tmp_path, 500, 1000, 500)
     first = rig.logger()
     assert first.run(rig.stop_after(1.0)) == 0
     second = rig.logger()
@@ -222,7 +222,7 @@ def test_a_logger_that_is_stopped_in_a_block_leaves_the_rest_to_the_next(tmp_pat
     assert ticks_of(*first.finished, *second.finished) == list(range(2000))
 
 
-def test_nothing_is_written_before_the_first_record(tmp_path: Path) -> None:
+def test_no_file_is_created_before_the_first_record(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 10**9)
     rig.link.live = lambda: None
     logger = rig.logger()
@@ -231,7 +231,7 @@ def test_nothing_is_written_before_the_first_record(tmp_path: Path) -> None:
     assert logger.finished == []
 
 
-def test_only_what_is_on_disk_is_acknowledged(tmp_path: Path) -> None:
+def test_only_records_on_disk_are_acknowledged(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -250,7 +250,7 @@ def test_only_what_is_on_disk_is_acknowledged(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_bad_line_leaves_no_hole(tmp_path: Path, seed: int) -> None:
+def test_lossy_link_leaves_no_gap(tmp_path: Path, seed: int) -> None:
     rig = Rig(tmp_path, 1500)
     rig.link.random.seed(seed)
     rig.link.drop, rig.link.repeat, rig.link.reorder = 0.1, 0.1, 0.1
@@ -263,7 +263,7 @@ def test_a_bad_line_leaves_no_hole(tmp_path: Path, seed: int) -> None:
     assert len(rig.server.requests) > 1
 
 
-def test_what_the_ring_no_longer_has_is_noted(tmp_path: Path) -> None:
+def test_records_lost_from_the_ring_buffer_are_annotated(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 3000, capacity=330)
     logger = rig.logger()
     assert logger.run(rig.stop_after(1.0)) == 0
@@ -284,7 +284,7 @@ def test_what_the_ring_no_longer_has_is_noted(tmp_path: Path) -> None:
     assert len(seen) + (len(seen) + 9) // 10 + lost == numbers[0] + (numbers[0] + 9) // 10
 
 
-def test_a_restarted_logger_goes_on_in_the_next_part(tmp_path: Path) -> None:
+def test_restarted_logger_continues_in_the_next_part(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 3000)
     first = rig.logger()
     assert first.run(rig.stop_after(1.0)) == 0
@@ -300,7 +300,7 @@ def test_a_restarted_logger_goes_on_in_the_next_part(tmp_path: Path) -> None:
     assert rig.server.goodbyes == ["the logger was stopped", "the recording is complete"]
 
 
-def test_a_logger_that_dies_is_followed_without_a_hole(tmp_path: Path) -> None:
+def test_next_logger_continues_without_a_gap_after_a_crash(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 2000)
     victim = rig.logger()
     stop = rig.stop_after(0.93)
@@ -321,10 +321,9 @@ def test_a_logger_that_dies_is_followed_without_a_hole(tmp_path: Path) -> None:
     assert victim.run(lambda: True) == 0
 
 
-def test_a_server_that_begins_anew_gets_a_new_recording(tmp_path: Path) -> None:
+def test_new_session_of_a_restarted_server_gets_a_new_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 10**9)
     logger = rig.logger(once=False)
-    assert logger.run is not None
     stop = rig.stop_after(0.5)
     while not stop():
         logger.step()
@@ -348,7 +347,7 @@ def test_a_server_that_begins_anew_gets_a_new_recording(tmp_path: Path) -> None:
         assert recording.metadata["session"] == "beef567890"
 
 
-def test_it_waits_for_the_server_and_for_the_next_session(tmp_path: Path) -> None:
+def test_logger_waits_for_the_server_and_the_next_session(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 300)
     rig.link.server = None
     logger = rig.logger(once=False)
@@ -361,7 +360,7 @@ def test_it_waits_for_the_server_and_for_the_next_session(tmp_path: Path) -> Non
     assert ticks_of(*logger.finished) == list(range(300))
 
 
-def test_an_end_without_records_is_believed(tmp_path: Path) -> None:
+def test_session_without_records_ends_the_logger(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 0)
     logger = rig.logger()
     assert logger.run(never) == 0
@@ -376,7 +375,7 @@ def test_a_second_logger_after_the_end_has_nothing_to_write(tmp_path: Path) -> N
     assert ticks_of(*second.finished) == []
 
 
-def test_nonsense_and_refusals_change_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_malformed_messages_and_refusals_are_ignored(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path, 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -389,7 +388,7 @@ def test_nonsense_and_refusals_change_nothing(tmp_path: Path, caplog: pytest.Log
     assert caplog.text.count("say hello first") < 10
 
 
-def test_a_record_that_cannot_be_read_is_kept_as_it_is(tmp_path: Path) -> None:
+def test_unreadable_record_is_kept_as_an_annotation(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 0)
     rig.server.append(EventRecord(0, 0, 0, "one", {}))
     rig.server.ring.append(b"\x00\x01junk")
@@ -407,7 +406,7 @@ def test_a_record_that_cannot_be_read_is_kept_as_it_is(tmp_path: Path) -> None:
         assert recording.end["lost"] == "2"
 
 
-def test_a_tick_of_another_version_ends_it_cleanly(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_tick_of_another_version_ends_the_recording_cleanly(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path, 0)
     rig.server.append(EventRecord(0, 0, 0, "one", {}))
     rig.server.append(TickRecord(bytes(16)))
@@ -421,7 +420,7 @@ def test_a_tick_of_another_version_ends_it_cleanly(tmp_path: Path, caplog: pytes
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_folder_that_is_deleted_ends_it_and_nothing_is_lost(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_deleted_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -445,7 +444,7 @@ def test_a_folder_that_is_deleted_ends_it_and_nothing_is_lost(tmp_path: Path, ca
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_folder_that_is_deleted_is_noticed_although_nothing_comes(tmp_path: Path) -> None:
+def test_deleted_folder_is_noticed_without_new_records(tmp_path: Path) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -464,7 +463,7 @@ def test_a_folder_that_is_deleted_is_noticed_although_nothing_comes(tmp_path: Pa
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_folder_that_is_deleted_before_the_first_record_is_made_anew(tmp_path: Path) -> None:
+def test_folder_deleted_before_the_first_record_is_recreated(tmp_path: Path) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     live, rig.link.live = rig.link.live, lambda: None
     logger = rig.logger()
@@ -480,7 +479,7 @@ def test_a_folder_that_is_deleted_before_the_first_record_is_made_anew(tmp_path:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
-def test_a_folder_that_is_moved_ends_it_and_nothing_is_lost(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_moved_folder_ends_the_recording_without_loss(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -497,7 +496,7 @@ def test_a_folder_that_is_moved_ends_it_and_nothing_is_lost(tmp_path: Path, capl
     assert account.sound
 
 
-def test_a_folder_that_cannot_be_made_ends_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_uncreatable_folder_ends_the_logger(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "file").touch()
     rig = Rig(tmp_path / "file" / "folder", 10)
     assert rig.logger().run(never) == 1
@@ -505,8 +504,8 @@ def test_a_folder_that_cannot_be_made_ends_it(tmp_path: Path, caplog: pytest.Log
 
 
 @pytest.fixture
-def plenty(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Free space that the test decides."""
+def free_space(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Free disk space [bytes], set by the test."""
     from collections import namedtuple
 
     usage = namedtuple("usage", "total used free")
@@ -515,26 +514,26 @@ def plenty(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return free
 
 
-def test_low_space_is_said_once(tmp_path: Path, plenty: list[int], caplog: pytest.LogCaptureFixture) -> None:
+def test_low_disk_space_is_logged_once(tmp_path: Path, free_space: list[int], caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
     assert logger.run(rig.stop_after(0.5)) == 0
     assert "GB free" not in caplog.text
-    plenty[0] = 4_900_000_000
+    free_space[0] = 4_900_000_000
     assert rig.logger().run(never) == 0
     assert caplog.text.count("only 4.9 GB free") == 1
     assert rig.server.acks[-1].free_bytes == 4_900_000_000
 
 
-def test_it_ends_while_there_is_space_to_finish_and_another_goes_on_elsewhere(
-    tmp_path: Path, plenty: list[int], caplog: pytest.LogCaptureFixture
+def test_logger_stops_before_the_disk_is_full_and_another_continues(
+    tmp_path: Path, free_space: list[int], caplog: pytest.LogCaptureFixture
 ) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
     stop = rig.stop_after(0.7)
     while not stop():
         logger.step()
-    plenty[0] = 190_000_000
+    free_space[0] = 190_000_000
     assert logger.run(never) == 1
     assert "only 190 MB free: the recording had to end" in caplog.text
     assert rig.server.goodbyes == [f"{tmp_path}: only 190 MB free: the recording had to end"]
@@ -544,7 +543,7 @@ def test_it_ends_while_there_is_space_to_finish_and_another_goes_on_elsewhere(
     assert rig.logger().run(never) == 1
     assert "only 190 MB free, and a recording stops at 200 MB" in caplog.text
     assert len(list(tmp_path.iterdir())) == 1
-    plenty[0] = 10**12
+    free_space[0] = 10**12
     rig.settings = replace(rig.settings, directory=str(tmp_path / "elsewhere"))
     second = rig.logger()
     assert second.run(never) == 0
@@ -553,7 +552,7 @@ def test_it_ends_while_there_is_space_to_finish_and_another_goes_on_elsewhere(
     assert account.sound
 
 
-def test_a_full_disk_ends_it_with_a_whole_recording(
+def test_full_disk_ends_the_logger_with_a_complete_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     rig = Rig(tmp_path, 2000)
@@ -579,9 +578,7 @@ def test_a_full_disk_ends_it_with_a_whole_recording(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_disk_that_refuses_everything_leaves_a_part_to_recover(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_failing_disk_leaves_a_part_file_to_recover(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
     stop = rig.stop_after(0.7)
@@ -600,7 +597,7 @@ def test_a_disk_that_refuses_everything_leaves_a_part_to_recover(
     assert account.sound
 
 
-def test_a_ping_is_answered_at_once(tmp_path: Path) -> None:
+def test_ping_is_answered_immediately(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 100)
     logger = rig.logger()
     rig.link.inject(encode(Ping(12345)))

@@ -71,7 +71,7 @@ def rig(new_rig: Callable[[], Rig]) -> Rig:
     return new_rig()
 
 
-def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not(rig: Rig) -> None:
+def test_unregistered_agent_is_refused_and_registered_agent_is_not(rig: Rig) -> None:
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("say hello first")]
@@ -85,7 +85,7 @@ def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not(rig: Rig) -> None:
     "message",
     [hello("display", "left"), hello("agent", ""), replace(hello("agent", "left"), protocol=99), b"\x00nonsense"],
 )
-def test_who_does_not_belong_is_refused_in_words_and_noted(rig: Rig, message: Any) -> None:
+def test_invalid_registration_is_refused_with_a_reason_and_recorded(rig: Rig, message: Any) -> None:
     rig.router.say(A, message)
     rig.drain(lambda: 0)
     (answer,) = rig.router.heard(A)
@@ -94,7 +94,7 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(rig: Rig, message: An
     assert [name for name, _ in rig.port.news] == ["refused"]
 
 
-def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> None:
+def test_second_agent_of_a_side_is_refused_until_the_first_times_out(rig: Rig) -> None:
     rig.registered()
     rig.router.say(b"other", hello("agent", "left", "host:9"))
     rig.drain(lambda: MS)
@@ -109,7 +109,7 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> No
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
-def test_the_newest_sample_wins_whatever_the_order(rig: Rig) -> None:
+def test_newest_sample_is_used_in_any_order_of_arrival(rig: Rig) -> None:
     rig.registered()
     for seq in (3, 5, 4, 5, 1):
         rig.router.say(A, replace(STYLUS, seq=seq, z=seq * 1e-3))
@@ -119,7 +119,7 @@ def test_the_newest_sample_wins_whatever_the_order(rig: Rig) -> None:
     assert (row["right_seq"], row["right_live"]) == (-1, 0)
 
 
-def test_a_sample_grows_old_and_one_that_is_no_number_never_counts(rig: Rig) -> None:
+def test_expired_and_non_finite_samples_are_not_live(rig: Rig) -> None:
     rig.registered()
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
@@ -130,7 +130,7 @@ def test_a_sample_grows_old_and_one_that_is_no_number_never_counts(rig: Rig) -> 
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
 
 
-def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None:
+def test_multipart_and_oversized_messages_are_refused_without_delay(rig: Rig) -> None:
     rig.registered()
     rig.router.say(A, STYLUS, STYLUS)
     rig.router.say(A, b"", STYLUS, b"")
@@ -141,7 +141,7 @@ def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None
     assert [details["reason"] for _, details in rig.port.news] == ["0 bytes are no message"]
 
 
-def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Rig) -> None:
+def test_sample_stamps_are_converted_to_server_time(rig: Rig) -> None:
     rig.registered()
     ahead = 7_000_000_000
     sent, received, answered = 10 * MS, 10 * MS + 100_000 + ahead, 10 * MS + 300_000 + ahead
@@ -157,7 +157,7 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Ri
     assert rig.row(11 * MS)["left_stamp_ns"] == answered - record.offset_ns
 
 
-def test_each_probe_of_an_agent_is_recorded_once_and_under_the_name_of_its_connection(rig: Rig) -> None:
+def test_each_probe_is_recorded_once_under_its_connection_name(rig: Rig) -> None:
     peers = []
     for start in (10 * MS, 20 * MS, 30 * MS):
         rig.registered()
@@ -170,7 +170,7 @@ def test_each_probe_of_an_agent_is_recorded_once_and_under_the_name_of_its_conne
     assert peers == ["agent.left", "agent.left#2", "agent.left#3"]
 
 
-def test_an_agent_whose_answer_is_impossible_has_no_probe(rig: Rig) -> None:
+def test_probe_with_impossible_stamps_is_discarded(rig: Rig) -> None:
     rig.registered()
     stamps = {"force_sent_ns": 10 * MS, "force_received_ns": 30, "sent_ns": 20}
     rig.router.say(A, replace(STYLUS, stamp_ns=20, force_tick=1, **stamps))  # type: ignore[arg-type]
@@ -178,7 +178,7 @@ def test_an_agent_whose_answer_is_impossible_has_no_probe(rig: Rig) -> None:
     assert rig.port.clock_records(0) == []
 
 
-def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(rig: Rig) -> None:
+def test_safeguards_between_two_ticks_are_reported_exactly_once(rig: Rig) -> None:
     rig.registered()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):
         rig.router.say(A, replace(STYLUS, seq=seq, safeguards=int(bits)))
@@ -187,7 +187,7 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
     assert rig.row(MS)["left_safeguards"] == 0
 
 
-def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -> None:
+def test_forces_are_sent_every_tick_and_heartbeats_at_intervals(rig: Rig) -> None:
     rig.registered()
     for tick in range(2 * HEARTBEAT_TICKS):
         rig.force(tick, -0.5, 0.25)
@@ -199,7 +199,7 @@ def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -
     assert [type(m) for m in beats] == [Heartbeat, Heartbeat]
 
 
-def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came(rig: Rig) -> None:
+def test_force_contains_its_sample_number_and_lead(rig: Rig) -> None:
     rig.registered()
     rig.router.say(A, replace(STYLUS, seq=9))
     rig.drain(lambda: 700_000, TICK_NS)
@@ -209,8 +209,8 @@ def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_th
     assert rig.router.heard(B) == [Force(12, 12, -1, 0.0, 0)]
 
 
-def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
-    """What the server alone computes goes out as before there was another way; and softened, if that is wanted."""
+def test_encoding_of_a_force_is_stable_and_scaled_by_the_gain(rig: Rig) -> None:
+    """A force computed by the server keeps its encoding, and the gain of the delay monitor scales it."""
     rig.registered()
     for force in (0.5, -0.0, 1e-310, float("inf")):
         row = np.zeros(1, TICK)
@@ -226,7 +226,7 @@ def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
     assert [m.force for m in rig.router.heard(A) + rig.router.heard(B)] == [0.25, 0.5]  # type: ignore[union-attr]
 
 
-def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig) -> None:
+def test_delayed_force_uses_an_earlier_row_and_the_current_tick(rig: Rig) -> None:
     rig.registered()
     row, earlier = np.zeros(1, TICK), np.zeros(1, TICK)
     row["tick"], row["left_force"], row["right_force"] = 12, 9.0, 9.0
@@ -236,7 +236,7 @@ def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig)
     assert [(m.tick, m.force) for m in told] == [(12, 0.5), (12, -0.25)]  # type: ignore[union-attr]
 
 
-def test_agents_that_compute_their_own_force_are_told_where_the_board_is(new_rig: Callable[..., Rig]) -> None:
+def test_agents_that_compute_their_own_force_receive_the_board_end(new_rig: Callable[..., Rig]) -> None:
     physics = Physics(coupling="right")
     rig = new_rig(samples.ends_of(physics)).registered()
     for peer, ahead in ((A, 5 * MS), (B, 0)):
@@ -265,7 +265,7 @@ def test_agents_that_compute_their_own_force_are_told_where_the_board_is(new_rig
     assert point.z == pytest.approx(0.01 + physics.l * math.sin(0.1))
 
 
-def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[], Rig]) -> None:
+def test_sample_is_accepted_in_either_encoding(new_rig: Callable[[], Rig]) -> None:
     stylus = replace(STYLUS, seq=3, x=-0.25, z=0.5, safeguards=1, force_tick=7, sent_ns=2**40)
     words, frame = np.zeros(len(fixed.STYLUS.markers), np.int64), np.zeros(fixed.STYLUS.size, np.uint8)
     record = words.view(np.dtype(fixed.fields_of(Stylus)))
@@ -281,7 +281,7 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[],
     assert (rows[0]["left_seq"], rows[0]["left_x"], rows[0]["left_sent_z"]) == (3, -0.25, 0.5)
 
 
-def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> None:
+def test_tick_waits_only_for_punctual_agents(rig: Rig) -> None:
     rig.registered()
     assert not rig.drain(lambda: 0)
     rig.router.say(A, STYLUS)
@@ -298,7 +298,7 @@ def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> 
     assert rig.drain(lambda: 3 * MS)
 
 
-def test_a_tick_waits_for_the_sample_after_one_that_just_missed_the_last_tick(rig: Rig) -> None:
+def test_tick_waits_for_the_sample_after_one_that_just_missed_its_tick(rig: Rig) -> None:
     """Otherwise each sample of that side would just miss its tick, one millisecond long, for minutes."""
     early, late = 700_000, 710_000
     rig.registered()
@@ -320,7 +320,7 @@ def test_a_tick_waits_for_the_sample_after_one_that_just_missed_the_last_tick(ri
     assert says(B, 3, 3 * MS + late, 4 * MS)
 
 
-def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
+def test_live_and_armed_agents_are_reported_every_tick(rig: Rig) -> None:
     rig.registered()
     rig.router.say(B, replace(STYLUS, safeguards=int(Safeguard.ARMED)))
     rig.drain(lambda: MS)
@@ -330,7 +330,7 @@ def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
     assert rig.found == 2 * ARMED
 
 
-def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Rig) -> None:
+def test_device_is_armed_only_with_a_small_clock_bound(rig: Rig) -> None:
     rig.registered()
     for seq, delay_ns, may in ((0, 600_000, False), (1, 400_000, True)):
         sent = seq * MS
@@ -350,7 +350,7 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Ri
     assert rig.port.find_missing(MS, ("left",)) == ["the left device to be armed"]
 
 
-def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
+def test_silent_agent_is_removed(rig: Rig) -> None:
     rig.registered()
     rig.port.expire(SILENCE_TIMEOUT_NS)
     assert not rig.port.empty
@@ -359,7 +359,7 @@ def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
     assert [details["reason"] for name, details in rig.port.news if name == "agent_left"] == ["fell silent"] * 2
 
 
-def test_the_link_to_an_agent_is_described(rig: Rig) -> None:
+def test_link_status_of_an_agent(rig: Rig) -> None:
     rig.registered()
     for seq in (0, 1, 4):
         rig.router.say(A, replace(STYLUS, seq=seq))
@@ -370,7 +370,7 @@ def test_the_link_to_an_agent_is_described(rig: Rig) -> None:
     assert right[0] == "agent.right"
 
 
-def test_an_agent_that_leaves_frees_its_side_and_is_sent_nothing_more(rig: Rig) -> None:
+def test_departed_agent_frees_its_side_and_receives_nothing(rig: Rig) -> None:
     rig.registered()
     rig.router.say(A, Goodbye("done"))
     rig.drain(lambda: MS)
@@ -380,7 +380,7 @@ def test_an_agent_that_leaves_frees_its_side_and_is_sent_nothing_more(rig: Rig) 
     assert len(rig.router.heard(B)) == 1
 
 
-def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
+def test_status_request_of_an_agent_is_refused(rig: Rig) -> None:
     rig.registered()
     rig.router.say(A, StatusRequest())
     rig.drain(lambda: MS)
@@ -389,7 +389,7 @@ def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
 
 @pytest.mark.parametrize("field", ["stamp_ns", "force_sent_ns", "force_received_ns", "sent_ns"])
 @pytest.mark.parametrize("value", [2**63 - 1, -(2**63), MAX_STAMP_NS + 1])
-def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, value: int) -> None:
+def test_sample_with_out_of_range_stamps_is_ignored(rig: Rig, field: str, value: int) -> None:
     rig.registered()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
     rig.drain(lambda: MS)
@@ -397,7 +397,7 @@ def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, valu
     assert rig.port.clock_records(0) == []
 
 
-def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent(rig: Rig) -> None:
+def test_sample_with_a_future_stamp_is_not_live(rig: Rig) -> None:
     rig.registered()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
     rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]

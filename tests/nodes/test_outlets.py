@@ -87,7 +87,7 @@ def event(seq: int) -> EventRecord:
     return EventRecord(seq, 3, 10**15 + seq * MS, f"event_{seq}", {"trial": str(seq)})
 
 
-def test_on_one_clock_every_sample_has_exactly_the_time_of_its_tick(layer: Layer) -> None:
+def test_samples_have_exact_tick_times_on_a_shared_clock(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     sent.set_clock(-900, 1000)
@@ -103,7 +103,7 @@ def test_on_one_clock_every_sample_has_exactly_the_time_of_its_tick(layer: Layer
     assert (sent.ticks, sent.events) == (50, 2)
 
 
-def test_samples_wait_until_the_clock_is_known_and_are_then_all_sent(layer: Layer) -> None:
+def test_samples_are_held_until_the_clock_offset_is_known(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     sent.take(rows(0, 10), [event(0)])
@@ -115,7 +115,7 @@ def test_samples_wait_until_the_clock_is_known_and_are_then_all_sent(layer: Laye
     assert layer.pushed["netboard.markers"] == [("event_0", 1e6 + 7)]
 
 
-def test_a_clock_elsewhere_is_followed_and_every_estimate_is_told(layer: Layer) -> None:
+def test_offset_of_a_remote_clock_is_tracked_and_published(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     for k in range(3):
@@ -128,7 +128,7 @@ def test_a_clock_elsewhere_is_followed_and_every_estimate_is_told(layer: Layer) 
     assert {details["one_clock"] for details in told} == {"false"}
 
 
-def test_another_session_has_a_clock_of_its_own(layer: Layer) -> None:
+def test_new_session_waits_for_its_own_clock_offset(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     sent.set_clock(0, 1000)
@@ -141,7 +141,7 @@ def test_another_session_has_a_clock_of_its_own(layer: Layer) -> None:
     assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock"] * 2
 
 
-def test_what_is_lost_and_what_waited_too_long_is_told_in_the_stream(layer: Layer) -> None:
+def test_lost_and_discarded_samples_are_reported_in_the_stream(layer: Layer) -> None:
     sent = Outlets("netboard", 5550)
     sent.begin(WELCOME)
     sent.report_lost(10, 3)
@@ -168,14 +168,14 @@ def test_every_channel_is_described(layer: Layer) -> None:
     assert (force["unit"], force["type"]) == ("N", "Force")
 
 
-def test_clocks_are_compared_by_the_closest_look() -> None:
+def test_clock_offset_uses_the_shortest_comparison() -> None:
     times = iter([0, 1000, 2000, 2100, 3000, 5000] + [10_000 * k for k in range(600)])
     assert compare(lambda: 4e-6, lambda: next(times)) == (1950, 51)
     same = iter(range(0, 10**6, 50))
     assert compare(lambda: next(same) / 1e9, lambda: next(same)) == (0, 51)
 
 
-def test_without_the_library_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_error_names_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> Any:
         raise RuntimeError("LSL binary library file was not found.\n")
 

@@ -69,12 +69,12 @@ def station() -> Iterator[Station]:
         yield Station(replace(config, network=Network(port=free_port())), context)
 
 
-def test_the_stylus_goes_where_the_player_points(station: Station) -> None:
+def test_stylus_follows_the_pointer(station: Station) -> None:
     station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6, Pointer("left", 0.02))
     assert station.ready()
 
 
-def test_a_window_without_a_pointer_is_not_ready(station: Station) -> None:
+def test_device_without_a_pointer_is_not_ready(station: Station) -> None:
     station.say_until(station.ready, Pointer("left", 0.0))
     station.say_until(lambda: not station.ready(), Pointer("left", None))
 
@@ -82,7 +82,7 @@ def test_a_window_without_a_pointer_is_not_ready(station: Station) -> None:
 @pytest.mark.parametrize(
     "odd", [Pointer("right", 0.03), Pointer("left", math.nan), Pointer("left", math.inf), Goodbye("done"), b"", b"\xc1"]
 )
-def test_what_is_no_pointer_of_this_side_moves_nothing(station: Station, odd: Message | bytes) -> None:
+def test_invalid_messages_do_not_move_the_stylus(station: Station, odd: Message | bytes) -> None:
     station.say_until(station.ready, Pointer("left", 0.01))
     for _ in range(50):
         station.say(odd)
@@ -92,7 +92,7 @@ def test_what_is_no_pointer_of_this_side_moves_nothing(station: Station, odd: Me
     station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6, Pointer("left", 0.01))
 
 
-def test_the_player_is_told_what_the_hand_feels(station: Station) -> None:
+def test_player_receives_the_rendered_force(station: Station) -> None:
     station.device.write(0.0, 0.0, -0.5)
     heard: list[bytes] = []
 

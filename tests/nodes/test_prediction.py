@@ -16,26 +16,26 @@ from netboard.nodes.doctor.exchange import ExchangeTimes
 WORK_MS = prediction.WORK_US * 1e-3
 
 
-def even(count: int = 1000) -> ExchangeTimes:
+def uniform_exchanges(count: int = 1000) -> ExchangeTimes:
     """Exchanges that all take the same time: the right agent's way to the server is 50 us longer."""
     woke = np.full((2, count), 50_000)
     up = np.array([[100_000], [150_000]]) + np.zeros((2, count), np.int64)
     return ExchangeTimes(woke, up, np.full((2, count), 80_000), prediction.WORK_EXCHANGE_US)
 
 
-def test_a_loop_waits_for_the_later_sample() -> None:
-    found = prediction.predict(even(), 0, 10_000)
+def test_loop_time_includes_the_later_sample() -> None:
+    found = prediction.predict(uniform_exchanges(), 0, 10_000)
     assert found.p50_ms == pytest.approx(0.150 + 0.080 + WORK_MS)
     assert found.p99_ms == pytest.approx(found.p50_ms)
 
 
-def test_work_scales_with_the_cost_of_an_exchange() -> None:
-    half = replace(even(), server_us=prediction.WORK_EXCHANGE_US / 2)
+def test_predicted_work_scales_with_the_cost_of_an_exchange() -> None:
+    half = replace(uniform_exchanges(), server_us=prediction.WORK_EXCHANGE_US / 2)
     assert prediction.predict(half, 0, 10_000).p50_ms == pytest.approx(0.230 + WORK_MS / 2)
 
 
-def test_a_sample_that_misses_its_tick_closes_no_loop_and_delays_the_other_until_the_deadline() -> None:
-    exchanged = even()
+def test_missed_sample_closes_no_loop_and_delays_the_other_side() -> None:
+    exchanged = uniform_exchanges()
     exchanged.up_ns[1, 7] = 2_000_000
     loops = prediction.loops_ns(exchanged) * 1e-6
     assert loops.size == 2 * 1000 - 1
@@ -43,13 +43,13 @@ def test_a_sample_that_misses_its_tick_closes_no_loop_and_delays_the_other_until
     assert loops.max() == pytest.approx(deadline + 0.050 - 0.050 + 0.080 + WORK_MS)
 
 
-def test_the_lead_is_that_of_the_agents() -> None:
+def test_predicted_lead_equals_the_lead_of_the_agents() -> None:
     assert prediction.LEAD_NS == agent.LEAD_NS
 
 
 @pytest.mark.parametrize("missed", [0, 3, 61])
-def test_the_interval_of_the_misses_is_exact(missed: int) -> None:
-    found = prediction.predict(even(), missed, 10_000)
+def test_confidence_interval_of_deadline_misses_is_exact(missed: int) -> None:
+    found = prediction.predict(uniform_exchanges(), missed, 10_000)
     assert found.missed == pytest.approx(missed * 10)
     assert poisson.cdf(missed, found.missed_high / 10) == pytest.approx(0.025)
     assert (
@@ -57,9 +57,9 @@ def test_the_interval_of_the_misses_is_exact(missed: int) -> None:
     )
 
 
-def test_a_good_loop_is_green_and_a_bad_one_names_its_limits() -> None:
-    good = prediction.finding(prediction.predict(even(), 1, 10_000))
-    bad = prediction.finding(prediction.predict(even(), 61, 4_000))
+def test_good_loop_is_green_and_bad_loop_names_its_causes() -> None:
+    good = prediction.finding(prediction.predict(uniform_exchanges(), 1, 10_000))
+    bad = prediction.finding(prediction.predict(uniform_exchanges(), 61, 4_000))
     assert (good.colour, good.advice, bad.colour) == ("green", "", "yellow")
     assert f"p50 {0.230 + WORK_MS:.2f}" in good.found
     others = [
@@ -74,7 +74,7 @@ def test_a_good_loop_is_green_and_a_bad_one_names_its_limits() -> None:
 
 
 @pytest.mark.slow
-def test_an_exchange_between_processes() -> None:
+def test_exchange_between_processes_is_measured() -> None:
     told: list[float] = []
     found = exchange.measure(Realtime(scheduling=False, lock_memory=False), 0.1, told.append)
     assert found.woke_ns.shape == found.up_ns.shape == found.down_ns.shape == (2, 100)
@@ -84,7 +84,7 @@ def test_an_exchange_between_processes() -> None:
 
 
 @pytest.mark.slow
-def test_an_exchange_that_fails_says_why() -> None:
+def test_failed_exchange_reports_its_reason() -> None:
     with (
         pytest.raises(NetboardError, match="the exchange over loopback failed: KeyError: 'place'"),
         exchange._started([{}]),

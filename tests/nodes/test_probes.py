@@ -78,7 +78,7 @@ def several_consoles(at: Station) -> None:
     at.run_once(12)
 
 
-def a_display_that_is_restarted(at: Station) -> None:
+def restarted_display(at: Station) -> None:
     at.join(b"other", "display", "right")
     for number in range(3):
         at.join(b"run %d" % number, "display", "left", ahead_s=number * 1e6)
@@ -86,7 +86,7 @@ def a_display_that_is_restarted(at: Station) -> None:
         at.leave(b"run %d" % number)
 
 
-def a_display_that_dies_and_another(at: Station) -> None:
+def replaced_display(at: Station) -> None:
     at.join(b"one", "display", "left")
     at.run_once(6)
     at.vanish(b"one")
@@ -94,7 +94,7 @@ def a_display_that_dies_and_another(at: Station) -> None:
     at.run_once(12)
 
 
-def a_display_that_says_hello_again(at: Station) -> None:
+def display_with_repeated_hello(at: Station) -> None:
     at.join(b"one", "display", "left")
     at.run_once(6)
     at.join(b"one", "display", "left")
@@ -104,31 +104,31 @@ def a_display_that_says_hello_again(at: Station) -> None:
 TOPOLOGIES = (
     two_displays,
     several_consoles,
-    a_display_that_is_restarted,
-    a_display_that_dies_and_another,
-    a_display_that_says_hello_again,
+    restarted_display,
+    replaced_display,
+    display_with_repeated_hello,
 )
 
 
-@pytest.mark.parametrize("happens", TOPOLOGIES)
-def test_probes_of_any_topology_are_sound_connection_by_connection(happens: Callable[[Station], None]) -> None:
+@pytest.mark.parametrize("scenario", TOPOLOGIES)
+def test_probes_of_any_topology_are_valid_per_connection(scenario: Callable[[Station], None]) -> None:
     at = Station()
-    happens(at)
+    scenario(at)
     findings = at.findings(at.records)
     assert worst(findings) == Severity.SOUND, findings
     assert len(findings) == len({record.peer for record in at.records}) >= 1
     assert len({(record.peer, record.t0_ns) for record in at.records}) == len(at.records)
 
 
-@pytest.mark.parametrize("happens", TOPOLOGIES)
-def test_where_an_older_server_gave_them_one_name_it_is_no_damage(happens: Callable[[Station], None]) -> None:
+@pytest.mark.parametrize("scenario", TOPOLOGIES)
+def test_probes_sharing_a_name_from_older_servers_are_no_damage(scenario: Callable[[Station], None]) -> None:
     at = Station()
-    happens(at)
+    scenario(at)
     findings = at.findings([replace(record, peer=kind_of_peer(record.peer)) for record in at.records])
     assert worst(findings) < Severity.DAMAGE, findings
 
 
-def test_interleaved_probes_under_one_name_are_told_apart() -> None:
+def test_interleaved_probes_under_one_name_are_separated() -> None:
     at = Station()
     two_displays(at)
     old = [replace(record, peer="display.left") for record in at.records]
@@ -139,9 +139,9 @@ def test_interleaved_probes_under_one_name_are_told_apart() -> None:
     assert worst(at.findings([*old, *silent])) == Severity.SOUND
 
 
-def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
+def test_out_of_order_probes_of_one_connection_are_damage() -> None:
     at = Station()
-    a_display_that_is_restarted(at)
+    restarted_display(at)
     for peer in {record.peer for record in at.records}:
         places = [k for k, record in enumerate(at.records) if record.peer == peer]
         wrong = list(at.records)
@@ -150,7 +150,7 @@ def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
         assert [f.severity for f in findings if "earlier than the one before" in f.text] == [Severity.DAMAGE], peer
 
 
-def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:
+def test_pong_with_impossible_stamps_is_not_recorded() -> None:
     at = Station()
     at.join(b"one", "display", "left")
     at.run_once(1.5)
@@ -165,7 +165,7 @@ def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:
     assert known.peer == "display.left"
 
 
-def test_an_answer_that_arrives_while_others_are_read_is_not_stamped_before_it_was_sent() -> None:
+def test_pong_arriving_during_a_drain_is_stamped_after_it_was_sent() -> None:
     router, clock = FakeRouter(), FakeClock()
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     router.say(b"one", hello("display", "left"))

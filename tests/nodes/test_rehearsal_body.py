@@ -19,7 +19,7 @@ from netboard.task.trials.state_machine import Phase
 T0 = 1_000_000_000
 
 
-def lived(config: Config, forces: list[float], move: Submovement) -> list[np.void]:
+def simulate_hand(config: Config, forces: list[float], move: Submovement) -> list[np.void]:
     body = Body(config, "right", config.participant, np.random.default_rng((config.block.seed, 1)))
     plan(body.bodies, np.array([(1, move.start, move.duration, move.displacement)], MOVE), 1)
     rows = np.zeros(len(forces), TICK)
@@ -34,7 +34,7 @@ def lived(config: Config, forces: list[float], move: Submovement) -> list[np.voi
 
 @pytest.mark.slow
 @pytest.mark.parametrize("virtual", [VirtualDevice(), VirtualDevice(cable_stiffness="model")])
-def test_it_lives_as_the_virtual_device_does(virtual: VirtualDevice) -> None:
+def test_rehearsal_hand_equals_the_virtual_device(virtual: VirtualDevice) -> None:
     config = replace(Config(), virtual=virtual)
     forces = [0.5 * np.sin(k / 20) for k in range(400)]
     move = Submovement("right", T0 * 1e-9 + 0.05, 0.3, 0.02)
@@ -42,7 +42,7 @@ def test_it_lives_as_the_virtual_device_does(virtual: VirtualDevice) -> None:
     device.open()
     device.command([move])
     device.live(T0 - LEAD_NS - TICK_NS)
-    for k, row in enumerate(lived(config, forces, move)):
+    for k, row in enumerate(simulate_hand(config, forces, move)):
         device.live(T0 + k * TICK_NS - LEAD_NS)
         reading = device.read(T0 + k * TICK_NS - LEAD_NS)
         assert reading.z == pytest.approx(row["right_sent_z"], abs=1e-9)
@@ -53,15 +53,15 @@ def test_it_lives_as_the_virtual_device_does(virtual: VirtualDevice) -> None:
 
 
 @pytest.mark.slow
-def test_a_force_is_clamped_and_said_to_be() -> None:
-    rows = lived(Config(), [10.0] * 3, Submovement("right", 0.0, 0.3, 0.0))
+def test_large_force_is_clamped_and_flagged() -> None:
+    rows = simulate_hand(Config(), [10.0] * 3, Submovement("right", 0.0, 0.3, 0.0))
     assert rows[0]["right_safeguards"] == Safeguard.ARMED
     assert rows[2]["right_safeguards"] == Safeguard.ARMED | Safeguard.CLAMPED
     assert 2.5 < rows[2]["right_rendered"] <= 3.0
 
 
 @pytest.mark.slow
-def test_nothing_acts_outside_a_trial() -> None:
+def test_no_force_acts_outside_a_trial() -> None:
     body = Body(Config(), "left", Participant(), np.random.default_rng(1))
     row = np.zeros(1, TICK)
     row["left_force"], row["phase"] = 0.5, Phase.PAUSED

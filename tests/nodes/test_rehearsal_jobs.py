@@ -18,14 +18,14 @@ def blocks() -> list[Config]:
 
 
 @pytest.mark.slow
-def test_who_they_are_depends_on_the_dyad() -> None:
+def test_simulated_participants_depend_on_the_dyad() -> None:
     one, two = (jobs_of(blocks(), 1, dyad, None) for dyad in (1, 2))
     assert [one[1].people[who] for who in "AB"] == [replace(one[0].people[who], practice=1.0) for who in "AB"]
     assert one[0].people != two[0].people
     assert rehearse(one[0]).ticks != rehearse(two[0]).ticks
 
 
-def test_a_rehearsal_is_marked_as_no_real_session() -> None:
+def test_rehearsal_is_marked_as_a_pilot_session() -> None:
     jobs = jobs_of(blocks(), 1, 1, None)
     assert all(job.config.session.pilot for job in jobs)
     assert len({job.session for job in jobs}) == 1
@@ -35,7 +35,7 @@ def test_a_rehearsal_is_marked_as_no_real_session() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_sheets_come_in_the_order_of_the_blocks_and_each_is_told(tmp_path: Path, workers: int) -> None:
+def test_results_are_in_block_order_and_each_is_reported(tmp_path: Path, workers: int) -> None:
     heard: list[int] = []
     sheets = rehearse_all(jobs_of(blocks(), 1, 1, tmp_path), workers, lambda sheet: heard.append(sheet.block))
     assert [sheet.block for sheet in sheets] == [1, 2]
@@ -44,7 +44,7 @@ def test_sheets_come_in_the_order_of_the_blocks_and_each_is_told(tmp_path: Path,
 
 
 @pytest.mark.slow
-def test_a_recording_says_when_it_was_begun(tmp_path: Path) -> None:
+def test_recording_contains_its_start_time(tmp_path: Path) -> None:
     begun_ns = 1_790_000_000_000_000_000
     names = ("one", "other")
     for name in names:

@@ -16,16 +16,16 @@ def participant(config: Config, station: str, sides: tuple[str, ...]) -> Simulat
     return SimulatedParticipant(config, config.participant, station, sides, np.random.default_rng(1))
 
 
-def test_a_person_is_the_same_person_whenever_asked() -> None:
+def test_simulated_participant_is_deterministic() -> None:
     assert person_of(Participant(), 1, 3, "A") == person_of(Participant(), 1, 3, "A")
 
 
-def test_people_differ_by_seed_dyad_and_letter() -> None:
+def test_simulated_participants_differ_by_seed_dyad_and_letter() -> None:
     some = [person_of(Participant(), seed, dyad, who) for seed in (1, 2) for dyad in (1, 2) for who in "AB"]
     assert len({repr(person) for person in some}) == len(some)
 
 
-def test_what_differs_is_spread_about_the_usual() -> None:
+def test_varied_parameters_are_spread_around_their_defaults() -> None:
     people = [asdict(person_of(Participant(), 1, dyad, "A")) for dyad in range(1, 401)]
     for name, usual in asdict(Participant()).items():
         if isinstance(usual, str) or usual == 0.0:
@@ -47,7 +47,7 @@ def blocks() -> list[Config]:
     ]
 
 
-def test_practice_is_the_trials_of_ones_own_blocks_before() -> None:
+def test_practice_counts_the_trials_of_earlier_own_blocks() -> None:
     people = list(people_of(blocks(), 1, 1))
     assert [one["A"].practice for one in people] == [0, 10, 10, 40]
     assert [one["B"].practice for one in people] == [0, 0, 20, 50]
@@ -56,12 +56,12 @@ def test_practice_is_the_trials_of_ones_own_blocks_before() -> None:
     }
 
 
-def test_a_set_practice_stays() -> None:
+def test_configured_practice_is_kept() -> None:
     trained = [replace(config, participant=Participant(practice=500.0)) for config in blocks()]
     assert {one[letter].practice for one in people_of(trained, 1, 1) for letter in "AB"} == {500.0}
 
 
-def test_a_robot_and_a_still_partner_learn_nothing() -> None:
+def test_robot_and_fixed_partner_are_not_performers() -> None:
     config = Config()
     swapped = replace(config, session=replace(config.session, seat_a="right"))
     assert performers(config) == ("A", "B")
@@ -69,7 +69,7 @@ def test_a_robot_and_a_still_partner_learn_nothing() -> None:
     assert performers(replace(swapped, block=replace(config.block, left="still"))) == ("A",)
 
 
-def test_views_come_as_often_as_the_server_makes_them_and_one_tick_late() -> None:
+def test_views_arrive_at_the_view_rate_one_tick_late() -> None:
     config = Config()
     left, right = participant(config, "left", ("left",)), participant(config, "right", ("right",))
     assert [left.shown(tick) for tick in (1, 9, 10, 18, 19)] == [0, 0, 9, 9, 18]
@@ -78,24 +78,24 @@ def test_views_come_as_often_as_the_server_makes_them_and_one_tick_late() -> Non
     assert [participant(slow, "left", ("left",)).shown(tick) for tick in (20, 21)] == [0, 20]
 
 
-def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
+def test_force_is_informative_only_with_full_haptic_feedback() -> None:
     row = np.zeros(1, TICK)
     row["phase"], row["trial"] = 2, 3
 
-    def tells(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
+    def is_informative(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
         some = participant(replace(config, block=replace(config.block, **keys)), "left", sides)
         return scale_in(some.parts, row.view(np.int64)) > 0.0
 
-    assert tells()
-    assert tells(force_scale=0.5)
-    assert not tells(force="none")
-    assert not tells(force="partner_only")
-    assert not tells(force_scale=0.0)
-    assert not tells(catch=(1, 3))
-    assert not tells(("left", "right"))
+    assert is_informative()
+    assert is_informative(force_scale=0.5)
+    assert not is_informative(force="none")
+    assert not is_informative(force="partner_only")
+    assert not is_informative(force_scale=0.0)
+    assert not is_informative(catch=(1, 3))
+    assert not is_informative(("left", "right"))
     row["phase"] = 6
-    assert not tells()
+    assert not is_informative()
 
 
 @pytest.mark.parametrize(
@@ -107,12 +107,12 @@ def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
         ({"configuration": "bimanual", "station": "right"}, (("right", ("left", "right")),)),
     ],
 )
-def test_who_decides(keys: dict[str, object], seats: object) -> None:
+def test_seats_of_deciding_participants(keys: dict[str, object], seats: object) -> None:
     config = Config()
     assert seats_of(replace(config, block=replace(config.block, **keys))) == seats
 
 
-def test_every_parameter_has_a_source_and_what_varies_is_a_parameter() -> None:
+def test_every_parameter_has_a_source_and_every_varied_name_exists() -> None:
     names = [field.name for field in fields(Participant)]
     assert sorted(PARTICIPANT_SOURCES) == sorted(names)
     assert {name for group in VARIED for name in group} <= set(names)

@@ -32,14 +32,14 @@ def play(config: Config, size: int = 1000, people: dict[str, Participant] = USUA
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 10, 64, 100_000])
-def test_pieces_of_any_size_make_the_same_ticks(size: int) -> None:
+def test_ticks_are_independent_of_chunk_size(size: int) -> None:
     config = with_block(trials=1)
     assert play(config, size)[0].tobytes() == play(config, 1000)[0].tobytes()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("configuration", "force"), CONDITIONS)
-def test_trials_are_done_at_human_speed(configuration: str, force: str) -> None:
+def test_completion_times_are_human_like(configuration: str, force: str) -> None:
     rows, summary = play(with_block(configuration=configuration, force=force, trials=15))
     assert len(summary.completions) == 15
     assert 2.0 < np.mean(summary.completions) < 8.0
@@ -51,7 +51,7 @@ def test_trials_are_done_at_human_speed(configuration: str, force: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_ticks_verify_to_the_bit() -> None:
+def test_rehearsed_ticks_verify_bit_for_bit() -> None:
     config = with_block(trials=2)
     rows, _ = play(config)
     verdict = verify(make_stage(config), rows)
@@ -60,7 +60,7 @@ def test_the_ticks_verify_to_the_bit() -> None:
 
 
 @pytest.mark.slow
-def test_the_rows_are_those_of_a_punctual_rig() -> None:
+def test_rehearsed_rows_equal_those_of_a_rig_without_jitter() -> None:
     rows, summary = play(with_block(trials=2))
     assert (np.diff(rows["tick"]) == 1).all()
     assert (np.diff(rows["time_ns"]) == 1_000_000).all()
@@ -76,7 +76,7 @@ def test_the_rows_are_those_of_a_punctual_rig() -> None:
 
 
 @pytest.mark.slow
-def test_seed_and_number_of_the_block_make_other_ticks() -> None:
+def test_ticks_depend_on_seed_and_block_number() -> None:
     plain = play(with_block(trials=1))[0]
     assert play(with_block(trials=1))[0].tobytes() == plain.tobytes()
     for other in (with_block(trials=1, seed=2), with_block(trials=1, number=2, blocks=2)):
@@ -84,7 +84,7 @@ def test_seed_and_number_of_the_block_make_other_ticks() -> None:
 
 
 @pytest.mark.slow
-def test_a_force_that_is_delayed_acts_later() -> None:
+def test_delayed_force_is_rendered_later() -> None:
     rows, _ = play(with_block(trials=1, force_delay_ms=20))
     on = rows["phase"] == Phase.RUNNING
     late = np.flatnonzero(on)[100:-100]
@@ -92,7 +92,7 @@ def test_a_force_that_is_delayed_acts_later() -> None:
 
 
 @pytest.mark.slow
-def test_a_partner_holds_still_or_is_a_robot() -> None:
+def test_partner_may_be_fixed_or_a_robot() -> None:
     rows, summary = play(with_block(trials=2, right="still"))
     assert len(summary.completions) == 2
     assert not rows["right_sent_z"].any()
@@ -101,7 +101,7 @@ def test_a_partner_holds_still_or_is_a_robot() -> None:
     assert rows["right_sent_z"].any()
 
 
-def test_everybody_has_a_seat() -> None:
+def test_participants_are_assigned_to_their_seats() -> None:
     a, b = Participant(kp=2.0), Participant(kp=3.0)
     people = {"A": a, "B": b}
     config = with_block()
@@ -115,7 +115,7 @@ def test_everybody_has_a_seat() -> None:
 
 
 @pytest.mark.slow
-def test_who_cannot_do_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_block_is_given_up_if_trials_take_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rehearsed, "MAX_MEAN_TRIAL", 1.0)
     rows, summary = play(with_block(trials=2))
     assert summary.given_up
@@ -131,6 +131,6 @@ def test_who_cannot_do_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
         (replace(Config(), virtual=VirtualDevice(thermal_time="model")), "thermal_time: found 100"),
     ],
 )
-def test_what_cannot_be_rehearsed_is_refused(config: Config, what: str) -> None:
+def test_unsupported_configuration_is_refused(config: Config, what: str) -> None:
     with pytest.raises(ConfigError, match=what):
         Rehearsal(config, USUAL)

@@ -100,7 +100,7 @@ def rig() -> Iterator[Rig]:
             socket.close(linger=0)
 
 
-def test_each_station_is_sent_what_its_participant_could_see(rig: Rig) -> None:
+def test_station_receives_only_what_its_participant_could_see(rig: Rig) -> None:
     curtain, rows = make_curtain(CONFIG), two_trials()
     for position in (0.2, 0.9, 2.0, 3.333, 4.0, 4.001, 7.5, 9.999):
         assert rig.do("seek", str(position)).accepted
@@ -113,14 +113,14 @@ def test_each_station_is_sent_what_its_participant_could_see(rig: Rig) -> None:
 
 
 @pytest.mark.slow
-def test_what_stands_still_is_shown_again_and_again_with_numbers_that_go_on(rig: Rig) -> None:
+def test_paused_replay_repeats_its_view_with_new_numbers(rig: Rig) -> None:
     first, second = rig.view("left"), rig.view("left")
     assert second.seq > first.seq
     assert second.tick == first.tick
 
 
 @pytest.mark.slow
-def test_the_status_is_that_of_the_recording_and_nothing_is_armed(rig: Rig) -> None:
+def test_status_matches_the_recording_and_no_device_is_armed(rig: Rig) -> None:
     rig.do("seek", "4.05")
     status = rig.status()
     assert (status.tick, status.phase, status.trial, status.trials) == (4151, "levelling", 2, 6)
@@ -136,7 +136,7 @@ def test_the_status_is_that_of_the_recording_and_nothing_is_armed(rig: Rig) -> N
 
 
 @pytest.mark.slow
-def test_a_console_forgets_what_came_later_when_it_goes_back(rig: Rig) -> None:
+def test_seeking_back_clears_later_attempts_and_points_of_a_console(rig: Rig) -> None:
     operator = rig.operator
     rig.do("seek", "5")
     for _ in range(20):
@@ -156,7 +156,7 @@ def test_a_console_forgets_what_came_later_when_it_goes_back(rig: Rig) -> None:
     assert list(operator.points) == []
 
 
-def test_live_commands_are_refused_in_words(rig: Rig) -> None:
+def test_live_commands_are_refused_with_a_reason(rig: Rig) -> None:
     for command in set(COMMANDS) - {*REPLAY_COMMANDS, "pause", "resume", "next", "end", "take"}:
         reply = rig.do(command)
         assert not reply.accepted
@@ -164,14 +164,14 @@ def test_live_commands_are_refused_in_words(rig: Rig) -> None:
     assert not rig.status().armed
 
 
-def test_what_is_quoted_fits_into_an_answer(rig: Rig) -> None:
+def test_quoted_argument_is_truncated_to_fit_the_reply(rig: Rig) -> None:
     reply = rig.do("seek", "\U0001f600" * 2000)
     assert not reply.accepted
     assert len(reply.reason) == MAX_CHARACTERS
 
 
 @pytest.mark.slow
-def test_it_is_steered(rig: Rig) -> None:
+def test_replay_commands_seek_step_play_and_end(rig: Rig) -> None:
     assert rig.do("seek", "trial 2").reason.startswith("paused at 0:04.0 of 0:10.0, 1 times real time, tick 4101")
     assert "tick 4106" in rig.do("step", "5").reason
     assert rig.do("take").accepted
@@ -179,14 +179,14 @@ def test_it_is_steered(rig: Rig) -> None:
     assert rig.do("end").reason == "the replay ends"
 
 
-def test_agents_and_loggers_are_told_that_there_is_nothing_for_them(rig: Rig) -> None:
+def test_agents_and_loggers_are_refused(rig: Rig) -> None:
     agent = rig.heard(rig.agent, Hello("agent", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
     assert agent == Refusal("this is a replay of made.mcap: it exerts no force, and takes no agent")
     logger = rig.heard(rig.logger, Hello("logger", "", PROTOCOL_VERSION, "lab:1", "1", {}), LogRequest(-1))
     assert logger == Refusal("this is a replay of made.mcap: there is nothing to record")
 
 
-def test_a_display_is_welcomed_with_the_recorded_configuration_and_told_when_it_is_over(rig: Rig) -> None:
+def test_display_receives_the_recorded_configuration_and_goodbye(rig: Rig) -> None:
     welcome = rig.heard(rig.display, Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
     assert isinstance(welcome, Welcome)
     assert welcome.config == rig.recording.text

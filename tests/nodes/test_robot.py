@@ -40,7 +40,7 @@ def play(settings: Config, most: int = 60_000) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_two_robots_do_the_task_together() -> None:
+def test_two_robots_complete_the_task_together() -> None:
     rows = play(config("robot", "robot"))
     assert (rows["event"] == Cause.HELD).sum() == 2
     for side in ("left", "right"):
@@ -52,7 +52,7 @@ def test_two_robots_do_the_task_together() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_can_be_repeated_and_is_another_one_in_another_block() -> None:
+def test_robot_is_deterministic_and_differs_between_blocks() -> None:
     settings = config("robot", "robot", trials=1)
     again = play(settings)
     assert again.tobytes() == play(settings).tobytes()
@@ -61,7 +61,7 @@ def test_a_robot_can_be_repeated_and_is_another_one_in_another_block() -> None:
 
 
 @pytest.mark.slow
-def test_a_hand_that_is_held_still_is_live_and_at_rest() -> None:
+def test_fixed_hand_is_live_and_at_rest() -> None:
     rows = play(config("still", "robot"), most=3000)
     assert (rows["left_live"] == 1).all()
     assert (rows["left_stamp_ns"] < rows["time_ns"]).all()
@@ -71,7 +71,7 @@ def test_a_hand_that_is_held_still_is_live_and_at_rest() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_without_forces_feels_none() -> None:
+def test_robot_renders_no_force_without_haptic_feedback() -> None:
     settings = config("robot", "robot", trials=1)
     rows = play(replace(settings, block=replace(settings.block, force="none")))
     assert not rows["left_rendered"].any()

@@ -12,14 +12,14 @@ TICKS = count()
 
 
 def wait(watch: Supervisor, phase: Phase, ticks: int, missing: tuple[str, ...] = ALL_THERE, trouble: str = "") -> Cause:
-    """The last of so many commands, asserting that those before were none."""
+    """Run a number of ticks and return the last command; all before it must be none."""
     first = next(TICKS)
     causes = [watch.command(tick, phase, missing, trouble) for tick in [first, *islice(TICKS, ticks - 1)]]
     assert not any(causes[:-1])
     return causes[-1]
 
 
-def test_a_block_starts_by_itself_once_all_have_been_there_for_half_a_second() -> None:
+def test_autostart_starts_the_block_after_all_peers_were_ready() -> None:
     watch = Supervisor(autostart=True)
     assert wait(watch, Phase.IDLE, 10_000, ("the logger",)) is Cause.NONE
     assert watch.notice == "waiting for the logger"
@@ -29,11 +29,11 @@ def test_a_block_starts_by_itself_once_all_have_been_there_for_half_a_second() -
     assert watch.notice == ""
 
 
-def test_without_autostart_it_waits_for_the_operator() -> None:
+def test_block_waits_for_the_operator_without_autostart() -> None:
     assert wait(Supervisor(autostart=False), Phase.IDLE, 10 * READY_TICKS) is Cause.NONE
 
 
-def test_what_an_operator_was_refused_is_to_be_read_until_something_is_obeyed() -> None:
+def test_refusal_is_shown_until_the_next_accepted_command() -> None:
     watch = Supervisor(autostart=False)
     wait(watch, Phase.IDLE, 1, ("the left agent",))
     watch.refused("cannot start without the left agent")
@@ -43,7 +43,7 @@ def test_what_an_operator_was_refused_is_to_be_read_until_something_is_obeyed() 
     assert watch.notice == ""
 
 
-def test_a_refusal_is_shown_no_longer_than_its_reason_holds() -> None:
+def test_refusal_is_cleared_when_its_reason_changes() -> None:
     watch = Supervisor(autostart=False)
     wait(watch, Phase.IDLE, 1, ("the left agent",))
     watch.refused("cannot start without the left agent")
@@ -53,7 +53,7 @@ def test_a_refusal_is_shown_no_longer_than_its_reason_holds() -> None:
     assert watch.notice == ""
 
 
-def test_in_a_pause_the_reason_that_holds_now_is_shown() -> None:
+def test_paused_notice_shows_the_current_reason() -> None:
     watch = Supervisor(autostart=False)
     lost, stopped = "no sample from the left agent", "emergency stop at the left device"
     watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, lost)
@@ -71,7 +71,7 @@ def test_in_a_pause_the_reason_that_holds_now_is_shown() -> None:
     assert watch.notice == ""
 
 
-def test_a_fault_of_the_stage_itself_is_shown_too() -> None:
+def test_stage_fault_is_shown_and_waits_for_the_operator() -> None:
     watch = Supervisor(autostart=True)
     watch.faulted(STAGE_FAULT)
     assert watch.notice == f"paused: {STAGE_FAULT}"
@@ -80,18 +80,18 @@ def test_a_fault_of_the_stage_itself_is_shown_too() -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])
-def test_trouble_pauses_a_trial_at_once(phase: Phase) -> None:
+def test_trouble_pauses_a_running_trial_at_once(phase: Phase) -> None:
     watch = Supervisor(autostart=True)
     assert watch.command(next(TICKS), phase, ALL_THERE, "no sample from the left agent") is Cause.FAULT
     assert watch.notice == "paused: no sample from the left agent"
 
 
 @pytest.mark.parametrize("phase", [Phase.IDLE, Phase.PAUSED, Phase.FINISHED])
-def test_trouble_changes_nothing_where_no_trial_is_going_on(phase: Phase) -> None:
+def test_trouble_is_ignored_outside_a_trial(phase: Phase) -> None:
     assert Supervisor(autostart=True).command(next(TICKS), phase, ALL_THERE, "no sample") is Cause.NONE
 
 
-def test_after_a_fault_it_goes_on_by_itself_only_with_autostart() -> None:
+def test_trial_resumes_after_a_fault_only_with_autostart() -> None:
     for autostart, cause in ((True, Cause.RESUME), (False, Cause.NONE)):
         watch = Supervisor(autostart)
         watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "no sample")
@@ -99,13 +99,13 @@ def test_after_a_fault_it_goes_on_by_itself_only_with_autostart() -> None:
         assert wait(watch, Phase.PAUSED, READY_TICKS + 1) is cause
 
 
-def test_what_the_operator_has_paused_only_the_operator_resumes() -> None:
+def test_pause_by_the_operator_is_not_resumed_automatically() -> None:
     watch = Supervisor(autostart=True)
     assert watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "") is Cause.NONE
     assert wait(watch, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
 
 
-def test_after_an_emergency_only_the_operator_resumes() -> None:
+def test_emergency_stop_is_not_resumed_automatically() -> None:
     watch = Supervisor(autostart=True)
     watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "emergency stop by an operator")
     watch.await_operator()

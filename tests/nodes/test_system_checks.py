@@ -21,7 +21,7 @@ def write(root: Path, **files: str) -> Path:
     return root
 
 
-def test_a_machine_that_offers_nothing_is_no_trouble(tmp_path: Path) -> None:
+def test_machine_without_any_interface_is_green(tmp_path: Path) -> None:
     found = [
         system.throttle(tmp_path),
         system.governor(tmp_path),
@@ -37,12 +37,12 @@ def test_a_machine_that_offers_nothing_is_no_trouble(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("runtime", "colour"), [("950000", "green"), ("1000000", "green"), ("-1", "yellow"), ("0", "red")]
 )
-def test_the_throttle(tmp_path: Path, runtime: str, colour: str) -> None:
+def test_realtime_throttling(tmp_path: Path, runtime: str, colour: str) -> None:
     write(tmp_path, proc__sys__kernel__sched_rt_runtime_us=runtime, proc__sys__kernel__sched_rt_period_us="1000000")
     assert system.throttle(tmp_path).colour == colour
 
 
-def test_one_core_with_another_governor_is_told(tmp_path: Path) -> None:
+def test_differing_cpu_governor_is_yellow(tmp_path: Path) -> None:
     governor = "sys__devices__system__cpu__cpu{}__cpufreq__scaling_governor"
     write(tmp_path, **{governor.format(0): "performance", governor.format(1): "performance"})
     assert system.governor(tmp_path).colour == "green"
@@ -72,12 +72,12 @@ DEBIAN = "Linux version 6.12 (gcc 14) #1 SMP PREEMPT_DYNAMIC Debian"
         ({"proc__version": "Linux 5.10 #1 SMP PREEMPT"}, "green", "full"),
     ],
 )
-def test_preemption(tmp_path: Path, files: dict[str, str], colour: str, found: str) -> None:
+def test_kernel_preemption_mode(tmp_path: Path, files: dict[str, str], colour: str, found: str) -> None:
     finding = system.preemption(write(tmp_path, **files))
     assert (finding.colour, finding.found) == (colour, found)
 
 
-def test_deep_sleep_of_cores_matters_unless_it_is_kept_away(tmp_path: Path) -> None:
+def test_deep_core_sleep_is_yellow_unless_prevented(tmp_path: Path) -> None:
     state = "sys__devices__system__cpu__cpu0__cpuidle__state{}__latency"
     write(tmp_path, **{state.format(0): "0", state.format(1): "2"})
     assert system.core_sleep(False, tmp_path).colour == "green"
@@ -94,18 +94,18 @@ def test_clock_source(tmp_path: Path, source: str, colour: str) -> None:
 
 
 @pytest.mark.parametrize(("flags", "colour"), [("fpu tsc sse", "green"), ("fpu hypervisor sse", "yellow")])
-def test_a_virtual_machine_is_told(tmp_path: Path, flags: str, colour: str) -> None:
+def test_virtual_machine_is_yellow(tmp_path: Path, flags: str, colour: str) -> None:
     write(tmp_path, proc__cpuinfo=f"processor : 0\nflags : {flags}\n")
     assert system.virtual_machine(tmp_path).colour == colour
 
 
-def test_each_loop_and_the_rest_of_the_system_want_a_core() -> None:
+def test_system_needs_a_core_for_each_loop_and_one_more() -> None:
     assert system.cores(range(4)).colour == "green"
     assert system.cores(range(3)).colour == "yellow"
     assert "needs 4" in system.cores([0]).advice
 
 
-def test_an_isolated_core_is_of_use_only_to_a_loop_that_is_on_it(tmp_path: Path) -> None:
+def test_isolated_core_requires_a_loop_pinned_to_it(tmp_path: Path) -> None:
     assert system.isolation("3", range(4), tmp_path).colour == "yellow"
     assert system.isolation("1", range(2), tmp_path).colour == "green"
     write(tmp_path, sys__devices__system__cpu__isolated="2-3")
@@ -126,7 +126,7 @@ def cards(root: Path) -> Path:
     return root
 
 
-def test_a_network_card_that_delays_frames_is_told(tmp_path: Path) -> None:
+def test_network_card_that_delays_frames_is_yellow(tmp_path: Path) -> None:
     outside = Network(bind="192.0.2.1", host="192.0.2.1")
     assert network.card(Network(), cards(tmp_path)).colour == "green"
     assert network.card(outside, tmp_path).found == "wlan0: wireless"
@@ -138,12 +138,14 @@ def test_a_network_card_that_delays_frames_is_told(tmp_path: Path) -> None:
     assert network.card(outside, tmp_path / "nowhere").found == "no network card is up"
 
 
-def test_a_card_that_is_not_there_says_nothing() -> None:
+def test_missing_network_card_has_no_coalescing_time() -> None:
     assert network.coalescing_us("nosuchcard0") is None
 
 
 @pytest.mark.parametrize("judge", [system.scheduling, system.memory])
-def test_what_the_loops_asked_for(judge: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scheduling_and_memory_findings_follow_the_granted_settings(
+    judge: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert callable(judge)
     monkeypatch.setattr(sys, "platform", "linux")
     granted, off, refused = judge(OK), judge(OFF), judge("Operation not permitted")
@@ -155,7 +157,7 @@ def test_what_the_loops_asked_for(judge: object, monkeypatch: pytest.MonkeyPatch
     assert judge("not offered on darwin").colour == "yellow"
 
 
-def test_cpus_that_are_not_there() -> None:
+def test_missing_cpus_are_yellow() -> None:
     assert system.cpus("2", OK).colour == "green"
     assert system.cpus("64", "Invalid argument") == Finding(
         "server's CPUs", "yellow", "64: Invalid argument", "name CPUs of the server's machine in [realtime] server_cpus"
@@ -186,12 +188,12 @@ def plugged(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_devices_that_may_be_opened(plugged: Path) -> None:
+def test_accessible_usb_devices_are_green(plugged: Path) -> None:
     finding = usb.devices(plugged)
     assert (finding.colour, finding.found) == ("green", "Touch (HID) at 1-1, Touch (USB) at 1-2")
 
 
-def test_a_device_that_may_not_be_opened_is_red(plugged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inaccessible_usb_device_is_red(plugged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: node.name != "hidraw3")
     finding = usb.devices(plugged)
     assert finding.colour == "red"
@@ -200,14 +202,14 @@ def test_a_device_that_may_not_be_opened_is_red(plugged: Path, monkeypatch: pyte
     assert "70-netboard.rules" in finding.advice
 
 
-def test_a_device_that_everybody_may_open_is_yellow(plugged: Path) -> None:
+def test_world_accessible_usb_device_is_yellow(plugged: Path) -> None:
     (plugged / "dev" / "ttyACM0").chmod(0o666)
     finding = usb.devices(plugged)
     assert finding.colour == "yellow"
     assert "ttyACM0" in finding.found
 
 
-def test_other_devices_are_nobodys_business(tmp_path: Path) -> None:
+def test_other_usb_devices_are_ignored(tmp_path: Path) -> None:
     at = "sys__bus__usb__devices__3-1__"
     write(tmp_path, **{f"{at}idVendor": "046d", f"{at}idProduct": "c52b"})
     assert usb.devices(tmp_path).found == "no USB haptic device found"

@@ -43,7 +43,7 @@ def newest(rig: MotionRig, now_ns: int) -> int:
     return int(row["left_seq"][0])
 
 
-def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: MotionRig) -> None:
+def test_flood_delays_no_sample_and_is_answered_once_and_counted(rig: MotionRig) -> None:
     register(rig)
     flood = 10 * MAX_FRAMES
     for _ in range(flood):
@@ -61,7 +61,7 @@ def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: Moti
     assert sum(rig.port.refusals.totals.values()) == flood
 
 
-def test_a_stranger_is_heard_again_after_a_while_and_its_greeting_at_any_time(rig: MotionRig) -> None:
+def test_unregistered_peer_is_answered_at_intervals_but_hello_always(rig: MotionRig) -> None:
     for message in (StatusRequest(), hello("display", "left"), StatusRequest(), hello("display", "left")):
         rig.router.say(b"x", message)
     rig.drain(lambda: 0)
@@ -72,7 +72,7 @@ def test_a_stranger_is_heard_again_after_a_while_and_its_greeting_at_any_time(ri
     assert rig.router.heard(b"x") == [Refusal("say hello first")]
 
 
-def test_an_agent_that_says_hello_gets_in_however_many_strangers_talk(rig: MotionRig) -> None:
+def test_agent_registers_among_any_number_of_unregistered_peers(rig: MotionRig) -> None:
     crowd = [b"stranger %d" % number for number in range(300)]
     for tick in range(1000):
         at = tick * MS
@@ -89,7 +89,7 @@ def test_an_agent_that_says_hello_gets_in_however_many_strangers_talk(rig: Motio
     assert isinstance(rig.router.heard(A)[0], Welcome)
 
 
-def test_however_many_strangers_there_are_only_so_many_are_told_apart_and_all_are_counted(rig: MotionRig) -> None:
+def test_refusals_name_a_limited_number_of_peers_but_count_all(rig: MotionRig) -> None:
     for number in range(400):
         rig.router.say(b"stranger %d" % number, b"\x00")
         rig.drain(lambda now=number * MS: now)
@@ -100,7 +100,7 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart_and_all_ar
     assert sum(whole.values()) == 400
 
 
-def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: MotionRig) -> None:
+def test_frames_handled_per_call_are_limited(rig: MotionRig) -> None:
     register(rig)
     for seq in range(4 * MAX_OTHER_FRAMES):
         rig.router.say(A, replace(STYLUS, seq=seq))
@@ -112,7 +112,7 @@ def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: 
     assert taken == [(tick + 1) * MAX_OTHER_FRAMES // 2 for tick in range(4)]
 
 
-def test_a_registered_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig) -> None:
+def test_surplus_messages_of_a_registered_agent_are_refused_and_counted(rig: MotionRig) -> None:
     register(rig)
     for _ in range(2 * OTHER_FRAME_BURST):
         rig.router.say(A, hello("agent", "left"))
@@ -121,7 +121,7 @@ def test_a_registered_agent_that_says_too_much_is_refused_and_counted(rig: Motio
     assert rig.port.refusals.totals == {TOO_MANY_MESSAGES: OTHER_FRAME_BURST}
 
 
-def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:
+def test_long_multipart_message_is_skipped_in_steps(rig: MotionRig) -> None:
     register(rig)
     rig.router.say(b"x", *[b""] * 10_000)
     rig.router.say(A, STYLUS)
@@ -132,7 +132,7 @@ def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:
     assert rounds > 10
 
 
-def test_what_may_not_be_said_is_not_unpacked(rig: MotionRig) -> None:
+def test_message_that_a_role_may_not_send_is_not_unpacked(rig: MotionRig) -> None:
     register(rig)
     rig.router.say(A, b"\x97\x1e\xc1")  # a request for records, and then nonsense
     rig.drain(lambda: 0)

@@ -77,7 +77,7 @@ def rig(config: Config) -> Iterator[Rig]:
             publisher.close()
 
 
-def test_stations_are_sent_views_in_turn(rig: Rig) -> None:
+def test_stations_receive_views_alternately(rig: Rig) -> None:
     rig.run(1000)
     for side in SIDES:
         assert len(rig.seen(side)) == pytest.approx(100, abs=1)
@@ -85,7 +85,7 @@ def test_stations_are_sent_views_in_turn(rig: Rig) -> None:
     assert not set(rig.seen("left")) & set(rig.seen("right")), "both at once would make one tick late"
 
 
-def test_views_are_numbered_as_they_are_sent(rig: Rig) -> None:
+def test_views_are_numbered_consecutively_per_station(rig: Rig) -> None:
     rig.run(100)
     rig.stations["left"].watched = False
     rig.run(100)
@@ -95,14 +95,14 @@ def test_views_are_numbered_as_they_are_sent(rig: Rig) -> None:
     assert [view.seq for view in rig.stations["right"].sent] == list(range(30))
 
 
-def test_where_nobody_looks_nothing_is_sent(rig: Rig) -> None:
+def test_no_view_is_sent_without_a_subscriber(rig: Rig) -> None:
     rig.stations["right"].watched = False
     rig.run(200)
     assert rig.seen("right") == []
     assert len(rig.seen("left")) == 20
 
 
-def test_what_has_not_changed_is_only_a_sign_of_life(rig: Rig) -> None:
+def test_unchanged_view_is_sent_at_the_keep_alive_rate(rig: Rig) -> None:
     rig.run(1000, moving=False)
     assert set(np.diff(rig.seen("left"))) == {SAME_VIEW_TICKS}
     rig.rows["trial"] = 2
@@ -110,7 +110,7 @@ def test_what_has_not_changed_is_only_a_sign_of_life(rig: Rig) -> None:
     assert rig.stations["left"].sent[-1].trial == 2
 
 
-def test_everything_of_another_block_is_new(rig: Rig, config: Config) -> None:
+def test_unchanged_view_is_sent_again_in_a_new_block(rig: Rig, config: Config) -> None:
     rig.run(100, moving=False)
     before = len(rig.seen("left"))
     rig.port.renew()
@@ -119,7 +119,7 @@ def test_everything_of_another_block_is_new(rig: Rig, config: Config) -> None:
     assert [view.seq for view in rig.stations["left"].sent] == list(range(before + 1)), "numbers go on"
 
 
-def test_ticks_that_are_done_together_bring_one_view(rig: Rig) -> None:
+def test_batched_ticks_send_one_view(rig: Rig) -> None:
     rig.run(1)
     for side in SIDES:
         rig.stations[side].sent.clear()
@@ -130,7 +130,7 @@ def test_ticks_that_are_done_together_bring_one_view(rig: Rig) -> None:
     assert len(rig.seen("left")) <= 5
 
 
-def test_a_station_is_sent_what_its_participant_may_see(rig: Rig) -> None:
+def test_station_receives_only_what_its_participant_may_see(rig: Rig) -> None:
     rig.run(10, best=0.75, rest=12.5)
     left, right = rig.stations["left"].sent[0], rig.stations["right"].sent[0]
     assert (left.station, left.left, left.right) == ("left", 0.01, None)
@@ -138,6 +138,6 @@ def test_a_station_is_sent_what_its_participant_may_see(rig: Rig) -> None:
     assert (left.best, left.rest, left.block, left.blocks) == (0.75, 12.5, 1, 2)
 
 
-def test_it_closes_both(rig: Rig) -> None:
+def test_closing_the_port_closes_both_publishers(rig: Rig) -> None:
     rig.port.close()
     assert all(publisher.closed for publisher in rig.stations.values())
