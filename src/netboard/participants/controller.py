@@ -31,7 +31,16 @@ from netboard.base.config import SIDES, Side
 from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
-from netboard.participants.partner import haptic_weight, partner_height, partner_seen
+from netboard.participants.expectations import (
+    INTENT,
+    INTENTS,
+    board_height,
+    commanded_share,
+    delay_to_hand,
+    expected_tilt,
+    partner_height_seen,
+    share_done,
+)
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
     LEVELLING,
@@ -40,23 +49,16 @@ from netboard.participants.senses import (
     SEEN,
     SENSES,
     Glimpse,
-    force_at,
     is_free,
     ou_step,
     perceive,
     store,
     write_glimpse,
 )
-from netboard.participants.submovement import Submovement, minimum_jerk
+from netboard.participants.submovement import Submovement
 
 DECISION_INTERVAL = 0.010
 """Interval between two decisions [s]."""
-
-FORCE_HORIZON = 0.100
-"""Horizon over which the partner's height is extrapolated from the force [s]."""
-
-FORCE_WINDOW = 0.030
-"""Window over which the partner's velocity is estimated [s]."""
 
 HAPTIC_ERROR_TIME = 0.5
 """Correlation time of the error of a height inferred from force [s]."""
@@ -74,9 +76,6 @@ thousand could never be exceeded. As only an action draws a new one, the partici
 LEVEL_MARGIN = 0.7
 """Share of the levelling limits above which a participant corrects tilt or height [1]."""
 
-INTENTS = 64
-"""Submovements of a participant whose effect it has not seen yet, at most [1]."""
-
 _SCENE = ("M", "ball", "g", "l", "k_h", "k_s")
 
 CONSTANTS = np.dtype(
@@ -89,19 +88,6 @@ CONSTANTS = np.dtype(
     ]
 )
 """Constants of a participant: its own, and what it knows of scene and task."""
-
-INTENT = np.dtype(
-    [
-        ("side", "<i8"),  # 0: left, 1: right
-        ("start", "<f8"),  # [s]
-        ("duration", "<f8"),  # [s]
-        ("displacement", "<f8"),  # without motor noise [m]
-        ("turn", "<f8"),  # part of it that tilts the board; the rest lifts it [m]
-        ("mirrored", "<f8"),  # expected displacement of the partner's hand, which tilts the board too [m]
-        ("partner", "<f8"),  # height of the partner's hand as seen at the decision; NaN if unknown [m]
-    ]
-)
-"""An intended submovement: its expected effect until it becomes visible."""
 
 MOVE = np.dtype([("side", "<i8"), ("start", "<f8"), ("duration", "<f8"), ("displacement", "<f8")])
 """A new submovement [s, s, m]."""
@@ -214,7 +200,7 @@ def decide(
     if not perceive(senses, now - k["visual_delay"], seen):
         return 0
     _detect_release(state, k, rng)
-    _drop_completed(state, k, seen["time"] - _lag(k))
+    _drop_completed(state, k, seen["time"] - delay_to_hand(k))
     if now < state["ready"]:
         return 0
     if seen["phase"] == LEVELLING:
@@ -222,12 +208,6 @@ def decide(
     if is_free(seen["phase"]):
         return _steer(state, k, rng, now, moves)
     return 0
-
-
-@inlined
-def _lag(k: Any) -> float:
-    """Return the delay from a planned movement to the hand: two muscle lags and the lag of the arm [s]."""
-    return float(2.0 * k["muscle_lag"] + k["arm_damping"] / k["arm_stiffness"])
 
 
 @inlined
@@ -248,7 +228,7 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
     intents, kept = state["intents"], 0
     for i in range(state["intent_count"]):
         intent = intents[i]
-        if _done(intent, shown) < 1.0:
+        if commanded_share(intent, shown) < 1.0:
             if kept < i:
                 to = intents[kept]
                 to["side"], to["start"], to["duration"] = intent["side"], intent["start"], intent["duration"]
@@ -266,24 +246,12 @@ def _learn_partner(state: Any, k: Any, intent: Any) -> None:
 
     The partner is expected to lift the board as far as oneself, and to mirror a share of the turn.
     """
-    rise = _partner_height_seen(state, k, intent["side"]) - intent["partner"]
+    rise = partner_height_seen(state, k, intent["side"]) - intent["partner"]
     if isnan(rise) or intent["turn"] == 0.0:
         return
     share = (intent["displacement"] - intent["turn"] - rise) / intent["turn"]
     mirror = state["mirror"] + k["mirror_rate"] * (share - state["mirror"])
     state["mirror"] = min(max(mirror, 0.0), 1.0)
-
-
-@inlined
-def _partner_height_seen(state: Any, k: Any, side: int) -> float:
-    """Return the height of the partner's hand as the board showed it; NaN if one's own hand is hidden [m]."""
-    return partner_seen(_own_height(state, side), state["percept"]["theta"], 2.0 * side - 1.0, k["l"])
-
-
-@inlined
-def _done(intent: Any, when: float) -> float:
-    """Return the share of a submovement that is commanded at a time [1]."""
-    return minimum_jerk((when - intent["start"]) / intent["duration"])
 
 
 @inlined
@@ -297,11 +265,11 @@ def _draw_threshold(state: Any, k: Any, rng: np.random.Generator) -> float:
 @inlined
 def _steer(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that steer the ball; none if the tilt error is below the threshold."""
-    expected = _expected_tilt(state, k, now)
+    expected = expected_tilt(state, k, now)
     error = _wanted_tilt(state, k, expected) - expected
     if abs(error) <= state["threshold"]:
         return 0
-    lift = -k["centring"] * _height(state, k)
+    lift = -k["centring"] * board_height(state, k)
     return _act(state, k, rng, now, error, lift, moves)
 
 
@@ -323,7 +291,7 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
     dt = k["lookahead"] * k["visual_delay"] / FORESIGHT_STEPS
     ball, speed = seen["p"], seen["v"]
     for step in range(FORESIGHT_STEPS):
-        share = _share_done(state, k, seen["time"] + (step + 0.5) * dt)
+        share = share_done(state, k, seen["time"] + (step + 0.5) * dt)
         pull = -k["g"] * (seen["theta"] + share * (expected - seen["theta"]))
         ball += speed * dt + pull * dt * dt / 2.0
         speed += pull * dt
@@ -331,140 +299,14 @@ def _predict_ball(state: Any, k: Any, expected: float) -> tuple[float, float]:
 
 
 @inlined
-def _share_done(state: Any, k: Any, when: float) -> float:
-    """Return the share, done at `when`, of the tilt change under way when seen; from own hands only [1]."""
-    lag = _lag(k)
-    left = done = 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        size = abs(intent["turn"])
-        before = _done(intent, state["percept"]["time"] - lag)
-        left += size * (1.0 - before)
-        done += size * (_done(intent, when - lag) - before)
-    return done / left if left > 0.0 else 1.0
-
-
-@inlined
-def _expected_tilt(state: Any, k: Any, now: float) -> float:
-    """Return the tilt of the board once all movements under way are complete [rad]."""
-    lever, theta = 2.0 * k["l"], state["percept"]["theta"]
-    if k["hands"] == 3:
-        return float(theta + (_moved(state, k, 1, inf) - _moved(state, k, 0, inf)) / lever)
-    side = k["hands"] - 1
-    sign = 2.0 * side - 1.0
-    own = _moved(state, k, side, inf)
-    other = _partner_rise(state, k, now, side)
-    return float(theta + sign * own / lever - sign * other / lever)
-
-
-@inlined
-def _turning(state: Any, k: Any, side: int) -> float:
-    """Return the part of an own hand's remaining displacement that tilts the board; the rest lifts it [m]."""
-    when, rise = state["percept"]["time"] - _lag(k), 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        if intent["side"] == side:
-            rise += intent["turn"] * (1.0 - _done(intent, when))
-    return rise
-
-
-@inlined
-def _partner_moved(state: Any, k: Any, when: float) -> float:
-    """Return the expected displacement of the partner's hand from where it was seen to a later time [m]."""
-    lag, rise = _lag(k), 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        progress = _done(intent, when - lag) - _done(intent, state["percept"]["time"] - lag)
-        rise += (intent["displacement"] - intent["turn"] - intent["mirrored"]) * progress
-    return rise
-
-
-@inlined
-def _partner_rise(state: Any, k: Any, now: float, side: int) -> float:
-    """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
-
-    The correction is the difference between the height inferred from the force and the height expected then, carried on
-    at its present rate, times its weight by reliability.
-    """
-    then = now - k["haptic_delay"]
-    late, early = force_at(state["senses"], then), force_at(state["senses"], then - FORCE_WINDOW)
-    shown = _partner_height_seen(state, k, side)
-    expected = _partner_moved(state, k, inf)
-    unknown = isnan(late) or isnan(early) or isnan(shown)
-    weight = _haptic_weight(state, k)
-    if unknown or weight == 0.0 or k["k_s"] == 0.0:
-        return expected
-    surprise = _partner_at(state, k, then, late, side) - shown - _partner_moved(state, k, then)
-    before = (
-        _partner_at(state, k, then - FORCE_WINDOW, early, side) - shown - _partner_moved(state, k, then - FORCE_WINDOW)
-    )
-    rate = (surprise - before) / FORCE_WINDOW
-    return float(expected + weight * (surprise + rate * FORCE_HORIZON + state["haptic_error"]))
-
-
-@inlined
-def _haptic_weight(state: Any, k: Any) -> float:
-    """Return the weight of the height inferred from force against the visual prediction [1].
-
-    The partner is taken to make, in each movement time, one unforeseen movement of `partner_noise` times the hand's
-    part in the largest tilt.
-    """
-    if k["haptic_gain"] >= 0.0:
-        return float(k["haptic_gain"])
-    seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
-    drift = (k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"]
-    apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
-    return haptic_weight(seen, drift, apart, state["learning_factor"] * k["haptic_noise"])
-
-
-@inlined
-def _partner_at(state: Any, k: Any, when: float, force: float, side: int) -> float:
-    """Return the height of the partner's hand at a time, inferred from the force then [m]."""
-    seen = state["percept"]
-    own = _own_height(state, side) + _moved(state, k, side, when)
-    return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)
-
-
-@inlined
-def _moved(state: Any, k: Any, side: int, when: float) -> float:
-    """Return the displacement of an own hand from where it was seen to a later time [m]."""
-    lag, rise = _lag(k), 0.0
-    for i in range(state["intent_count"]):
-        intent = state["intents"][i]
-        if intent["side"] == side:
-            progress = _done(intent, when - lag) - _done(intent, state["percept"]["time"] - lag)
-            rise += intent["displacement"] * progress
-    return rise
-
-
-@inlined
-def _own_height(state: Any, side: int) -> float:
-    """Return the height of an own hand as seen; NaN if it is hidden [m]."""
-    return float(state["percept"]["left"] if side == 0 else state["percept"]["right"])
-
-
-@inlined
-def _height(state: Any, k: Any) -> float:
-    """Return the height of the board's centre after the lifting under way, if all hands lift alike [m]."""
-    total, count = 0.0, 0
-    for side in range(2):
-        shown = _own_height(state, side)
-        if k["hands"] & (1 << side) and not isnan(shown):
-            lifting = _moved(state, k, side, inf) - _turning(state, k, side)
-            total += shown - (2.0 * side - 1.0) * k["l"] * state["percept"]["theta"] + lifting
-            count += 1
-    return total / count if count > 0 else state["percept"]["z"]
-
-
-@inlined
 def _level(state: Any, k: Any, rng: np.random.Generator, now: float, moves: NDArray[Any]) -> int:
     """Write the submovements that level the board at its neutral height; none if it is level."""
-    error, height = -_expected_tilt(state, k, now), _height(state, k)
+    error, height = -expected_tilt(state, k, now), board_height(state, k)
     tilted, off = abs(error) > LEVEL_MARGIN * k["level_angle"], abs(height) > LEVEL_MARGIN * k["level_height"]
     if not tilted and not off:
         return 0
     count = _act(state, k, rng, now, error if tilted else 0.0, -height if off else 0.0, moves)
-    state["ready"] = now + moves[count - 1]["duration"] + _lag(k) + k["visual_delay"]
+    state["ready"] = now + moves[count - 1]["duration"] + delay_to_hand(k) + k["visual_delay"]
     return count
 
 
@@ -496,7 +338,7 @@ def _act(
         intent["side"], intent["start"], intent["duration"] = side, start, duration
         intent["displacement"], intent["turn"] = share + lift, share
         intent["mirrored"] = state["mirror"] * share * (1.0 + partner_error)
-        intent["partner"] = _partner_height_seen(state, k, side)
+        intent["partner"] = partner_height_seen(state, k, side)
         state["intent_count"] += 1
         move = moves[count]
         move["side"], move["start"], move["duration"] = side, start, duration
