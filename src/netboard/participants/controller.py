@@ -32,15 +32,21 @@ from netboard.base.tables.experiment import Task
 from netboard.base.tables.scene import Physics
 from netboard.base.tables.simulated import Participant
 from netboard.participants.expectations import (
+    BOTH,
     INTENT,
     INTENTS,
+    TO_GOAL,
     board_height,
     commanded_share,
     delay_to_hand,
     expected_tilt,
+    follow_partner,
+    of_partner,
+    partner_drift,
     partner_height_seen,
     share_done,
 )
+from netboard.participants.partner import GOAL, goal_gains
 from netboard.participants.policy import SIMULATED_PARTICIPANT, identity_of
 from netboard.participants.senses import (
     LEVELLING,
@@ -73,6 +79,10 @@ MAX_THRESHOLD = 0.95
 """Largest threshold, as a share of the largest commanded tilt [1]. Without this limit, about one drawn threshold in two
 thousand could never be exceeded. As only an action draws a new one, the participant would never act again."""
 
+GOAL_SPEED = 4.0
+"""Natural frequency with which a partner's hand is taken to approach its goal, times the movement time: a critically
+damped approach of this frequency is as late, on average, as a submovement [rad]."""
+
 LEVEL_MARGIN = 0.7
 """Share of the levelling limits above which a participant corrects tilt or height [1]."""
 
@@ -85,6 +95,8 @@ CONSTANTS = np.dtype(
         ("level_angle", "<f8"),  # tilt and height within which the board counts as level [rad, m]
         ("level_height", "<f8"),
         ("hands", "<i8"),  # 1: left, 2: right, 3: both
+        ("goal_speed", "<f8"),  # natural frequency with which a partner's hand approaches its goal [rad/s]
+        ("goal_gains", "<f8", (3,)),
     ]
 )
 """Constants of a participant: its own, and what it knows of scene and task."""
@@ -98,6 +110,8 @@ STATE = np.dtype(
         ("percept", PERCEPT),
         ("intents", INTENT, (INTENTS,)),
         ("intent_count", "<i8"),
+        ("goal", GOAL),  # estimated goal of the partner's unforeseen movement
+        ("mirrored", "<f8"),  # displacement of the partner expected of the submovements that are complete [m]
         ("haptic_error", "<f8"),  # present error of a height inferred from force [m]
         ("decision_time", "<f8"),  # time of the last decision [s]
         ("ready", "<f8"),  # earliest time of the next action [s]
@@ -111,7 +125,7 @@ STATE = np.dtype(
 """State of a controller."""
 
 
-_WORDS = {"haptic_gain": -1.0, "practice": inf}
+_WORDS = {"noise": -1.0, "plan": inf, "rate": 0.0, "goal": TO_GOAL}
 """How a word in place of a number is packed: the gain follows from the noise; without a plan, all is learned."""
 
 
@@ -122,12 +136,15 @@ def pack_constants(person: Participant, physics: Physics, task: Task, sides: tup
     packed = np.zeros(1, CONSTANTS)
     for field in fields(Participant):
         value = getattr(person, field.name)
-        packed[field.name] = _WORDS[field.name] if isinstance(value, str) else value
+        packed[field.name] = _WORDS[value] if isinstance(value, str) else value
     for name in ("M", "g", "l", "k_h", "k_s"):
         packed[name] = getattr(physics, name)
     packed["ball"] = physics.m if physics.balls else 0.0
     packed["level_angle"], packed["level_height"] = radians(task.level_angle_deg), task.level_height
     packed["hands"] = sum(1 << SIDES.index(side) for side in sides)
+    speed = GOAL_SPEED / person.movement_time
+    packed["goal_speed"] = speed
+    packed["goal_gains"] = goal_gains(speed, partner_drift(packed[0]), person.haptic_noise, DECISION_INTERVAL)
     return packed
 
 
@@ -142,6 +159,7 @@ def initialise(state: Any, k: Any, rng: np.random.Generator) -> None:
     senses["noise_theta"] = factor * radians(k["tilt_noise_deg"]) * rng.standard_normal()
     state["haptic_error"] = factor * k["haptic_noise"] * rng.standard_normal()
     state["decision_time"] = state["ready"] = -inf
+    state["goal"]["time"] = nan
     state["threshold"] = _draw_threshold(state, k, rng)
 
 
@@ -201,6 +219,8 @@ def decide(
         return 0
     _detect_release(state, k, rng)
     _drop_completed(state, k, seen["time"] - delay_to_hand(k))
+    if k["partner_prediction"] == TO_GOAL and k["hands"] != BOTH:
+        follow_partner(state, k, now)
     if now < state["ready"]:
         return 0
     if seen["phase"] == LEVELLING:
@@ -235,7 +255,9 @@ def _drop_completed(state: Any, k: Any, shown: float) -> None:
                 to["displacement"], to["turn"] = intent["displacement"], intent["turn"]
                 to["mirrored"], to["partner"] = intent["mirrored"], intent["partner"]
             kept += 1
-        elif k["hands"] != 3 and is_free(state["percept"]["phase"]):
+            continue
+        state["mirrored"] += of_partner(intent)
+        if k["hands"] != BOTH and is_free(state["percept"]["phase"]):
             _learn_partner(state, k, intent)
     state["intent_count"] = kept
 
@@ -320,7 +342,7 @@ def _act(
     scale = 1.0 + state["learning_factor"] * k["amplitude_cv"] * rng.standard_normal()
     wait = uneven = 0.0
     late = -1
-    if k["hands"] == 3:
+    if k["hands"] == BOTH:
         late = int(rng.integers(0, 2))
         wait = abs(k["bimanual_async"] * rng.standard_normal())
         uneven = k["bimanual_amplitude_cv"] / 2.0 * rng.standard_normal()

@@ -10,12 +10,18 @@ from typing import Any
 import numpy as np
 
 from netboard.base.compiled import inlined
-from netboard.participants.partner import haptic_weight, partner_height, partner_seen
+from netboard.participants.partner import follow_goal, haptic_weight, partner_height, partner_seen
 from netboard.participants.senses import force_at
 from netboard.participants.submovement import minimum_jerk
 
 INTENTS = 64
 """Submovements of a participant whose effect it has not seen yet, at most [1]."""
+
+BOTH = 3
+"""`hands` of a participant that moves both [1]."""
+
+TO_GOAL = 1.0
+"""`partner_prediction` of a participant that estimates where the partner is going [1]."""
 
 FORCE_HORIZON = 0.100
 """Horizon over which the partner's height is extrapolated from the force [s]."""
@@ -115,7 +121,7 @@ def share_done(state: Any, k: Any, when: float) -> float:
 def expected_tilt(state: Any, k: Any, now: float) -> float:
     """Return the tilt of the board once all movements under way are complete [rad]."""
     lever, theta = 2.0 * k["l"], state["percept"]["theta"]
-    if k["hands"] == 3:
+    if k["hands"] == BOTH:
         return float(theta + (moved(state, k, 1, inf) - moved(state, k, 0, inf)) / lever)
     side = k["hands"] - 1
     sign = 2.0 * side - 1.0
@@ -125,11 +131,18 @@ def expected_tilt(state: Any, k: Any, now: float) -> float:
 
 
 @inlined
+def of_partner(intent: Any) -> float:
+    """Return the displacement that is expected of the partner's hand during an own submovement [m]."""
+    return float(intent["displacement"] - intent["turn"] - intent["mirrored"])
+
+
+@inlined
 def partner_rise(state: Any, k: Any, now: float, side: int) -> float:
     """Return the expected displacement of the partner's hand since it was seen, corrected by the force [m].
 
-    The correction is the difference between the height inferred from the force and the height expected then, carried on
-    at its present rate, times its weight by reliability.
+    The correction is where the unforeseen part of the partner's movement leads, times its weight by reliability. That
+    part is the difference between the height inferred from the force and the height expected then. It is carried on at
+    its present rate, or to its estimated goal.
     """
     then = now - k["haptic_delay"]
     late, early = force_at(state["senses"], then), force_at(state["senses"], then - FORCE_WINDOW)
@@ -139,6 +152,8 @@ def partner_rise(state: Any, k: Any, now: float, side: int) -> float:
     weight = felt_weight(state, k)
     if unknown or weight == 0.0 or k["k_s"] == 0.0:
         return expected
+    if k["partner_prediction"] == TO_GOAL:
+        return float(expected + weight * (state["goal"]["goal"] + partner_mirrored(state, k, inf) - shown - expected))
     surprise = partner_at(state, k, then, late, side) - shown - partner_moved(state, k, then)
     before = (
         partner_at(state, k, then - FORCE_WINDOW, early, side) - shown - partner_moved(state, k, then - FORCE_WINDOW)
@@ -154,8 +169,29 @@ def partner_moved(state: Any, k: Any, when: float) -> float:
     for i in range(state["intent_count"]):
         intent = state["intents"][i]
         progress = commanded_share(intent, when - lag) - commanded_share(intent, state["percept"]["time"] - lag)
-        rise += (intent["displacement"] - intent["turn"] - intent["mirrored"]) * progress
+        rise += of_partner(intent) * progress
     return rise
+
+
+@inlined
+def partner_mirrored(state: Any, k: Any, when: float) -> float:
+    """Return the displacement expected of the partner in all own submovements up to a time [m]."""
+    lag, rise = delay_to_hand(k), state["mirrored"]
+    for i in range(state["intent_count"]):
+        intent = state["intents"][i]
+        rise += of_partner(intent) * commanded_share(intent, when - lag)
+    return float(rise)
+
+
+@inlined
+def follow_partner(state: Any, k: Any, now: float) -> None:
+    """Update the estimated goal of the unforeseen part of the partner's movement by the newest force felt."""
+    then, side = now - k["haptic_delay"], k["hands"] - 1
+    force = force_at(state["senses"], then)
+    if isnan(force) or isnan(own_height(state, side)) or k["k_s"] == 0.0:
+        return
+    height = partner_at(state, k, then, force, side) + state["haptic_error"] - partner_mirrored(state, k, then)
+    follow_goal(state["goal"], then, height, k["goal_speed"], k["goal_gains"])
 
 
 @inlined
@@ -168,14 +204,19 @@ def partner_at(state: Any, k: Any, when: float, force: float, side: int) -> floa
 
 @inlined
 def felt_weight(state: Any, k: Any) -> float:
-    """Return the weight of the height inferred from force against the visual prediction [1].
+    """Return the weight of the height inferred from force against the visual prediction [1]."""
+    if k["haptic_gain"] >= 0.0:
+        return float(k["haptic_gain"])
+    seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
+    apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
+    return haptic_weight(seen, partner_drift(k), apart, state["learning_factor"] * k["haptic_noise"])
+
+
+@inlined
+def partner_drift(k: Any) -> float:
+    """Return the variance of the partner's unforeseen movement per time [m2/s].
 
     The partner is taken to make, in each movement time, one unforeseen movement of `partner_noise` times the hand's
     part in the largest tilt.
     """
-    if k["haptic_gain"] >= 0.0:
-        return float(k["haptic_gain"])
-    seen = state["learning_factor"] * 2.0 * k["l"] * radians(k["tilt_noise_deg"])
-    drift = (k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"]
-    apart = max(k["visual_delay"] - k["haptic_delay"], 0.0)
-    return haptic_weight(seen, drift, apart, state["learning_factor"] * k["haptic_noise"])
+    return float((k["partner_noise"] * k["l"] * radians(k["max_tilt_deg"])) ** 2 / k["movement_time"])

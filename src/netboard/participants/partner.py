@@ -4,13 +4,27 @@ The board shows where the partner's hand was one visual delay ago. Its movement 
 from haptic feedback: at static equilibrium, the force on one's own hand determines the partner's height.
 """
 
+from math import exp
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
 
 from netboard.base.compiled import kernel
 from netboard.base.config import Side
 
 SIGN: dict[Side, float] = {"left": -1.0, "right": 1.0}
 """Sign of each side of the board, + = right; also the sign of the tilt when the hand on that side rises [1]."""
+
+FINEST = 1e-5
+"""Smallest standard deviation of an inferred height that the estimate of a goal assumes [m]."""
+
+FORGET = 0.1
+"""Time without a force after which the estimate of a goal begins anew [s]."""
+
+GOAL = np.dtype([("time", "<f8"), ("height", "<f8"), ("rate", "<f8"), ("goal", "<f8")])
+"""Estimate of where the partner's hand is going: time of the estimate, height, its rate, goal [s, m, m/s, m]."""
 
 
 @kernel
@@ -77,3 +91,86 @@ def haptic_weight(seen: float, drift: float, apart: float, felt: float) -> float
     prior = seen * seen + drift * apart
     total = prior + felt * felt
     return prior / total if total > 0.0 else 0.0
+
+
+@kernel
+def towards_goal(height: float, rate: float, goal: float, speed: float, dt: float) -> tuple[float, float]:
+    """Return height and rate of a hand that approaches a goal, after some time [m, m/s].
+
+    A critically damped approach, ``h'' = speed**2 (goal - h) - 2 speed h'``, solved exactly.
+
+    Parameters
+    ----------
+    speed : float
+        Natural frequency of the approach [rad/s].
+    dt : float
+        Elapsed time [s].
+    """
+    keep, away = exp(-speed * dt), height - goal
+    pull = rate + speed * away
+    return goal + keep * (away + pull * dt), keep * (rate - speed * pull * dt)
+
+
+def goal_gains(speed: float, drift: float, felt: float, dt: float) -> NDArray[np.float64]:
+    """Return how a height inferred from force corrects the estimates of height, rate and goal.
+
+    The gains of the stationary Kalman filter of a hand that approaches a goal that drifts as a random walk. Pairs infer
+    each other's goal in this way from the force between them (Takagi, Ganesh, Yoshioka, Kawato and Burdet, Nat. Hum.
+    Behav. 1:0054, 2017).
+
+    Parameters
+    ----------
+    speed : float
+        Natural frequency of the approach [rad/s].
+    drift : float
+        Variance of the goal's unforeseen movement per time [m2/s].
+    felt : float
+        Standard deviation of a height inferred from force [m].
+    dt : float
+        Time between two such heights [s].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Correction per error of the height: of the height, its rate and the goal; 0 if the goal does not drift
+        [1, 1/s, 1].
+    """
+    if drift == 0.0:
+        return np.zeros(3)
+    columns = [towards_goal(*unit, speed, dt) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    advance = np.array([[height, rate, 0.0] for height, rate in columns]).T
+    advance[2, 2] = 1.0
+    noise = np.zeros((3, 3))
+    noise[2, 2] = drift * dt
+    seen = np.array([[1.0, 0.0, 0.0]])
+    error = max(felt, FINEST) ** 2
+    spread = solve_discrete_are(advance.T, seen.T, noise, np.array([[error]]))
+    return np.asarray(spread[:, 0] / (spread[0, 0] + error))
+
+
+@kernel
+def follow_goal(estimate: Any, time: float, height: float, speed: float, gains: NDArray[np.float64]) -> None:
+    """Update an estimate of the partner's goal by a height inferred from force.
+
+    Parameters
+    ----------
+    estimate : record of GOAL
+        Updated; its time is NaN before the first height.
+    time : float
+        Time of the height [s].
+    height : float
+        The height [m].
+    speed : float
+        Natural frequency of the approach [rad/s].
+    gains : ndarray, shape (3,)
+        Those of `goal_gains`.
+    """
+    dt = time - estimate["time"]
+    estimate["time"] = time
+    if not dt <= FORGET:
+        estimate["height"], estimate["rate"], estimate["goal"] = height, 0.0, height
+        return
+    expected, rate = towards_goal(estimate["height"], estimate["rate"], estimate["goal"], speed, dt)
+    error = height - expected
+    estimate["height"], estimate["rate"] = expected + gains[0] * error, rate + gains[1] * error
+    estimate["goal"] += gains[2] * error

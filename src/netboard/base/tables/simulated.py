@@ -95,6 +95,10 @@ class Participant:
     velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.0087
     tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.22
     partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
+    partner_prediction: Annotated[
+        Literal["rate", "goal"],
+        about("how a movement of the partner that is felt is carried on: at its rate, or to its estimated goal"),
+    ] = "rate"
     mirror: Annotated[
         float, about("share of one's own tilting that one expects of the partner at first", "1", ge=0, le=1)
     ] = 0.65
@@ -140,6 +144,7 @@ PARTICIPANT_SOURCES = {
         ("threshold_cv", "movement_cv", "amplitude_cv", "bimanual_amplitude_cv", "mirror"): _SEARCHED,
         ("threshold_deg", "refractory", "movement_time"): _FITTED,
         ("position_noise", "velocity_noise", "tilt_noise_deg", "bimanual_async", "novice"): _FITTED,
+        ("partner_prediction",): "assumed; the goal is estimated as in Takagi et al. 2017",
         ("haptic_gain",): "computed from the noise: Ernst and Banks 2002",
         ("force_noise", "friction_skill", "reflex_time", "reaction_time", "haptic_noise", "learning_trials"): _ASSUMED,
         ("practice",): "the trials of the plan",

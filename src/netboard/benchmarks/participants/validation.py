@@ -34,6 +34,7 @@ ABLATIONS = {
     "no learning": replace(USUAL, novice=1.0),
     "with yielding": replace(USUAL, reflex_gain=1.0),
     "with impedance": replace(USUAL, impedance_gain=20_000.0),
+    "with goal": replace(USUAL, partner_prediction="goal"),
 }
 """Variants of the model: each is without one part, or ("with") has a part that the model leaves out."""
 
