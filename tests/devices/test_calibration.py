@@ -1,4 +1,4 @@
-"""From measured stylus positions to a placement."""
+"""Calibration: the placement that follows from measured stylus positions."""
 
 from math import inf
 
@@ -17,23 +17,23 @@ from netboard.devices.setup.loop import watch
 POINTS = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 
 
-def held(*places: tuple[float, float, float]) -> calibration.Point:
+def held_position(*places: tuple[float, float, float]) -> calibration.Point:
     device = Puppet(Config(), *(AT_REST._replace(x=x, y=y, z=z) for x, y, z in places))
     device.open()
     return calibration.held_at(watch(device, SimulatedTime(), 0.1))
 
 
-def test_a_place_is_where_it_mostly_was() -> None:
-    assert held(*[(0.1, 0.2, 0.3)] * 60, (0.1, 0.2, 0.301)) == pytest.approx((0.1, 0.2, 0.3), abs=1e-3)
+def test_held_position_is_the_median_along_each_axis() -> None:
+    assert held_position(*[(0.1, 0.2, 0.3)] * 60, (0.1, 0.2, 0.301)) == pytest.approx((0.1, 0.2, 0.3), abs=1e-3)
 
 
-def test_a_stylus_that_moved_is_refused() -> None:
+def test_moving_stylus_is_rejected() -> None:
     with pytest.raises(NetboardError, match="moved by 10 mm"):
-        held((0.0, 0.0, 0.0), (0.0, 0.0, 0.01))
+        held_position((0.0, 0.0, 0.0), (0.0, 0.0, 0.01))
 
 
 @given(POINTS, POINTS)
-def test_the_box_has_both_corners(one: calibration.Point, other: calibration.Point) -> None:
+def test_box_contains_both_corners_in_either_order(one: calibration.Point, other: calibration.Point) -> None:
     if min(abs(a - b) for a, b in zip(one, other, strict=True)) < calibration.MIN_SIDE:
         with pytest.raises(NetboardError, match="corners"):
             calibration.box_between(one, other)
@@ -45,7 +45,7 @@ def test_the_box_has_both_corners(one: calibration.Point, other: calibration.Poi
 
 
 @given(st.floats(-0.1, 0.1), st.floats(0.01, 0.2), st.floats(0.01, 0.2), st.floats(0.01, 0.2))
-def test_what_the_task_needs_has_room(zero: float, below: float, above: float, needed: float) -> None:
+def test_scale_is_the_smallest_that_fits_the_task_range(zero: float, below: float, above: float, needed: float) -> None:
     box = Box(-inf, -inf, zero - below, inf, inf, zero + above)
     scale = calibration.scale_for(zero, box, needed)
     assert scale >= 1.0
@@ -53,26 +53,26 @@ def test_what_the_task_needs_has_room(zero: float, below: float, above: float, n
     assert scale == 1.0 or min(below, above) * scale == pytest.approx(needed)
 
 
-def test_a_neutral_height_at_the_edge_is_refused() -> None:
+def test_neutral_height_at_the_workspace_edge_is_rejected() -> None:
     with pytest.raises(NetboardError, match="neutral height, 99 mm"):
         calibration.scale_for(0.099, Box(-1, -1, -0.1, 1, 1, 0.1), 0.05)
 
 
-def test_a_new_zero_leaves_the_rest() -> None:
+def test_new_zero_keeps_scale_and_workspace() -> None:
     before = Placement(scale=2.0, z_max=0.1)
     after = calibration.placed(before, (0.01, 0.02, 0.03), None, 0.075, "now")
     assert (after.zero_x, after.zero_y, after.zero_z) == (0.01, 0.02, 0.03)
     assert (after.scale, after.z_max, after.calibrated) == (2.0, 0.1, "now")
 
 
-def test_corners_give_box_and_scale() -> None:
+def test_corners_set_workspace_and_scale() -> None:
     box = Box(-0.1, -0.1, -0.05, 0.1, 0.1, 0.05)
     after = calibration.placed(Placement(), (0.0, 0.0, 0.0), box, 0.075, "now")
     assert after.box == tuple(box)
     assert after.scale == pytest.approx(1.5)
 
 
-def test_values_by_hand() -> None:
+def test_manual_values_override_only_the_given_keys() -> None:
     after = calibration.with_values(Placement(scale=2.0), {"zero_z": "0.02", "x_max": "0.1"}, "then")
     assert after == Placement(scale=2.0, zero_z=0.02, x_max=0.1, calibrated="then")
 
@@ -85,6 +85,6 @@ def test_values_by_hand() -> None:
         ({"scale": "100"}, r"\[placement\] scale: found 100.0, expected a number >= 0.1 and <= 10"),
     ],
 )
-def test_wrong_values_are_named(given: dict[str, str], message: str) -> None:
+def test_error_names_invalid_manual_value(given: dict[str, str], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         calibration.with_values(Placement(), given, "then")

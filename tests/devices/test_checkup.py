@@ -1,4 +1,4 @@
-"""The device check-up on simulated readings."""
+"""Device checkup on simulated readings."""
 
 import numpy as np
 import pytest
@@ -32,75 +32,75 @@ def track(n: int = 3000, **other: object) -> Track:
     return Track(**{**parts, **other})
 
 
-def finding(name: str, seen: Track, info: DeviceInfo = INFO) -> Finding:
-    return next(each for each in checkup.examine(seen, info) if each.name == name)
+def finding(name: str, recorded: Track, info: DeviceInfo = INFO) -> Finding:
+    return next(each for each in checkup.examine(recorded, info) if each.name == name)
 
 
-def moved(n: int = 3000, step: float = 5.5e-5) -> np.ndarray:
-    """A stylus that swings for most of the time, then rests."""
+def oscillation(n: int = 3000, step: float = 5.5e-5) -> np.ndarray:
+    """Return positions of a stylus that oscillates most of the time, then rests."""
     z = np.round(0.02 * np.sin(np.minimum(np.arange(n), n - 1200) * 0.005) / step) * step
     return np.stack([z, z, z], axis=1)
 
 
-def test_a_good_device_has_no_trouble() -> None:
-    findings = checkup.examine(track(place=moved()), INFO)
+def test_good_device_has_only_green_findings() -> None:
+    findings = checkup.examine(track(place=oscillation()), INFO)
     assert {each.colour for each in findings} == {"green"}
     assert all(each.advice == "" for each in findings)
 
 
-def test_a_loop_with_gaps() -> None:
+def test_loop_with_a_gap_is_yellow() -> None:
     late = np.arange(3000) * 1e-3
     late[1500:] += 0.006
-    seen = finding("loop", track(begun=late))
-    assert seen.colour == "yellow"
-    assert seen.figures["largest_ms"] == pytest.approx(7.0)
-    assert seen.figures["p50_ms"] == pytest.approx(1.0)
+    result = finding("loop", track(begun=late))
+    assert result.colour == "yellow"
+    assert result.figures["largest_ms"] == pytest.approx(7.0)
+    assert result.figures["p50_ms"] == pytest.approx(1.0)
 
 
-def test_a_device_slower_than_the_loop() -> None:
-    seen = finding("position updates", track(time=np.arange(3000) // 2 * 2e-3))
-    assert seen.colour == "yellow"
-    assert seen.figures["rate_hz"] == pytest.approx(500, rel=0.01)
+def test_position_updates_slower_than_the_loop_are_yellow() -> None:
+    result = finding("position updates", track(time=np.arange(3000) // 2 * 2e-3))
+    assert result.colour == "yellow"
+    assert result.figures["rate_hz"] == pytest.approx(500, rel=0.01)
 
 
-def test_slow_answers() -> None:
+def test_slow_reads_are_yellow() -> None:
     assert finding("read duration", track(took=np.full(3000, 2e-3))).colour == "yellow"
 
 
-def test_resolution_is_seen_only_of_a_stylus_that_moves() -> None:
+def test_resolution_is_judged_only_if_the_stylus_moves() -> None:
     assert finding("resolution", track()).colour == "yellow"
-    seen = finding("resolution", track(place=moved()))
-    assert (seen.colour, seen.figures["smallest_m"]) == ("green", pytest.approx(5.5e-5))
-    assert finding("resolution", track(place=moved(step=5e-4))).advice == "coarser than the device reports"
+    result = finding("resolution", track(place=oscillation()))
+    assert (result.colour, result.figures["smallest_m"]) == ("green", pytest.approx(5.5e-5))
+    assert finding("resolution", track(place=oscillation(step=5e-4))).advice == "coarser than the device reports"
 
 
-def test_noise_is_that_of_the_quietest_second() -> None:
+def test_noise_is_measured_in_the_quietest_second() -> None:
     rng = np.random.default_rng(1)
-    place = moved()
+    place = oscillation()
     place[1800:] = 0.01 + 1e-5 * rng.standard_normal((1200, 3))
-    seen = finding("noise at rest", track(place=place))
-    assert seen.colour == "green"
-    assert seen.figures["z_m"] == pytest.approx(1e-5, rel=0.1)
+    result = finding("noise at rest", track(place=place))
+    assert result.colour == "green"
+    assert result.figures["z_m"] == pytest.approx(1e-5, rel=0.1)
     place[1800:] = 0.01 + 3e-4 * rng.standard_normal((1200, 3))
     assert finding("noise at rest", track(place=place)).colour == "yellow"
 
 
-def test_buttons_and_readiness() -> None:
+def test_pressed_buttons_are_listed_and_unready_device_is_yellow() -> None:
     buttons = np.zeros(3000, np.int64)
     buttons[5], buttons[9] = 1, 4
     assert finding("buttons", track(buttons=buttons)).found == "pressed: 0, 2"
     assert finding("ready for forces", track(ready=np.zeros(3000, np.bool_))).colour == "yellow"
 
 
-def test_watching_gives_no_force() -> None:
+def test_watching_writes_no_force() -> None:
     device = Puppet(Config(), AT_REST)
     device.open()
-    seen = watch(device, SimulatedTime(), 0.3)
-    assert len(seen.time) == 300
+    recorded = watch(device, SimulatedTime(), 0.3)
+    assert len(recorded.time) == 300
     assert device.forces == []
 
 
-def test_a_virtual_device_moved_by_its_hand_is_well() -> None:
+def test_virtual_device_moved_by_its_hand_passes_the_checkup() -> None:
     device = virtual(configured(held=True))
     device.command([Submovement("left", 1.5, 0.4, 0.03), Submovement("left", 2.5, 0.4, -0.03)])
     colours = {each.name: each.colour for each in checkup.examine(watch(device, SimulatedTime(), 4.0), device.info)}
@@ -110,7 +110,7 @@ def test_a_virtual_device_moved_by_its_hand_is_well() -> None:
 # --- pushes --------------------------------------------------------------------------------------------------------
 
 
-def pushed(level: float, **model: float) -> checkup.Pushes:
+def measured_pushes(level: float, **model: float) -> checkup.Pushes:
     device = virtual(configured(**model))
     track = Driver(device, SimulatedTime(), Safety(max_force=level)).drive(
         checkup.PUSHING, lambda t, _: checkup.push_force(level, t)
@@ -119,27 +119,27 @@ def pushed(level: float, **model: float) -> checkup.Pushes:
     return checkup.pushes(track, device.info, mechanics)
 
 
-def test_all_pushes_of_a_free_stylus_are_felt_when_its_mass_lets_them() -> None:
-    found = pushed(0.3, mass=0.1, friction=0.05, damping=0.1)
+def test_all_pushes_move_a_free_stylus_after_the_mechanical_delay() -> None:
+    found = measured_pushes(0.3, mass=0.1, friction=0.05, damping=0.1)
     assert (len(found.delays), found.tried) == (checkup.PULSES, checkup.PULSES)
     assert found.mechanical == pytest.approx((2 * 1.5 * 5.5e-5 * 0.1 / 0.25) ** 0.5)
     assert np.allclose(found.delays, found.mechanical, atol=3.1e-3)
     assert checkup.judge_pushes(found).colour == "green"
 
 
-def test_pushes_that_friction_holds_are_red() -> None:
-    found = pushed(0.2, mass=0.045, friction=0.26, damping=0.1)
+def test_pushes_held_by_friction_are_red() -> None:
+    found = measured_pushes(0.2, mass=0.045, friction=0.26, damping=0.1)
     assert found.delays == ()
     assert checkup.judge_pushes(found).colour == "red"
 
 
-def test_a_device_that_answers_late_is_yellow() -> None:
+def test_delayed_response_to_pushes_is_yellow() -> None:
     late = checkup.Pushes((0.03, 0.031, 0.029), 3, 0.008)
     assert checkup.judge_pushes(late).colour == "yellow"
     assert "identify" in checkup.judge_pushes(late._replace(mechanical=float("nan"))).found
 
 
-def test_pushes_go_up_and_down_and_end() -> None:
+def test_pushes_alternate_in_direction_and_end_at_zero() -> None:
     times = np.arange(0.0, checkup.PUSHING, 1e-3)
     heights = np.array([checkup.push_force(0.3, t)[2] for t in times])
     assert set(heights) == {0.0, 0.3, -0.3}

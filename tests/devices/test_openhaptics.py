@@ -45,7 +45,7 @@ class OverTheFake(DeviceContract):
         right, up, near = self.fake.felt()
         return near, right, up
 
-    def instants(self) -> Iterator[int]:
+    def read_times(self) -> Iterator[int]:
         for _ in range(50):
             self.fake.wait(2)
             yield monotonic_ns()

@@ -16,12 +16,12 @@ def reading(x: float, y: float, vx: float = 0.0, vy: float = 0.0) -> Reading:
     return Reading(0, x, y, 0.05, vx, vy, 0.3, 0, True)
 
 
-def test_it_is_the_paper_s_limit_of_the_device() -> None:
+def test_default_stiffness_is_that_of_the_paper() -> None:
     assert lateral_force(reading(0.001, -0.002), Fixture()) == (-0.4, 0.8)
 
 
 @given(number, number, number, number)
-def test_it_pulls_to_the_line_and_takes_energy(x: float, y: float, vx: float, vy: float) -> None:
+def test_fixture_pulls_to_the_line_and_dissipates_energy(x: float, y: float, vx: float, vy: float) -> None:
     fx, fy = lateral_force(reading(x, y), Fixture())
     assert fx * x <= 0
     assert fy * y <= 0
@@ -29,7 +29,7 @@ def test_it_pulls_to_the_line_and_takes_energy(x: float, y: float, vx: float, vy
     assert dx * vx + dy * vy <= 0
 
 
-def test_it_holds_a_hand_near_the_line() -> None:
+def test_fixture_brings_a_hand_closer_to_the_line() -> None:
     config = Config()
     device = VirtualTouch("left", config)
     device.open()

@@ -1,4 +1,4 @@
-"""The rules of `Device` that hold for every backend, on a backend that fails."""
+"""Rules that `Device` enforces for every backend, tested on a failing one."""
 
 from dataclasses import replace
 
@@ -10,13 +10,13 @@ from netboard.devices.contract.device import Device, DeviceInfo, Reading
 
 
 class Failing(Device):
-    """A device that can be told to be missing, or to vanish."""
+    """A device that a test can disconnect."""
 
-    there = True
+    connected = True
     released = 0
 
     def _open(self) -> DeviceInfo:
-        if not self.there:
+        if not self.connected:
             raise DeviceNotFound("no such device")
         return DeviceInfo("failing", "0", 3.0, 1.0, 0.0)
 
@@ -24,17 +24,17 @@ class Failing(Device):
         return Reading(now_ns, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0, True)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        if not self.there:
-            raise DeviceLost("it is gone")
+        if not self.connected:
+            raise DeviceLost("it was disconnected")
 
     def _close(self) -> None:
         self.released += 1
 
 
-def test_a_lost_device_is_released_all_the_same() -> None:
+def test_closing_a_lost_device_still_releases_it() -> None:
     device = Failing("left", Config())
     device.open()
-    device.there = False
+    device.connected = False
     with pytest.raises(DeviceLost):
         device.close()
     assert device.released == 1
@@ -42,16 +42,16 @@ def test_a_lost_device_is_released_all_the_same() -> None:
     assert device.released == 1
 
 
-def test_a_device_that_did_not_open_is_closed() -> None:
+def test_device_that_fails_to_open_stays_closed() -> None:
     device = Failing("left", Config())
-    device.there = False
+    device.connected = False
     with pytest.raises(DeviceNotFound):
         device.open()
     with pytest.raises(ValueError, match="closed"):
         device.read(0)
 
 
-def test_heights_count_from_the_scene_s_origin() -> None:
+def test_zero_of_each_side_is_subtracted_from_its_heights() -> None:
     config = Config()
     config = replace(config, agents=replace(config.agents, right=replace(config.agents.right, zero=0.03)))
     with Failing("right", config) as right, Failing("left", config) as left:
@@ -59,7 +59,7 @@ def test_heights_count_from_the_scene_s_origin() -> None:
         assert left.read(0).z == 0.1
 
 
-def test_an_incomplete_backend_cannot_be_made() -> None:
+def test_incomplete_backend_cannot_be_instantiated() -> None:
     class Half(Device):
         def _open(self) -> DeviceInfo:
             return DeviceInfo("half", "0", 3.0, 1.0, 0.0)

@@ -18,17 +18,17 @@ def reading(z: float, vz: float = 0.0) -> Reading:
     return Reading(NOW, 0.0, 0.0, z, 0.0, 0.0, vz, 0, True)
 
 
-def test_the_hand_is_pulled_to_the_point_and_slowed() -> None:
+def test_coupling_pulls_the_hand_to_the_control_point_and_damps_it() -> None:
     assert hand_force(point(NOW, 0.01), 0, reading(0.0)) == pytest.approx(2.0)
     assert hand_force(point(NOW), 0, reading(0.0, 0.25)) == pytest.approx(-0.5)
     assert hand_force(point(NOW, 0.01, 0.1), 0, reading(0.01, 0.1)) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(("age", "ahead"), [(0, 0.0), (2, 0.002), (-1, -0.001), (60, REACH), (-60, -REACH)])
-def test_the_point_is_moved_on_by_its_age_within_the_reach(age: int, ahead: float) -> None:
+def test_control_point_is_extrapolated_by_its_age_up_to_the_reach(age: int, ahead: float) -> None:
     force = hand_force(point(NOW - age * MS, 0.0, 0.1), 0, reading(0.0, 0.1))
     assert force == pytest.approx(200.0 * 0.1 * ahead)
 
 
-def test_where_the_time_here_is_not_known_the_point_is_of_when_it_came() -> None:
+def test_reception_time_replaces_an_unknown_time_stamp() -> None:
     assert hand_force(point(0, 0.0, 0.1), NOW - 3 * MS, reading(0.0, 0.1)) == pytest.approx(200.0 * 0.1 * 0.003)
