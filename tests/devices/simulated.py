@@ -10,7 +10,7 @@ from netboard.devices.simulated.virtual import VirtualTouch
 
 
 class SimulatedTime:
-    """Milliseconds, each a millisecond after the one before."""
+    """Clock that advances by one millisecond per wait."""
 
     def __init__(self, now_ns: int = 1_000_000_000) -> None:
         self._now_ns = now_ns
@@ -24,7 +24,7 @@ class SimulatedTime:
 
 
 def configured(held: bool = False, **virtual: float) -> Config:
-    """A rig whose left device is a virtual one; an arm that holds it is a mass, a spring and a damper."""
+    """Return a rig whose left device is virtual; an arm that holds it is a passive mass-spring-damper."""
     arm = Participant(friction_skill=0.0, load_skill=0.0, reflex_gain=0.0)
     config = Config(virtual=VirtualDevice(**virtual), participant=arm)
     left = replace(config.agents.left, options={"held": held})
@@ -32,14 +32,14 @@ def configured(held: bool = False, **virtual: float) -> Config:
 
 
 def virtual(config: Config) -> VirtualTouch:
-    """The left device of a rig, open in its own frame."""
+    """Return the left device of a rig, open in its own frame."""
     device = VirtualTouch("left", config)
     device.open(placed=False)
     return device
 
 
 class Puppet(Device):
-    """A device that reads what a test wants, and keeps what it is given."""
+    """A device that returns the readings of a test and records the written forces."""
 
     def __init__(self, config: Config, *readings: Reading, max_force: float = 3.0) -> None:
         super().__init__("left", config)

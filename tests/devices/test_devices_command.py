@@ -1,4 +1,4 @@
-"""The commands ``netboard devices``, in simulated time where they would take a while."""
+"""The commands ``netboard devices``; the long ones run in simulated time."""
 
 import json
 from pathlib import Path
@@ -30,19 +30,19 @@ def devices(*words: str) -> Result:
 
 
 @pytest.mark.slow
-def test_list() -> None:
+def test_list_shows_backends_as_text_and_json() -> None:
     result = devices("list")
     assert "virtual" in result.output
     assert "available" in result.output
-    told = json.loads(devices("list", "--json").output)
-    assert {"name": "virtual", "usable": True, "trouble": ""} in told["backends"]
+    report = json.loads(devices("list", "--json").output)
+    assert {"name": "virtual", "usable": True, "trouble": ""} in report["backends"]
 
 
-def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    at = tmp_path / "sys/bus/usb/devices/1-1"
-    at.mkdir(parents=True)
+def test_list_fails_if_a_device_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usb_device = tmp_path / "sys/bus/usb/devices/1-1"
+    usb_device.mkdir(parents=True)
     for name, text in {"idVendor": "2988", "idProduct": "0302", "uevent": "DEVNAME=bus/usb/001/002"}.items():
-        (at / name).write_text(text)
+        (usb_device / name).write_text(text)
     node = tmp_path / "dev/bus/usb/001/002"
     node.parent.mkdir(parents=True)
     node.write_text("")
@@ -51,14 +51,14 @@ def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch:
     assert commands.show_list(Config(), as_json=False, root=tmp_path) == 1
 
 
-def test_test(capsys: pytest.CaptureFixture[str]) -> None:
+def test_test_command_reports_findings_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     code = commands.examine(
         configured(held=True), "left", seconds=2.0, force=0.0, yes=False, as_json=True, loop_clock=SimulatedTime()
     )
     assert code == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["serial"] == "virtual-left"
-    assert len(told["findings"]) == 8
+    report = json.loads(capsys.readouterr().out)
+    assert report["serial"] == "virtual-left"
+    assert len(report["findings"]) == 8
     config = configured(friction=0.1)
     time = SimulatedTime()
     assert commands.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, loop_clock=time) == 0
@@ -66,7 +66,7 @@ def test_test(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow
-def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_identify_writes_a_profile_only_for_a_free_device(capsys: pytest.CaptureFixture[str]) -> None:
     chirp = Chirp(seconds=6.0)
     common = {"yes": True, "replace_it": False, "as_json": False, "chirp": chirp}
     held = configured(held=True)
@@ -82,20 +82,20 @@ def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("words", ["test --side left --force 0.3", "identify --side left"])
-def test_nothing_moves_without_consent(words: str) -> None:
+def test_commands_that_move_the_device_require_consent(words: str) -> None:
     result = devices(*words.split())
     assert result.exit_code == 1
     assert "confirm with --yes" in result.output
 
 
-def test_the_sentence_must_be_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_consent_requires_typing_the_exact_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     commands.ask_consent("this", False, lambda _: f' "{commands.CONSENT}" ')
     with pytest.raises(NetboardError, match="nothing was moved"):
         commands.ask_consent("this", False, lambda _: "yes")
 
 
-def test_values_are_set_by_hand_and_the_one_before_is_kept() -> None:
+def test_calibrate_set_writes_values_and_keeps_a_backup() -> None:
     result = devices("calibrate", "--side", "left", "--set", "placement.zero_z=0.02", "--set", "agents.left.zero=0.1")
     assert result.exit_code == 0, result.output
     assert devices("calibrate", "--side", "left", "--set", "placement.scale=1.5").exit_code == 0
@@ -109,37 +109,37 @@ def test_values_are_set_by_hand_and_the_one_before_is_kept() -> None:
     assert devices("calibrate", "--side", "left", "--set", "placement.scale").exit_code == 2
 
 
-class Led:
-    """An operator who holds a device where he is asked to."""
+class GuidedOperator:
+    """An operator who holds the device at a list of positions, one per prompt."""
 
     def __init__(self, *places: tuple[float, float, float]) -> None:
-        self.asked: list[str] = []
+        self.prompts: list[str] = []
         self._places = list(places)
         self.place = places[0]
 
-    def __call__(self, words: str) -> str:
-        self.asked.append(words)
+    def __call__(self, prompt: str) -> str:
+        self.prompts.append(prompt)
         self.place = self._places.pop(0)
         return ""
 
 
-def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calibrate_writes_measured_zero_and_workspace_to_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
     from simulated import AT_REST, Puppet
 
-    operator = Led((0.01, 0.02, 0.03), (-0.05, -0.06, -0.02), (0.05, 0.06, 0.08))
+    operator = GuidedOperator((0.01, 0.02, 0.03), (-0.05, -0.06, -0.02), (0.05, 0.06, 0.08))
 
-    class Handled(Puppet):
+    class HeldDevice(Puppet):
         def _read(self, now_ns: int):
             x, y, z = operator.place
             return AT_REST._replace(stamp_ns=now_ns, x=x, y=y, z=z)
 
     def make(side: str, config: Config) -> Device:
-        return Handled(config, AT_REST)
+        return HeldDevice(config, AT_REST)
 
     monkeypatch.setattr("netboard.devices.contract.registry.make", make)
     common = {"given": {}, "replace_it": False, "ask": operator}
     assert commands.calibrate(Config(), "left", zero_only=False, yes=False, loop_clock=SimulatedTime(), **common) == 0
-    assert [words.partition(",")[0] for words in operator.asked] == [
+    assert [prompt.partition(",")[0] for prompt in operator.prompts] == [
         "Hold the stylus at the neutral height",
         "Hold the stylus at the lower far left corner of the workspace",
         "Hold the stylus at the upper near right corner of the workspace",
@@ -157,7 +157,7 @@ def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))
 
 
-def test_the_profile_goes_into_the_agent_s_introduction() -> None:
+def test_agent_introduction_includes_the_profile() -> None:
     from netboard.devices.simulated.virtual import VirtualTouch
     from netboard.nodes.agent.agent import introduction
 
@@ -170,7 +170,7 @@ def test_the_profile_goes_into_the_agent_s_introduction() -> None:
         assert device.read(10**9).z == pytest.approx(-0.02)
 
 
-def test_monitor_in_the_terminal() -> None:
+def test_monitor_prints_readings_in_the_terminal() -> None:
     result = devices("monitor", "--side", "left", "--text", "--seconds", "0.3")
     assert result.exit_code == 0, result.output
     assert "virtual Touch virtual-left (left)" in result.output

@@ -26,7 +26,7 @@ def push(t: float, reading: Reading) -> Vector:
     return 0.0, 0.0, 5.0
 
 
-def test_forces_are_clamped_slewed_and_end() -> None:
+def test_forces_are_clamped_slew_limited_and_end_at_zero() -> None:
     device, drive = driver(AT_REST, max_force=1.0, max_slew=100.0)
     track = drive.drive(0.1, push)
     heights = np.array([force[2] for force in device.forces])
@@ -37,7 +37,7 @@ def test_forces_are_clamped_slewed_and_end() -> None:
     assert track.force[-1, 2] == 1.0
 
 
-def test_nothing_is_felt_before_it_is_armed() -> None:
+def test_no_force_is_rendered_before_arming_is_complete() -> None:
     device, drive = driver(AT_REST, arm_time=0.5)
     drive.drive(0.05, push)
     assert not any(map(any, device.forces[:500]))
@@ -51,7 +51,7 @@ def test_nothing_is_felt_before_it_is_armed() -> None:
         (AT_REST._replace(vz=nan), "no numbers"),
     ],
 )
-def test_what_the_chain_does_not_like_ends_it(reading: Reading, why: str) -> None:
+def test_unsafe_reading_ends_the_drive_with_zero_force(reading: Reading, why: str) -> None:
     device, drive = driver(*[AT_REST] * 1050, reading)
     with pytest.raises(DeviceError, match=why):
         drive.drive(1.0, push)
@@ -63,7 +63,7 @@ def test_what_the_chain_does_not_like_ends_it(reading: Reading, why: str) -> Non
     assert not any(map(any, device.forces))
 
 
-def test_a_device_that_is_lost_is_given_zero() -> None:
+def test_lost_device_is_sent_zero_force() -> None:
     device, drive = driver(AT_REST)
 
     def lose(t: float, reading: Reading) -> Vector:
@@ -79,7 +79,7 @@ def test_a_device_that_is_lost_is_given_zero() -> None:
 # --- the chirp -----------------------------------------------------------------------------------------------------
 
 
-def test_the_chirp_stays_within_its_bounds() -> None:
+def test_chirp_stays_within_amplitude_and_speed_limits() -> None:
     chirp = Chirp()
     times = np.arange(0.0, chirp.seconds, 1e-3)
     place = np.array([chirp.lead(t) for t in times])
@@ -91,13 +91,13 @@ def test_the_chirp_stays_within_its_bounds() -> None:
     assert chirp.lead(-1.0) == chirp.lead(chirp.seconds + 1.0) == 0.0
 
 
-def test_the_rig_s_own_limits_stay_in_force() -> None:
+def test_stricter_limits_of_the_rig_apply_to_the_chirp() -> None:
     limits = excitation.limits_of(Chirp(), Safety(max_force=0.1, max_speed=0.2, arm_gate=0.05))
     assert (limits.max_force, limits.max_speed, limits.arm_gate) == (0.1, 0.2, 0.05)
     assert excitation.limits_of(Chirp(), Safety()).max_force == Chirp().max_force
 
 
-def test_a_device_without_motors_cannot_be_identified() -> None:
+def test_device_without_motors_cannot_be_identified() -> None:
     device = Puppet(Config(), AT_REST, max_force=0.0)
     device.open()
     with pytest.raises(DeviceError, match="no motors"):

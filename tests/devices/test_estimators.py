@@ -1,4 +1,4 @@
-"""Estimators against closed forms: exact on lines, with the predicted lag and noise, and finite for any input."""
+"""Velocity estimators compared with closed forms: exact at constant velocity, with the predicted lag and noise."""
 
 from typing import get_args, get_type_hints
 
@@ -27,35 +27,35 @@ from netboard.devices.contract.velocity import KINDS, Estimator, Velocimeter, ma
 
 STEP = 0.055e-3
 MS = 1_000_000
-OTHERS = sorted(set(KINDS) - {"adaptive"})
+FIXED_KINDS = sorted(set(KINDS) - {"adaptive"})
 every_kind = pytest.mark.parametrize("kind", sorted(KINDS))
-every_other_kind = pytest.mark.parametrize("kind", OTHERS)
+every_fixed_kind = pytest.mark.parametrize("kind", FIXED_KINDS)
 
 
 def new(kind: str, resolution: float = STEP) -> Estimator:
-    meter = make(kind, resolution)
-    assert meter is not None
-    return meter
+    estimator = make(kind, resolution)
+    assert estimator is not None
+    return estimator
 
 
-def feed(meter: Estimator, heights: np.ndarray, stamps_ns: np.ndarray | None = None) -> np.ndarray:
+def feed(estimator: Estimator, heights: np.ndarray, stamps_ns: np.ndarray | None = None) -> np.ndarray:
     stamps = np.arange(len(heights)) * MS if stamps_ns is None else stamps_ns
     return np.array(
-        [meter.update(int(t), 0.0, -2.0 * float(z), float(z))[2] for t, z in zip(stamps, heights, strict=True)]
+        [estimator.update(int(t), 0.0, -2.0 * float(z), float(z))[2] for t, z in zip(stamps, heights, strict=True)]
     )
 
 
-def test_the_configuration_names_all_kinds() -> None:
+def test_configuration_lists_every_estimator() -> None:
     assert set(get_args(get_type_hints(Agent)["velocity"])) == {"device", *KINDS}
     assert make("device", STEP) is None
     assert isinstance(make("adaptive", STEP), Velocimeter)
 
 
 @every_kind
-def test_the_first_position_says_nothing_and_the_second_gives_the_slope(kind: str) -> None:
-    meter = new(kind)
-    assert meter.update(5 * MS, 0.1, 0.2, 0.3) == (0.0, 0.0, 0.0)
-    assert meter.update(6 * MS, 0.101, 0.2, 0.298) == pytest.approx((1.0, 0.0, -2.0))
+def test_first_position_gives_zero_velocity_and_the_second_the_slope(kind: str) -> None:
+    estimator = new(kind)
+    assert estimator.update(5 * MS, 0.1, 0.2, 0.3) == (0.0, 0.0, 0.0)
+    assert estimator.update(6 * MS, 0.101, 0.2, 0.298) == pytest.approx((1.0, 0.0, -2.0))
 
 
 @every_kind
@@ -64,7 +64,7 @@ def test_the_first_position_says_nothing_and_the_second_gives_the_slope(kind: st
     intervals=st.lists(st.integers(100_000, 30 * MS), min_size=3, max_size=60),
     start_ns=st.integers(0, 10**15),
 )
-def test_a_steady_movement_is_told_exactly_whatever_the_stamps(
+def test_constant_velocity_is_exact_for_any_sample_intervals(
     kind: str, speed: float, intervals: list[int], start_ns: int
 ) -> None:
     stamps = np.cumsum([0, *intervals])
@@ -78,23 +78,23 @@ LAGS = {
     "alpha_beta": (alpha_beta_gains()[0] / alpha_beta_gains()[1] - 0.5) * 1e-3,
     "kalman": 0.0,
 }
-"""How late each is when the speed changes evenly [s]."""
+"""Lag of each estimator under constant acceleration [s]."""
 
 
-@every_other_kind
-def test_the_lag_on_a_ramp_of_velocity_is_that_of_theory(kind: str) -> None:
+@every_fixed_kind
+def test_lag_under_constant_acceleration_matches_theory(kind: str) -> None:
     t, acceleration = 1e-3 * np.arange(1500), 2.0
     found = feed(new(kind), 0.5 * acceleration * t**2)
     lag = (acceleration * t - found)[-100:] / acceleration
     assert lag == pytest.approx(LAGS[kind], abs=1e-7)
 
 
-def test_the_lag_of_an_alpha_beta_filter_is_three_and_a_half_samples() -> None:
+def test_alpha_beta_filter_lags_by_three_and_a_half_samples() -> None:
     assert LAGS["alpha_beta"] == pytest.approx(3.5e-3)
 
 
-def theory_of_noise(kind: str) -> float:
-    """Standard deviation of the velocity for white noise of deviation 1 in the position [1/s]."""
+def theoretical_noise(kind: str) -> float:
+    """Standard deviation of the velocity for white position noise of standard deviation 1 [1/s]."""
     if kind in ("difference", "chai3d"):
         return float(np.sqrt(2.0)) / (1e-3 if kind == "difference" else 15e-3)
     if kind == "alpha_beta":
@@ -103,47 +103,47 @@ def theory_of_noise(kind: str) -> float:
     f = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     k = np.array(kalman_gains(STEP))
     closed = f - np.outer(k, f[0])
-    spread = np.zeros((3, 3))
+    covariance = np.zeros((3, 3))
     for _ in range(5000):
-        spread = closed @ spread @ closed.T + np.outer(k, k)
-    return float(np.sqrt(spread[1, 1])) * 1e3
+        covariance = closed @ covariance @ closed.T + np.outer(k, k)
+    return float(np.sqrt(covariance[1, 1])) * 1e3
 
 
-@every_other_kind
-def test_noise_is_passed_on_as_theory_says(kind: str) -> None:
+@every_fixed_kind
+def test_velocity_noise_matches_theory(kind: str) -> None:
     heights = 1e-5 * np.random.default_rng(1).standard_normal(40_000)
-    assert feed(new(kind), heights)[100:].std() == pytest.approx(1e-5 * theory_of_noise(kind), rel=0.03)
+    assert feed(new(kind), heights)[100:].std() == pytest.approx(1e-5 * theoretical_noise(kind), rel=0.03)
 
 
-@every_other_kind
-def test_a_fast_movement_in_encoder_steps_is_as_noisy_as_white_steps(kind: str) -> None:
+@every_fixed_kind
+def test_quantisation_noise_of_a_fast_movement_is_that_of_white_noise(kind: str) -> None:
     heights = 0.1 * np.sqrt(2.0) * 1e-3 * np.arange(20_000)
     found = feed(new(kind), np.round(heights / STEP) * STEP)[100:] - 0.1 * np.sqrt(2.0)
     # A difference of neighbours sees steps that are not independent; so only within a half.
-    assert found.std() == pytest.approx(STEP / np.sqrt(12.0) * theory_of_noise(kind), rel=0.5)
+    assert found.std() == pytest.approx(STEP / np.sqrt(12.0) * theoretical_noise(kind), rel=0.5)
     assert abs(found.mean()) < 1e-4
 
 
 @every_kind
-def test_at_rest_in_encoder_steps_there_is_no_velocity(kind: str) -> None:
+def test_velocity_is_zero_at_rest_after_a_quantised_movement(kind: str) -> None:
     heights = np.concatenate([np.linspace(0.0, 0.02, 100), np.full(1000, 0.02)])
     found = feed(new(kind), np.round(heights / STEP) * STEP)
     assert np.abs(found[-100:]).max() < 1e-12
 
 
-def test_one_encoder_step_is_a_step_over_the_window() -> None:
+def test_response_to_one_encoder_step_matches_the_closed_form() -> None:
     heights = np.zeros(60)
     heights[30:] = STEP
     assert np.abs(feed(chai3d(), heights)).max() == pytest.approx(STEP / 15e-3)
     assert np.abs(feed(difference(), heights)).max() == pytest.approx(STEP / 1e-3)
     # With both poles at r an alpha-beta filter answers (1 - r)^2 (n + 1) r^n, most of all at n = r / (1 - r).
     n = np.arange(30)
-    answer = (1.0 - FORGET) ** 2 * ((n + 1.0) * FORGET**n) * STEP / 1e-3
-    assert feed(alpha_beta(), heights)[30:] == pytest.approx(answer)
+    response = (1.0 - FORGET) ** 2 * ((n + 1.0) * FORGET**n) * STEP / 1e-3
+    assert feed(alpha_beta(), heights)[30:] == pytest.approx(response)
 
 
 @every_kind
-def test_a_second_reading_of_the_same_time_replaces_the_first(kind: str) -> None:
+def test_second_reading_at_the_same_time_replaces_the_first(kind: str) -> None:
     once, twice = new(kind), new(kind)
     rng = np.random.default_rng(3)
     for k in range(100):
@@ -153,75 +153,75 @@ def test_a_second_reading_of_the_same_time_replaces_the_first(kind: str) -> None
         assert twice.update(k * MS, *place) == once.update(k * MS, *place)
 
 
-@every_other_kind
-def test_it_comes_back_after_a_gap(kind: str) -> None:
-    """The hand went 5 mm during the gap: first the slope over it, then what comes after."""
-    meter = new(kind)
-    feed(meter, np.zeros(50))
+@every_fixed_kind
+def test_estimate_recovers_after_a_gap(kind: str) -> None:
+    """The hand moves 5 mm during the gap; the estimate is first the slope over the gap, then the new velocity."""
+    estimator = new(kind)
+    feed(estimator, np.zeros(50))
     after = 50 * MS + 10 * GAP_NS
-    assert meter.update(after, 0.0, 0.0, 0.005)[2] == pytest.approx(0.005 / (0.001 + 0.2))
-    late = [meter.update(after + k * MS, 0.0, 0.0, 0.005 + 1e-4 * k)[2] for k in range(1, 80)]
+    assert estimator.update(after, 0.0, 0.0, 0.005)[2] == pytest.approx(0.005 / (0.001 + 0.2))
+    late = [estimator.update(after + k * MS, 0.0, 0.0, 0.005 + 1e-4 * k)[2] for k in range(1, 80)]
     assert late[-1] == pytest.approx(0.1, rel=1e-3)
     assert max(late) < 0.13
 
 
 @pytest.mark.parametrize("kind", ["chai3d", "alpha_beta", "kalman"])
-def test_an_encoder_step_between_two_hurried_readings_is_no_speed(kind: str) -> None:
-    meter = new(kind)
-    feed(meter, np.zeros(50))
-    found = [meter.update(50 * MS, 0.0, 0.0, 0.0)[2], meter.update(50 * MS + 5000, 0.0, 0.0, STEP)[2]]
-    found += [meter.update((50 + k) * MS, 0.0, 0.0, STEP)[2] for k in range(1, 100)]
+def test_encoder_step_between_close_readings_gives_no_velocity_spike(kind: str) -> None:
+    estimator = new(kind)
+    feed(estimator, np.zeros(50))
+    found = [estimator.update(50 * MS, 0.0, 0.0, 0.0)[2], estimator.update(50 * MS + 5000, 0.0, 0.0, STEP)[2]]
+    found += [estimator.update((50 + k) * MS, 0.0, 0.0, STEP)[2] for k in range(1, 100)]
     assert np.abs(found).max() < STEP / 1e-3
     assert found[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_window_holds_so_many_positions_and_no_more() -> None:
-    meter = chai3d()
+def test_window_is_limited_to_its_capacity() -> None:
+    estimator = chai3d()
     stamps = np.arange(500) * 100_000
-    found = feed(meter, stamps * 1e-9 * stamps * 1e-9, stamps)
+    found = feed(estimator, stamps * 1e-9 * stamps * 1e-9, stamps)
     assert stamps[-1] * 2e-9 - found[-1] == pytest.approx((CAPACITY - 1) * 1e-4, rel=1e-6)
 
 
-def test_the_window_ends_at_the_newest_position_that_is_old_enough() -> None:
-    meter = Window(10 * MS)
+def test_window_starts_at_the_newest_position_older_than_its_span() -> None:
+    estimator = Window(10 * MS)
     heights = {0: 0.0, 4: 0.001, 5: 0.003, 12: 0.0, 15: 0.004}
     for t, z in heights.items():
-        found = meter.update(t * MS, 0.0, 0.0, z)[2]
+        found = estimator.update(t * MS, 0.0, 0.0, z)[2]
     assert found == pytest.approx((0.004 - 0.003) / 10e-3)
 
 
 @pytest.mark.parametrize("resolution", [STEP, 0.01e-3, 1e-3])
-def test_the_gains_of_the_kalman_filter_solve_the_riccati_equation(resolution: float) -> None:
+def test_kalman_gains_solve_the_riccati_equation(resolution: float) -> None:
     f = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
-    stir = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    process_noise = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
     ratio = JERK * 1e-15 / (resolution**2 / 12.0)
-    ahead = solve_discrete_are(f.T, np.array([[1.0], [0.0], [0.0]]), ratio * stir, np.eye(1))
-    assert kalman_gains(resolution) == pytest.approx(ahead[:, 0] / (ahead[0, 0] + 1.0), rel=1e-6)
+    predicted = solve_discrete_are(f.T, np.array([[1.0], [0.0], [0.0]]), ratio * process_noise, np.eye(1))
+    assert kalman_gains(resolution) == pytest.approx(predicted[:, 0] / (predicted[0, 0] + 1.0), rel=1e-6)
 
 
-def test_without_encoder_steps_the_kalman_filter_reckons_with_small_ones() -> None:
+def test_kalman_gains_for_unknown_resolution_assume_the_finest_step() -> None:
     assert kalman_gains(0.0) == kalman_gains(1e-6)
     assert kalman_gains(0.0)[0] > kalman_gains(STEP)[0]
 
 
-def test_a_hand_that_jerks_as_reckoned_is_told_best_by_the_kalman_filter() -> None:
+def test_kalman_filter_is_most_accurate_for_the_modelled_jerk() -> None:
     rng = np.random.default_rng(5)
-    stir = JERK * 1e-15 * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
-    kicks = rng.multivariate_normal(np.zeros(3), stir, 5000)
+    process_noise = JERK * 1e-15 * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    disturbances = rng.multivariate_normal(np.zeros(3), process_noise, 5000)
     state, states = np.zeros(3), []
     f = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 0.995]])
-    for kick in kicks:
-        state = f @ state + kick
+    for disturbance in disturbances:
+        state = f @ state + disturbance
         states.append(state)
     z, v = np.array(states)[:, 0], np.array(states)[:, 1] / 1e-3
-    seen = z + STEP / np.sqrt(12.0) * rng.standard_normal(len(z))
-    errors = {kind: float(np.std((feed(new(kind), seen) - v)[200:])) for kind in KINDS}
+    measured = z + STEP / np.sqrt(12.0) * rng.standard_normal(len(z))
+    errors = {kind: float(np.std((feed(new(kind), measured) - v)[200:])) for kind in KINDS}
     assert min(errors, key=lambda kind: errors[kind]) == "kalman"
 
 
-def test_each_axis_is_judged_by_itself() -> None:
-    for meter in (kalman(STEP), alpha_beta(), chai3d(), difference()):
+def test_axes_are_estimated_independently() -> None:
+    for estimator in (kalman(STEP), alpha_beta(), chai3d(), difference()):
         for k in range(50):
-            found = meter.update(k * MS, 0.1e-3 * k, -0.2e-3 * k, 0.0)
+            found = estimator.update(k * MS, 0.1e-3 * k, -0.2e-3 * k, 0.0)
         assert found == pytest.approx((0.1, -0.2, 0.0))
     assert isinstance(kalman(STEP), Observer)

@@ -38,12 +38,12 @@ def test_inverse_undoes_forward(place: tuple) -> None:
 
 
 @given(places, places)
-def test_where_the_search_begins_does_not_matter(place: tuple, guess: tuple) -> None:
+def test_forward_kinematics_is_independent_of_the_initial_guess(place: tuple, guess: tuple) -> None:
     assert forward(inverse(place), guess) == pytest.approx(place, abs=1e-12)
 
 
 @given(places)
-def test_the_jacobian_is_the_derivative(place: tuple) -> None:
+def test_jacobian_matches_finite_differences(place: tuple) -> None:
     angles = inverse(place)
     step = 1e-5
     for leg, column in enumerate(jacobian(angles, place)):
@@ -56,17 +56,17 @@ def test_the_jacobian_is_the_derivative(place: tuple) -> None:
 
 
 @given(places, forces, forces)
-def test_torques_do_the_work_of_the_force(place: tuple, force: tuple, direction: tuple) -> None:
-    """Virtual work: torque times turn is force times motion, for a small motion either way."""
+def test_torques_satisfy_the_principle_of_virtual_work(place: tuple, force: tuple, direction: tuple) -> None:
+    """Torque times rotation equals force times displacement, for a small displacement."""
     motion = 1e-7 * np.array(direction)
     ahead, behind = (inverse(tuple(np.array(place) + sign * motion / 2)) for sign in (1, -1))
-    turn = np.array(ahead) - np.array(behind)
+    rotation = np.array(ahead) - np.array(behind)
     torque = torques(inverse(place), place, force)
-    assert np.dot(torque, turn) == pytest.approx(np.dot(force, motion), rel=1e-5, abs=1e-13)
+    assert np.dot(torque, rotation) == pytest.approx(np.dot(force, motion), rel=1e-5, abs=1e-13)
 
 
-def test_it_is_symmetric_about_its_axis() -> None:
-    """On the axis all arms do the same; a turn by 120 degrees hands one arm's part to the next."""
+def test_kinematics_is_symmetric_about_the_axis() -> None:
+    """On the axis all arms have the same angle; a rotation by 120 degrees permutes the arms."""
     first, second, third = inverse((0.0, 0.0, 0.12))
     assert first == pytest.approx(second, abs=1e-15)
     assert second == pytest.approx(third, abs=1e-15)
@@ -77,15 +77,15 @@ def test_it_is_symmetric_about_its_axis() -> None:
     assert turned == pytest.approx((two, three, one), abs=1e-14)
 
 
-def test_out_of_reach_there_is_no_answer() -> None:
+def test_unreachable_poses_give_nan() -> None:
     assert any(map(isnan, inverse((0.0, 0.0, 0.5))))
     assert any(map(isnan, inverse((0.2, 0.0, 0.1))))
     assert all(map(isnan, forward((3.0, 0.0, 0.0), CENTRE)))
 
 
 @given(st.tuples(*(st.integers(-32768, 32767),) * 3))
-def test_whatever_the_encoders_say_the_search_ends(encoders: tuple) -> None:
-    """It finds nothing, or a pose whose chains are closed."""
+def test_forward_kinematics_terminates_for_any_encoder_counts(encoders: tuple) -> None:
+    """The result is NaN or a pose whose kinematic chains are closed."""
     angles = angles_of(encoders)
     place = forward(angles, CENTRE)
     assume(not isnan(place[0]))
@@ -93,26 +93,26 @@ def test_whatever_the_encoders_say_the_search_ends(encoders: tuple) -> None:
 
 
 @given(st.tuples(*(st.integers(-3000, 3000),) * 3))
-def test_encoders_are_counted_alike_both_ways(encoders: tuple) -> None:
+def test_encoder_counts_round_trip_through_angles(encoders: tuple) -> None:
     assert encoders_at(angles_of(encoders)) == encoders
 
 
-def test_a_count_is_what_the_maker_promises() -> None:
+def test_resolution_matches_the_manufacturer_specification() -> None:
     """More than 400 dots per inch, in the middle of the workspace."""
     assert degrees(ANGLE_PER_COUNT) == pytest.approx(0.03643, abs=1e-5)
     step = ANGLE_PER_COUNT * max(hypot(*column) for column in jacobian(inverse(CENTRE), CENTRE))
     assert 3e-5 < step < 0.0254 / 400
 
 
-def test_the_largest_command_is_the_force_the_maker_promises() -> None:
-    """With the scale that matches the maker's library, 10 cm in front of the base: sideways and upwards, two pounds."""
+def test_largest_command_gives_the_specified_maximum_force() -> None:
+    """With the scale of the manufacturer's library, 10 cm in front of the base, sideways and upwards: two pounds."""
     place = (0.0, 0.0, 0.1)
     for force in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
         largest = MAX_COMMAND / 10000 / max(map(abs, torques(inverse(place), place, force)))
         assert largest == pytest.approx(MAX_FORCE, rel=0.03)
 
 
-def test_the_workspace_is_far_from_singular() -> None:
+def test_jacobian_is_well_conditioned_in_the_workspace() -> None:
     sides = np.linspace(-REACH, REACH, 9)
     for by in product(sides, repeat=3):
         place = tuple(c + d for c, d in zip(CENTRE, by, strict=True))

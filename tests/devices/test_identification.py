@@ -1,4 +1,4 @@
-"""Identification finds the configured parameters of a virtual device, held and free."""
+"""Identification recovers the configured parameters of a virtual device, held and free."""
 
 import numpy as np
 import pytest
@@ -36,26 +36,26 @@ def within(estimate: Estimate, true: float, share: float, slack: float = 0.0) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mass", "damping", "friction"), MODELS)
-def test_a_free_device_is_found_within_a_twentieth(mass: float, damping: float, friction: float) -> None:
-    it = excitation.identified(run(configured(mass=mass, damping=damping, friction=friction)), held=False)
-    assert within(it.mass, mass, 0.01), it
-    assert within(it.damping, damping, 0.05), it
-    assert within(it.friction, friction, 0.01, 0.001), it
-    assert abs(it.load.value) < 0.001
-    assert it.delay.value < 2e-4
-    assert it.stiffness == (0.0, 0.0)
+def test_free_device_parameters_are_identified_within_5_percent(mass: float, damping: float, friction: float) -> None:
+    result = excitation.identified(run(configured(mass=mass, damping=damping, friction=friction)), held=False)
+    assert within(result.mass, mass, 0.01), result
+    assert within(result.damping, damping, 0.05), result
+    assert within(result.friction, friction, 0.01, 0.001), result
+    assert abs(result.load.value) < 0.001
+    assert result.delay.value < 2e-4
+    assert result.stiffness == (0.0, 0.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mass", "damping", "friction"), MODELS[::2])
-def test_a_device_in_a_hand_is_found_within_a_twentieth(mass: float, damping: float, friction: float) -> None:
+def test_held_device_parameters_are_identified_within_5_percent(mass: float, damping: float, friction: float) -> None:
     config = configured(held=True, mass=mass, damping=damping, friction=friction)
     arm = config.participant
-    it = excitation.identified(run(config), held=True)
-    assert within(it.mass, mass + arm.arm_mass, 0.05), it
-    assert within(it.damping, damping + arm.arm_damping, 0.05), it
-    assert within(it.friction, friction, 0.05, 0.01), it
-    assert within(it.stiffness, arm.arm_stiffness, 0.05), it
+    result = excitation.identified(run(config), held=True)
+    assert within(result.mass, mass + arm.arm_mass, 0.05), result
+    assert within(result.damping, damping + arm.arm_damping, 0.05), result
+    assert within(result.friction, friction, 0.05, 0.01), result
+    assert within(result.stiffness, arm.arm_stiffness, 0.05), result
 
 
 # --- one run, many ways ---------------------------------------------------------------------------------------------
@@ -66,55 +66,55 @@ def motion() -> Motion:
     return excitation.motion_of(run(configured()))
 
 
-def check_is_the_touch(it: Identified) -> None:
-    assert within(it.mass, 0.045, 0.05), it
-    assert within(it.friction, 0.26, 0.05), it
-    assert within(it.damping, 0.1, 0.3), it
+def check_touch_parameters(result: Identified) -> None:
+    assert within(result.mass, 0.045, 0.05), result
+    assert within(result.friction, 0.26, 0.05), result
+    assert within(result.damping, 0.1, 0.3), result
 
 
 @pytest.mark.slow
-def test_a_late_device_is_found_to_be_late(motion: Motion) -> None:
-    it = identify(motion._replace(written=motion.written - 0.003), held=False)
-    check_is_the_touch(it)
-    assert it.delay.value == pytest.approx(0.003, abs=2e-4)
+def test_delay_is_identified(motion: Motion) -> None:
+    result = identify(motion._replace(written=motion.written - 0.003), held=False)
+    check_touch_parameters(result)
+    assert result.delay.value == pytest.approx(0.003, abs=2e-4)
 
 
 @pytest.mark.slow
-def test_a_weight_is_found_as_a_load(motion: Motion) -> None:
-    it = identify(motion._replace(force=motion.force + 0.1), held=False)
-    check_is_the_touch(it)
-    assert it.load.value == pytest.approx(-0.1, abs=1e-3)
+def test_constant_weight_is_identified_as_load(motion: Motion) -> None:
+    result = identify(motion._replace(force=motion.force + 0.1), held=False)
+    check_touch_parameters(result)
+    assert result.load.value == pytest.approx(-0.1, abs=1e-3)
 
 
 @pytest.mark.slow
-def test_missing_readings_do_no_harm(motion: Motion) -> None:
+def test_missing_readings_do_not_bias_the_identification(motion: Motion) -> None:
     kept = np.random.default_rng(1).random(len(motion.time)) > 0.1
-    check_is_the_touch(identify(motion._replace(time=motion.time[kept], place=motion.place[kept]), held=False))
+    check_touch_parameters(identify(motion._replace(time=motion.time[kept], place=motion.place[kept]), held=False))
 
 
 @pytest.mark.slow
-def test_noise_widens_the_intervals_and_they_hold_the_truth(motion: Motion) -> None:
+def test_noise_widens_the_confidence_intervals_around_the_true_values(motion: Motion) -> None:
     noise = 2e-4 * np.random.default_rng(1).standard_normal(len(motion.place))
     plain, noisy = identify(motion, held=False), identify(motion._replace(place=motion.place + noise), held=False)
-    check_is_the_touch(noisy)
+    check_touch_parameters(noisy)
     for name, true in (("mass", 0.045), ("damping", 0.1), ("friction", 0.26)):
         estimate = getattr(noisy, name)
         assert estimate.half_width > getattr(plain, name).half_width
         assert abs(estimate.value - true) < 2.0 * estimate.half_width
 
 
-def test_a_stylus_that_does_not_move_tells_nothing() -> None:
+def test_identification_of_a_stationary_stylus_is_rejected() -> None:
     with pytest.raises(NetboardError, match="hardly moved"):
         excitation.identified(run(configured(friction=4.0)), held=False)
 
 
-def test_a_short_run_tells_nothing(motion: Motion) -> None:
+def test_identification_of_a_short_run_is_rejected(motion: Motion) -> None:
     short = Motion(*(values[:2000] for values in motion))
     with pytest.raises(NetboardError, match="too short"):
         identify(short, held=False)
 
 
-def test_the_stylus_is_led_gently() -> None:
+def test_chirp_keeps_force_speed_and_amplitude_low() -> None:
     track = run(configured())
     assert np.abs(track.force).max() <= Chirp().max_force
     assert np.linalg.norm(track.velocity, axis=1).max() < 0.5
@@ -122,7 +122,7 @@ def test_the_stylus_is_led_gently() -> None:
     assert np.abs(track.place[:, :2]).max() < 1e-3
 
 
-def test_without_room_nothing_moves() -> None:
+def test_excitation_without_room_renders_no_force() -> None:
     device = virtual(configured(workspace=0.03))
     with pytest.raises(DeviceError, match="40 mm of room up and down"):
         excitation.run(device, SimulatedTime(), Chirp(), Safety())

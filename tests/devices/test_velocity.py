@@ -14,28 +14,28 @@ MS = 1_000_000
 
 
 def feed(heights: np.ndarray, resolution: float = STEP) -> np.ndarray:
-    meter = Velocimeter(resolution)
+    velocimeter = Velocimeter(resolution)
     quantised = np.round(heights / resolution) * resolution if resolution else heights
-    return np.array([meter.update(k * MS, 0.0, 0.0, float(z))[2] for k, z in enumerate(quantised)])
+    return np.array([velocimeter.update(k * MS, 0.0, 0.0, float(z))[2] for k, z in enumerate(quantised)])
 
 
-def test_the_first_position_says_nothing() -> None:
+def test_first_position_gives_zero_velocity() -> None:
     assert feed(np.array([0.01]))[0] == 0.0
 
 
 @given(st.floats(-0.5, 0.5))
-def test_a_steady_movement_is_told_to_a_step_over_the_window(speed: float) -> None:
+def test_constant_velocity_is_accurate_to_a_step_over_the_window(speed: float) -> None:
     velocity = feed(speed * 1e-3 * np.arange(60))
     assert np.abs(velocity[20:] - speed).max() <= 2.1 * STEP / ((SAMPLES - 1) * 1e-3)
 
 
-def test_one_encoder_step_is_spread_over_the_whole_window() -> None:
+def test_single_encoder_step_is_spread_over_the_window() -> None:
     heights = np.zeros(60)
     heights[30:] = STEP
     assert np.abs(feed(heights)).max() == pytest.approx(STEP / ((SAMPLES - 1) * 1e-3))
 
 
-def test_it_beats_a_fixed_window_of_the_same_noise_on_a_movement() -> None:
+def test_adaptive_window_beats_a_fixed_one_of_equal_noise_in_movement() -> None:
     t = 1e-3 * np.arange(500)
     speed = 0.02 * 4 * np.pi * 2 * np.cos(8 * np.pi * t)
     heights = 0.02 * np.sin(8 * np.pi * t)
@@ -46,21 +46,21 @@ def test_it_beats_a_fixed_window_of_the_same_noise_on_a_movement() -> None:
     assert adaptive < 0.8 * np.sqrt(np.mean((fixed - speed[n:]) ** 2))
 
 
-def test_without_steps_it_is_the_last_difference_of_a_bent_path() -> None:
+def test_zero_resolution_gives_the_last_difference_on_a_curved_path() -> None:
     heights = np.array([0.0, 0.001, 0.003, 0.006])
     assert feed(heights, 0.0)[-1] == pytest.approx(3.0)
 
 
-def test_a_second_reading_of_the_same_time_replaces_the_first() -> None:
-    meter = Velocimeter(0.0)
-    meter.update(0, 0.0, 0.0, 0.0)
-    meter.update(MS, 0.0, 0.0, 0.5)
-    assert meter.update(MS, 0.0, 0.0, 0.001)[2] == pytest.approx(1.0)
+def test_second_reading_at_the_same_time_replaces_the_first() -> None:
+    velocimeter = Velocimeter(0.0)
+    velocimeter.update(0, 0.0, 0.0, 0.0)
+    velocimeter.update(MS, 0.0, 0.0, 0.5)
+    assert velocimeter.update(MS, 0.0, 0.0, 0.001)[2] == pytest.approx(1.0)
 
 
 @given(st.lists(st.integers(-3, 3), min_size=2, max_size=40))
-def test_the_window_is_the_longest_in_which_every_line_to_the_newest_position_fits(steps: list[int]) -> None:
-    """Against the definition, written out: each window is tried, and each position in it."""
+def test_window_is_the_longest_that_a_straight_line_fits(steps: list[int]) -> None:
+    """Compared with the definition: every window is tried, and every position in it."""
     places = STEP * np.cumsum(steps)
     velocity = feed(places)
     for now in range(len(places)):
@@ -74,7 +74,7 @@ def test_the_window_is_the_longest_in_which_every_line_to_the_newest_position_fi
         assert velocity[now] == pytest.approx(best, abs=1e-9)
 
 
-def test_velocity_is_unknown_only_along_the_axis_whose_position_is() -> None:
+def test_nan_position_makes_the_velocity_nan_along_its_axis_only() -> None:
     velocity = Velocimeter(STEP)
     velocity.update(0, 0.0, 0.0, 0.0)
     vx, vy, vz = velocity.update(MS, nan, 0.0, 0.0)
