@@ -32,7 +32,7 @@ class DeviceContract(ABC):
 
     def unplug(self, device: Device) -> Callable[[], None]:
         """Unplug an open device and return a function that replugs it; skip devices without a plug."""
-        pytest.skip("this device has no plug")
+        pytest.skip("this device cannot be unplugged")
 
     @pytest.fixture
     def device(self):
@@ -100,7 +100,7 @@ class DeviceContract(ABC):
         shifted = replace(plain, agents=replace(plain.agents, left=replace(plain.agents.left, zero=0.02)))
         with self.make(plain) as device:
             here = device.read(MS).z
-        with self.make(shifted) as device:  # a real one is open only once at a time
+        with self.make(shifted) as device:  # a real device can be open only once at a time
             assert device.read(MS).z == pytest.approx(here - 0.02, abs=1e-3)
 
     def test_rendered_force_is_limited_to_max_force(self, device: Device) -> None:

@@ -1,8 +1,7 @@
 """A simulated Falcon at pyusb's backend interface, below the real pyusb.
 
-`Falcon` is the device: an FTDI chip with its requests and packets, behind it the loader, and the program once that has
-been loaded, which speaks byte by byte. `Bus` is what pyusb talks to. Where a real Falcon would do nothing, because it
-was set up wrong, this one does nothing either.
+`Falcon` is the device: an FTDI chip with its requests and packets, behind it the boot loader, and the firmware once it
+is loaded. `Bus` is the backend that pyusb calls. If the set-up is wrong, this Falcon does not respond, like a real one.
 """
 
 import errno
@@ -30,9 +29,9 @@ class Falcon:
     serial : str
         Its serial number.
     loaded : bool
-        Whether it has its program already.
+        Whether its firmware is loaded already.
     homed : bool
-        Whether its encoders know their zero.
+        Whether its encoders are homed.
     """
 
     def __init__(self, serial: str = "FALCON1", loaded: bool = True, homed: bool = True) -> None:
@@ -50,15 +49,15 @@ class Falcon:
         self.flags = 0
         self.frames = 0
         self.firmware = FIRMWARE
-        self.echoes_wrongly = 0  # times that a block comes back wrong
-        self.runs = True  # whether what was loaded is a program
+        self.wrong_echoes = 0  # number of wrong echoes left
+        self.runs = True  # whether the loaded file is working firmware
         self.chunk = PAYLOAD
-        self.spoil: Callable[[bytes], bytes] = bytes  # what the line makes of an answer
+        self.corrupt: Callable[[bytes], bytes] = bytes  # corruption of a response on the line
         self.requests: list[tuple[int, int]] = []
         self.setting: dict[int, int] = {}
-        self.lines = 0
-        self._sent = bytearray()
-        self._heard = bytearray()
+        self.modem_lines = 0
+        self._received = bytearray()
+        self._pending = bytearray()
         self._image = bytearray()
         self._loading = False
 
@@ -71,69 +70,69 @@ class Falcon:
         return float(out), float(right), float(up)
 
     def unplug(self) -> None:
-        """Pull the USB plug; its power supply stays where it is."""
+        """Pull the USB plug; the power supply stays connected."""
         self.plugged = self.claimed = False
         self.commands = (0, 0, 0)
 
     def plug_in(self) -> None:
-        """Put the USB plug in again; the kernel's driver is the first to take it."""
+        """Replug USB; the kernel's driver claims the device first."""
         self.plugged = self.has_driver = True
 
     def switch_off(self) -> None:
-        """Pull out the power supply."""
+        """Disconnect the power supply."""
         self.powered = self.loaded = False
 
     def switch_on(self) -> None:
-        """Put it in again; its encoders are lost."""
+        """Reconnect the power supply; the homing is lost."""
         self.powered = True
         self.homed = (False,) * 3
 
     def request(self, request: int, value: int) -> None:
-        """Take one of the chip's requests."""
+        """Handle a control request to the chip."""
         self.requests.append((request, value))
         if request == 0 and value == 1:
-            self._heard.clear()
+            self._pending.clear()
         elif request == 0 and value == 2:
-            self._sent.clear()
+            self._received.clear()
         elif request == 1:
-            was = self.lines
+            previous = self.modem_lines
             mask = value >> 8
-            self.lines = (was & ~mask) | (value & mask)
-            if self.lines & 1 and not was & 1:  # DTR from low to high resets it into its loader
+            self.modem_lines = (previous & ~mask) | (value & mask)
+            if self.modem_lines & 1 and not previous & 1:  # DTR from low to high resets it into its boot loader
                 self.loaded = self._loading = False
         else:
             self.setting[request] = value
 
     def write(self, data: bytes) -> None:
-        """Take bytes from the chip's line."""
+        """Receive bytes from the host."""
         if not self.powered:
             return
-        self._sent += data
+        self._received += data
         if self.loaded:
-            self._run()
+            self._respond()
         else:
-            self._load()
+            self._boot()
 
     def read(self) -> bytes:
-        """Give a packet: the state of the line, and what there is to say."""
-        payload = bytes(self._heard[: self.chunk])
-        del self._heard[: self.chunk]
+        """Return a packet: the line status, then pending bytes."""
+        payload = bytes(self._pending[: self.chunk])
+        del self._pending[: self.chunk]
         return b"\x31\x60" + payload
 
-    def _run(self) -> None:
-        """Answer whole frames, as the program does."""
+    def _respond(self) -> None:
+        """Respond to complete frames, as the firmware does."""
         if self.setting.get(3) != 0x2:
             return
-        while (begin := self._sent.find(b"<")) >= 0 and len(self._sent) >= begin + 16:
-            frame = bytes(self._sent[begin : begin + 16])
+        while (begin := self._received.find(b"<")) >= 0 and len(self._received) >= begin + 16:
+            frame = bytes(self._received[begin : begin + 16])
             if frame[15:] != b">":
-                del self._sent[: begin + 1]
+                del self._received[: begin + 1]
                 continue
-            del self._sent[: begin + 16]
-            self._obey(frame)
-            self._heard += self.spoil(self._answer())
+            del self._received[: begin + 16]
+            self._execute(frame)
+            self._pending += self.corrupt(self._response())
 
-    def _obey(self, frame: bytes) -> None:
+    def _execute(self, frame: bytes) -> None:
         self.frames += 1
         nibbles = [byte - 0x41 for byte in frame[1:15]]
         assert all(0 <= nibble < 16 for nibble in nibbles)
@@ -141,42 +140,42 @@ class Falcon:
         first, second, third = (word - 0x10000 if word & 0x8000 else word for word in words)
         self.commands, self.flags = (first, second, third), nibbles[12]
 
-    def _answer(self) -> bytes:
+    def _response(self) -> bytes:
         words = [count & 0xFFFF for count in kinematics.encoders_at(kinematics.inverse(self.place))]
         flags = sum(1 << 4 + k for k in range(3) if self.homed[k]) | self.buttons
         nibbles = [word >> 4 * k & 0xF for word in words for k in range(4)]
         return bytes((0x3C, *(nibble + 0x41 for nibble in nibbles), flags + 0x41, 0x41, 0x3E))
 
-    def _load(self) -> None:
-        """Behave as the loader: reply when called, then echo."""
+    def _boot(self) -> None:
+        """Behave as the boot loader: reply to the greeting, then echo."""
         slow = {9: 16, 3: 0x4138, 4: 8, 2: 0}
-        if not self._loading and b"\n\x43\r" in self._sent:
-            if self.lines == 1 and slow.items() <= self.setting.items():
-                self._heard += b"\x00\n\x44\x2c\r"
+        if not self._loading and b"\n\x43\r" in self._received:
+            if self.modem_lines == 1 and slow.items() <= self.setting.items():
+                self._pending += b"\x00\n\x44\x2c\r"
                 self._loading = True
-            self._sent.clear()
-        elif self._loading and self.lines == 0 and self.setting.get(3) == 0x15:
+            self._received.clear()
+        elif self._loading and self.modem_lines == 0 and self.setting.get(3) == 0x15:
             self._echo()
 
     def _echo(self) -> None:
-        heard, self._sent = bytes(self._sent), bytearray()
-        if heard == b"\x41":
+        received, self._received = bytes(self._received), bytearray()
+        if received == b"\x41":
             self._image.clear()
-        elif heard == b"\n\x43\r":
+        elif received == b"\n\x43\r":
             return
         else:
-            self._image += heard
-            if self.echoes_wrongly and len(self._image) > 200:
-                self.echoes_wrongly -= 1
+            self._image += received
+            if self.wrong_echoes and len(self._image) > 200:
+                self.wrong_echoes -= 1
                 self._loading = False
-                heard = heard[:-1] + bytes([heard[-1] ^ 1])
-        self._heard += heard
+                received = received[:-1] + bytes([received[-1] ^ 1])
+        self._pending += received
         if len(self._image) == len(self.firmware):
             self.loaded = self.runs and self._image == self.firmware
 
 
 class Handle:
-    """What pyusb holds of an open device; nothing can be done with that of one that has gone."""
+    """Handle of an open device; every operation on an unplugged device fails."""
 
     def __init__(self, falcon: Falcon) -> None:
         self._falcon = falcon
@@ -201,7 +200,7 @@ class Handle:
 
 
 class Bus(usb.backend.IBackend):
-    """What pyusb takes for the USB of this machine.
+    """USB backend that pyusb takes for the one of this machine.
 
     Parameters
     ----------
@@ -339,13 +338,13 @@ class Bus(usb.backend.IBackend):
         return len(packet)
 
 
-def _text(falcon: Falcon, index: int, room: array) -> int:
-    """Write one of the device's texts."""
+def _text(falcon: Falcon, index: int, buffer: array) -> int:
+    """Write a string descriptor of the device; return its length."""
     body = (
         b"\x09\x04"
         if index == LANGUAGES
         else {PRODUCT: "FALCON HAPTIC", SERIAL: falcon.serial}[index].encode("utf-16-le")
     )
-    said = bytes((len(body) + 2, 3)) + body
-    room[: len(said)] = array("B", said)
-    return len(said)
+    descriptor = bytes((len(body) + 2, 3)) + body
+    buffer[: len(descriptor)] = array("B", descriptor)
+    return len(descriptor)

@@ -119,7 +119,7 @@ def test_velocity_noise_matches_theory(kind: str) -> None:
 def test_quantisation_noise_of_a_fast_movement_is_that_of_white_noise(kind: str) -> None:
     heights = 0.1 * np.sqrt(2.0) * 1e-3 * np.arange(20_000)
     found = feed(new(kind), np.round(heights / STEP) * STEP)[100:] - 0.1 * np.sqrt(2.0)
-    # A difference of neighbours sees steps that are not independent; so only within a half.
+    # Successive quantisation errors are correlated, which a first difference sees; hence the tolerance of 50 %.
     assert found.std() == pytest.approx(STEP / np.sqrt(12.0) * theoretical_noise(kind), rel=0.5)
     assert abs(found.mean()) < 1e-4
 
@@ -136,7 +136,7 @@ def test_response_to_one_encoder_step_matches_the_closed_form() -> None:
     heights[30:] = STEP
     assert np.abs(feed(chai3d(), heights)).max() == pytest.approx(STEP / 15e-3)
     assert np.abs(feed(difference(), heights)).max() == pytest.approx(STEP / 1e-3)
-    # With both poles at r an alpha-beta filter answers (1 - r)^2 (n + 1) r^n, most of all at n = r / (1 - r).
+    # With both poles at r, the velocity response of an alpha-beta filter is (1 - r)^2 (n + 1) r^n.
     n = np.arange(30)
     response = (1.0 - FORGET) ** 2 * ((n + 1.0) * FORGET**n) * STEP / 1e-3
     assert feed(alpha_beta(), heights)[30:] == pytest.approx(response)

@@ -21,7 +21,7 @@ from netboard.devices.falcon.kinematics import CENTRE
 from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, answer_in, frame_of
 
 NORMAL = [(9, 1), (3, 0x2), (0, 1), (0, 2)]
-"""Requests that set the chip up for the program: latency, baud rate, purge."""
+"""Requests that set the chip up for the firmware: latency, baud rate, purge."""
 
 LOADING = [
     (0, 1),
@@ -36,7 +36,7 @@ LOADING = [
     (1, 0x100),
     (3, 0x15),
 ]
-"""Requests that bring the loader up, and then give it speed."""
+"""Requests that start the boot loader, then raise its baud rate."""
 
 
 def configured(**options: object) -> Config:
@@ -47,7 +47,7 @@ def configured(**options: object) -> Config:
 
 @pytest.fixture
 def plug(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bus]:
-    """Put devices on the bus."""
+    """Return a function that puts devices on the bus."""
 
     def plug(*falcons: Falcon) -> Bus:
         bus = Bus(*falcons)
@@ -59,19 +59,19 @@ def plug(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bus]:
 
 @pytest.fixture
 def falcon(plug: Callable[..., Bus]) -> Falcon:
-    """One that is ready to be used, and on the bus."""
-    there = Falcon()
-    plug(there)
-    return there
+    """A Falcon on the bus, ready for use."""
+    connected = Falcon()
+    plug(connected)
+    return connected
 
 
 @pytest.fixture
 def opened(falcon: Falcon) -> Iterator[Device]:
-    """Its backend, open."""
+    """The open backend of that Falcon."""
     device = backend.Falcon("left", configured())
     device.open()
     yield device
-    with contextlib.suppress(DeviceError):  # of one that a test has broken
+    with contextlib.suppress(DeviceError):  # the test may have broken the device
         device.close()
 
 
@@ -91,25 +91,25 @@ class TestFalcon(DeviceContract):
         return self.falcon.plug_in
 
 
-# --- what is said ------------------------------------------------------------------------------------------------
+# --- frames ------------------------------------------------------------------------------------------------------
 
-words = st.integers(-0x8000, 0x7FFF)
+int16 = st.integers(-0x8000, 0x7FFF)
 
 
-def test_a_frame_is_what_the_protocol_says() -> None:
+def test_frame_encodes_forces_and_flags() -> None:
     assert frame_of((0, 0, 0), 0) == b"<AAAAAAAAAAAAAA>"
     assert frame_of((0x1234, -1, -0x8000), RED | HOME) == b"<EDCBPPPPAAAI" + bytes([0x41 + 9]) + b"A>"
 
 
-@given(st.tuples(words, words, words), st.integers(0, 7), st.integers(0, 15))
-def test_an_answer_is_read_as_it_was_meant(counts: tuple, homed: int, buttons: int) -> None:
+@given(st.tuples(int16, int16, int16), st.integers(0, 7), st.integers(0, 15))
+def test_response_decodes_to_counts_homing_and_buttons(counts: tuple, homed: int, buttons: int) -> None:
     frame = bytearray(frame_of(counts, 0))
     frame[13] = 0x41 + (homed << 4 | buttons)
     assert answer_in(bytes(frame)) == Answer(counts, homed == 7, buttons)
 
 
 @given(st.binary(min_size=14, max_size=14))
-def test_what_is_no_answer_is_none(inside: bytes) -> None:
+def test_only_well_formed_responses_are_decoded(inside: bytes) -> None:
     found = answer_in(b"<" + inside + b">")
     assert (found is not None) == (all(0x41 <= byte <= 0x50 for byte in inside[:12]) and 0x41 <= inside[12] <= 0xC0)
 
@@ -117,7 +117,7 @@ def test_what_is_no_answer_is_none(inside: bytes) -> None:
 # --- position, buttons and force ---------------------------------------------------------------------------------
 
 
-def test_the_scene_s_axes_are_the_falcon_s(opened: Device, falcon: Falcon) -> None:
+def test_falcon_axes_map_to_scene_axes(opened: Device, falcon: Falcon) -> None:
     falcon.place = (CENTRE[0] + 0.01, CENTRE[1] + 0.02, CENTRE[2] + 0.03)
     opened.write(0.0, 0.0, 0.0)
     opened.read(MS)
@@ -126,7 +126,7 @@ def test_the_scene_s_axes_are_the_falcon_s(opened: Device, falcon: Falcon) -> No
     assert reading.ready
 
 
-def test_the_motors_give_the_force_that_was_written(opened: Device, falcon: Falcon) -> None:
+def test_motors_render_the_written_force(opened: Device, falcon: Falcon) -> None:
     for k, by in enumerate([(0.0, 0.0, 0.0), (0.02, 0.01, -0.03), (-0.03, 0.03, 0.02)]):
         falcon.place = tuple(c + d for c, d in zip(CENTRE, by, strict=True))
         opened.read((2 * k + 1) * MS)
@@ -135,7 +135,7 @@ def test_the_motors_give_the_force_that_was_written(opened: Device, falcon: Falc
         assert falcon.force == pytest.approx((0.5, -1.0, 1.5), abs=0.02)
 
 
-def test_a_force_that_is_too_large_keeps_its_direction(opened: Device, falcon: Falcon) -> None:
+def test_excessive_force_is_scaled_and_keeps_its_direction(opened: Device, falcon: Falcon) -> None:
     for force in ((100.0, 0.0, 0.0), (0.0, 80.0, 0.0), (0.0, -30.0, 70.0), (9.0, 9.0, -9.0)):
         opened.write(*force)
         opened.read(MS)
@@ -146,19 +146,19 @@ def test_a_force_that_is_too_large_keeps_its_direction(opened: Device, falcon: F
         assert falcon.force == pytest.approx(scaled, abs=0.01)
 
 
-def test_the_force_is_scaled_for_the_motors_one_has(falcon: Falcon) -> None:
+def test_torque_scale_option_scales_the_motor_commands(falcon: Falcon) -> None:
     with backend.Falcon("left", configured(torque_scale=5000)) as device:
         device.write(1.0, 0.0, 0.0)
         assert falcon.force == pytest.approx((0.5, 0.0, 0.0), abs=0.02)
 
 
-def test_the_grip_s_buttons_are_told(opened: Device, falcon: Falcon) -> None:
+def test_grip_buttons_are_reported(opened: Device, falcon: Falcon) -> None:
     falcon.buttons = 0b0110
     opened.read(MS)
     assert opened.read(2 * MS).buttons == 0b0110
 
 
-def test_a_reading_sends_the_force_if_nobody_else_did(opened: Device, falcon: Falcon) -> None:
+def test_read_without_a_new_write_resends_the_last_force(opened: Device, falcon: Falcon) -> None:
     opened.write(0.0, 0.0, 1.0)
     opened.read(MS)
     falcon.commands = (0, 0, 0)
@@ -166,7 +166,7 @@ def test_a_reading_sends_the_force_if_nobody_else_did(opened: Device, falcon: Fa
     assert falcon.force == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
 
 
-def test_one_millisecond_takes_one_frame(opened: Device, falcon: Falcon) -> None:
+def test_each_millisecond_takes_at_most_one_frame(opened: Device, falcon: Falcon) -> None:
     before = falcon.frames
     for k in range(1, 101):
         opened.read(k * MS)
@@ -174,7 +174,7 @@ def test_one_millisecond_takes_one_frame(opened: Device, falcon: Falcon) -> None
     assert falcon.frames - before <= 101
 
 
-def test_a_fast_grip_is_followed(opened: Device, falcon: Falcon) -> None:
+def test_velocity_of_a_moving_grip_is_estimated(opened: Device, falcon: Falcon) -> None:
     speed = 0.2
     for k in range(1, 100):
         falcon.place = (CENTRE[0], CENTRE[1] + speed * k * 1e-3 - 0.01, CENTRE[2])
@@ -187,7 +187,7 @@ def test_a_fast_grip_is_followed(opened: Device, falcon: Falcon) -> None:
 # --- homing ------------------------------------------------------------------------------------------------------
 
 
-def test_without_zero_there_is_no_force_and_the_lamp_is_red(plug: Callable[..., Bus]) -> None:
+def test_unhomed_falcon_renders_no_force_and_lights_red(plug: Callable[..., Bus]) -> None:
     falcon = Falcon(homed=False)
     plug(falcon)
     with backend.Falcon("left", configured()) as device:
@@ -208,10 +208,10 @@ def test_without_zero_there_is_no_force_and_the_lamp_is_red(plug: Callable[..., 
         assert falcon.flags == GREEN
 
 
-def test_counts_that_no_pose_has_leave_the_grip_where_it_was(opened: Device, falcon: Falcon) -> None:
+def test_impossible_encoder_counts_keep_the_position_and_stop_the_force(opened: Device, falcon: Falcon) -> None:
     here = opened.read(MS)
     opened.write(0.0, 0.0, 1.0)
-    falcon.spoil = lambda answer: b"<" + frame_of((30000, 0, 0), 0)[1:13] + answer[13:]
+    falcon.corrupt = lambda answer: b"<" + frame_of((30000, 0, 0), 0)[1:13] + answer[13:]
     opened.read(2 * MS)
     reading = opened.read(3 * MS)
     assert not reading.ready
@@ -220,11 +220,11 @@ def test_counts_that_no_pose_has_leave_the_grip_where_it_was(opened: Device, fal
     assert (falcon.commands, falcon.flags) == ((0, 0, 0), RED)
 
 
-# --- the line ----------------------------------------------------------------------------------------------------
+# --- serial line -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("chunk", [1, 5, 15, 16, 62])
-def test_answers_may_come_in_pieces(opened: Device, falcon: Falcon, chunk: int) -> None:
+def test_response_in_several_chunks_is_assembled(opened: Device, falcon: Falcon, chunk: int) -> None:
     falcon.chunk = chunk
     falcon.place = (CENTRE[0], CENTRE[1] + 0.01, CENTRE[2])
     opened.write(0.0, 0.0, 0.0)
@@ -235,8 +235,8 @@ def test_answers_may_come_in_pieces(opened: Device, falcon: Falcon, chunk: int) 
 @pytest.mark.parametrize(
     "garbage", [b"\x00\xff\x13", b"<", b"<<<<", b">>>", b"<AAAA>", b"<AAAAAAAAAAAA\xffA>", bytes(range(0x20, 0x60))]
 )
-def test_noise_before_an_answer_is_passed_over(opened: Device, falcon: Falcon, garbage: bytes) -> None:
-    falcon.spoil = lambda answer: garbage + answer
+def test_noise_before_a_response_is_skipped(opened: Device, falcon: Falcon, garbage: bytes) -> None:
+    falcon.corrupt = lambda answer: garbage + answer
     falcon.place = (CENTRE[0], CENTRE[1] + 0.01, CENTRE[2])
     opened.write(0.0, 0.0, 0.0)
     opened.read(MS)
@@ -244,7 +244,7 @@ def test_noise_before_an_answer_is_passed_over(opened: Device, falcon: Falcon, g
 
 
 @given(st.lists(st.binary(max_size=40), max_size=8), st.integers(1, 62))
-def test_whatever_the_line_does_the_next_good_answer_is_understood(noise: list, chunk: int) -> None:
+def test_next_valid_response_is_decoded_after_any_line_noise(noise: list, chunk: int) -> None:
     falcon = Falcon()
     with pytest.MonkeyPatch.context() as patch:
         bus = Bus(falcon)
@@ -252,27 +252,29 @@ def test_whatever_the_line_does_the_next_good_answer_is_understood(noise: list, 
         with backend.Falcon("left", configured()) as device:
             falcon.chunk = chunk
             for k, bytes_ in enumerate(noise, 1):
-                falcon.spoil = lambda answer, bytes_=bytes_: bytes_ + answer[:7] if len(bytes_) % 2 else bytes_ + answer
+                falcon.corrupt = lambda answer, bytes_=bytes_: (
+                    bytes_ + answer[:7] if len(bytes_) % 2 else bytes_ + answer
+                )
                 try:
                     device.read(k * MS)
                 except DeviceTimeout:
                     continue
-            falcon.spoil = bytes
+            falcon.corrupt = bytes
             falcon.place = (CENTRE[0], CENTRE[1] + 0.01, CENTRE[2])
             device.write(0.0, 0.0, 0.0)
             device.read(20 * MS)
             assert device.read(21 * MS).z == pytest.approx(0.01, abs=1e-4)
 
 
-def test_a_lost_byte_costs_one_frame(opened: Device, falcon: Falcon) -> None:
+def test_lost_byte_costs_only_one_frame(opened: Device, falcon: Falcon) -> None:
     lost = iter([True])
-    falcon.spoil = lambda answer: answer[:6] + answer[7:] if next(lost, False) else answer
+    falcon.corrupt = lambda answer: answer[:6] + answer[7:] if next(lost, False) else answer
     opened.write(0.0, 0.0, 1.0)
     assert opened.read(MS).ready
     assert falcon.force == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
 
 
-def test_two_forces_in_a_millisecond_are_both_answered(opened: Device, falcon: Falcon) -> None:
+def test_two_writes_within_a_millisecond_keep_responses_in_step(opened: Device, falcon: Falcon) -> None:
     opened.write(0.0, 0.0, 0.5)
     opened.write(0.0, 0.0, 1.0)
     opened.read(MS)
@@ -281,13 +283,13 @@ def test_two_forces_in_a_millisecond_are_both_answered(opened: Device, falcon: F
     assert opened.read(2 * MS).z == pytest.approx(0.01, abs=1e-4)
 
 
-def test_a_silent_falcon_is_a_timeout(opened: Device, falcon: Falcon) -> None:
-    falcon.spoil = lambda answer: b""
+def test_silent_falcon_raises_device_timeout(opened: Device, falcon: Falcon) -> None:
+    falcon.corrupt = lambda answer: b""
     with pytest.raises(DeviceTimeout, match="does not answer any more: is its power supply plugged in"):
         opened.read(MS)
 
 
-def test_no_wait_is_endless(falcon: Falcon, plug: Callable[..., Bus]) -> None:
+def test_every_usb_transfer_has_a_finite_timeout(falcon: Falcon, plug: Callable[..., Bus]) -> None:
     bus = plug(falcon)
     with backend.Falcon("left", configured()) as device:
         device.read(MS)
@@ -295,7 +297,7 @@ def test_no_wait_is_endless(falcon: Falcon, plug: Callable[..., Bus]) -> None:
     assert all(0 < timeout <= 1000 for timeout in bus.timeouts)
 
 
-def test_an_unplugged_falcon_is_lost(opened: Device, falcon: Falcon) -> None:
+def test_unplugged_falcon_raises_device_lost(opened: Device, falcon: Falcon) -> None:
     falcon.unplug()
     with pytest.raises(DeviceLost, match="was its USB plug pulled out"):
         opened.write(0.0, 0.0, 0.0)
@@ -303,7 +305,7 @@ def test_an_unplugged_falcon_is_lost(opened: Device, falcon: Falcon) -> None:
         opened.read(MS)
 
 
-def test_closing_gives_the_kernel_its_driver_back(falcon: Falcon) -> None:
+def test_close_releases_the_interface_and_reattaches_the_kernel_driver(falcon: Falcon) -> None:
     device = backend.Falcon("left", configured())
     device.open()
     assert falcon.claimed
@@ -315,16 +317,16 @@ def test_closing_gives_the_kernel_its_driver_back(falcon: Falcon) -> None:
     assert falcon.has_driver
 
 
-# --- finding it --------------------------------------------------------------------------------------------------
+# --- finding the device ------------------------------------------------------------------------------------------
 
 
-def test_the_first_one_is_opened(plug: Callable[..., Bus]) -> None:
+def test_first_falcon_is_opened_by_default(plug: Callable[..., Bus]) -> None:
     plug(Falcon("A"), Falcon("B"))
     with backend.Falcon("left", configured()) as device:
         assert device.info.serial == "A"
 
 
-def test_two_are_told_apart_by_their_numbers(plug: Callable[..., Bus]) -> None:
+def test_falcon_is_selected_by_serial_number(plug: Callable[..., Bus]) -> None:
     first, second = Falcon("A"), Falcon("B")
     plug(first, second)
     with backend.Falcon("left", configured(serial="B")) as device:
@@ -334,25 +336,25 @@ def test_two_are_told_apart_by_their_numbers(plug: Callable[..., Bus]) -> None:
             assert first.claimed
 
 
-def test_a_wrong_number_says_which_there_are(plug: Callable[..., Bus]) -> None:
+def test_unknown_serial_number_error_lists_connected_ones(plug: Callable[..., Bus]) -> None:
     plug(Falcon("B"), Falcon("A"))
     with pytest.raises(DeviceNotFound, match=r"serial number 'C' is plugged in; there are: A, B$"):
         backend.Falcon("left", configured(serial="C")).open()
 
 
-def test_one_without_a_number_is_called_by_its_place(plug: Callable[..., Bus]) -> None:
+def test_falcon_without_serial_number_is_identified_by_its_usb_port(plug: Callable[..., Bus]) -> None:
     plug(Falcon(""))
     with backend.Falcon("left", configured()) as device:
         assert device.info.serial == "USB 1-4"
 
 
-def test_none_at_all_is_said(plug: Callable[..., Bus]) -> None:
+def test_missing_falcon_is_reported(plug: Callable[..., Bus]) -> None:
     plug()
     with pytest.raises(DeviceNotFound, match=r"no Falcon \(0403:cb48\) is plugged into USB"):
         backend.Falcon("left", configured()).open()
 
 
-def test_without_permission_it_says_how_to_get_it(plug: Callable[..., Bus]) -> None:
+def test_missing_permission_error_points_to_the_udev_rules(plug: Callable[..., Bus]) -> None:
     falcon = Falcon()
     falcon.permitted = False
     plug(falcon)
@@ -364,7 +366,7 @@ def test_without_permission_it_says_how_to_get_it(plug: Callable[..., Bus]) -> N
         backend.Falcon("left", configured(serial="FALCON1")).open()
 
 
-def test_one_in_use_is_left_alone(falcon: Falcon) -> None:
+def test_falcon_used_by_another_program_is_left_alone(falcon: Falcon) -> None:
     falcon.used_by_another = True
     with pytest.raises(DeviceNotFound, match="used by another program"):
         backend.Falcon("left", configured()).open()
@@ -372,20 +374,20 @@ def test_one_in_use_is_left_alone(falcon: Falcon) -> None:
     assert falcon.frames == 0
 
 
-def test_without_libusb_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_libusb_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("libusb1", "libusb0", "openusb"):
         monkeypatch.setattr(f"usb.backend.{name}.get_backend", lambda find_library=None: None)
     with pytest.raises(DeviceNotFound, match=r"apt-get install libusb-1\.0-0"):
         backend.Falcon("left", configured()).open()
 
 
-def test_without_pyusb_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_pyusb_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "usb.core", None)
     with pytest.raises(DeviceNotFound, match=r"netboard\[devices\]"):
         backend.Falcon("left", configured()).open()
 
 
-def test_wrong_options_are_named() -> None:
+def test_error_names_invalid_option() -> None:
     with pytest.raises(ConfigError, match=r"agents\.left\.options\] torque_scale: found -1"):
         backend.Falcon("left", configured(torque_scale=-1))
 
@@ -394,23 +396,23 @@ def test_wrong_options_are_named() -> None:
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
-    """What its owner says is the firmware."""
+def firmware_file(tmp_path: Path) -> Path:
+    """A file with the firmware, to be given as an option."""
     path = tmp_path / "falcon.bin"
     path.write_bytes(FIRMWARE)
     return path
 
 
-def test_one_that_is_loaded_is_only_talked_to(falcon: Falcon) -> None:
+def test_loaded_falcon_is_not_loaded_again(falcon: Falcon) -> None:
     with backend.Falcon("left", configured()) as device:
         assert device.info.details["firmware"] == "was loaded before"
     assert falcon.requests == [(0, 1), (0, 2), *NORMAL]
 
 
-def test_firmware_is_loaded_by_the_book(plug: Callable[..., Bus], file: Path) -> None:
+def test_firmware_is_loaded_with_the_documented_requests(plug: Callable[..., Bus], firmware_file: Path) -> None:
     falcon = Falcon(loaded=False, homed=False)
     plug(falcon)
-    with backend.Falcon("left", configured(firmware=str(file))) as device:
+    with backend.Falcon("left", configured(firmware=str(firmware_file))) as device:
         assert device.info.details["firmware"] == "falcon.bin, attempt 1"
         assert not device.read(MS).ready
     asked = falcon.requests[falcon.requests.index((9, 16)) - 2 :]
@@ -418,25 +420,25 @@ def test_firmware_is_loaded_by_the_book(plug: Callable[..., Bus], file: Path) ->
 
 
 @pytest.mark.parametrize("failures", [1, 9])
-def test_loading_is_tried_again(plug: Callable[..., Bus], file: Path, failures: int) -> None:
+def test_loading_is_retried_after_a_wrong_echo(plug: Callable[..., Bus], firmware_file: Path, failures: int) -> None:
     falcon = Falcon(loaded=False)
-    falcon.echoes_wrongly = failures
+    falcon.wrong_echoes = failures
     plug(falcon)
-    with backend.Falcon("left", configured(firmware=str(file))) as device:
+    with backend.Falcon("left", configured(firmware=str(firmware_file))) as device:
         assert device.info.details["firmware"] == f"falcon.bin, attempt {failures + 1}"
         assert device.read(MS).ready
 
 
-def test_loading_is_given_up_after_ten_times(plug: Callable[..., Bus], file: Path) -> None:
+def test_loading_fails_after_ten_attempts(plug: Callable[..., Bus], firmware_file: Path) -> None:
     falcon = Falcon(loaded=False)
-    falcon.echoes_wrongly = 10
+    falcon.wrong_echoes = 10
     plug(falcon)
     with pytest.raises(DeviceNotFound, match=r"in 10 attempts: .*something else than was sent, at byte 186 of 775"):
-        backend.Falcon("left", configured(firmware=str(file))).open()
+        backend.Falcon("left", configured(firmware=str(firmware_file))).open()
     assert not falcon.claimed
 
 
-def test_without_a_file_it_says_that_one_is_needed(plug: Callable[..., Bus]) -> None:
+def test_unloaded_falcon_without_firmware_option_is_reported(plug: Callable[..., Bus]) -> None:
     falcon = Falcon(loaded=False)
     plug(falcon)
     with pytest.raises(DeviceNotFound, match=r"no program in it: give the file .* as the option firmware"):
@@ -445,24 +447,26 @@ def test_without_a_file_it_says_that_one_is_needed(plug: Callable[..., Bus]) -> 
     assert falcon.has_driver
 
 
-def test_without_power_it_says_so(plug: Callable[..., Bus], file: Path) -> None:
+def test_error_without_power_asks_for_the_power_supply(plug: Callable[..., Bus], firmware_file: Path) -> None:
     falcon = Falcon()
     falcon.switch_off()
     plug(falcon)
     with pytest.raises(DeviceNotFound, match=r"10 attempts: the Falcon does not reply: is its power supply plugged in"):
-        backend.Falcon("left", configured(firmware=str(file))).open()
+        backend.Falcon("left", configured(firmware=str(firmware_file))).open()
 
 
-def test_a_file_that_is_no_firmware_is_suspected(plug: Callable[..., Bus], file: Path) -> None:
+def test_firmware_that_does_not_run_is_reported(plug: Callable[..., Bus], firmware_file: Path) -> None:
     falcon = Falcon(loaded=False)
     falcon.runs = False
     plug(falcon)
     with pytest.raises(DeviceNotFound, match=r"does not run: is .*falcon\.bin really the Falcon's firmware"):
-        backend.Falcon("left", configured(firmware=str(file))).open()
+        backend.Falcon("left", configured(firmware=str(firmware_file))).open()
 
 
 @pytest.mark.parametrize(("content", "why"), [(None, "cannot be read: No such file"), (b"", "it has 0 bytes")])
-def test_a_useless_file_is_named(plug: Callable[..., Bus], tmp_path: Path, content: bytes | None, why: str) -> None:
+def test_error_names_unreadable_or_empty_firmware_file(
+    plug: Callable[..., Bus], tmp_path: Path, content: bytes | None, why: str
+) -> None:
     plug(Falcon(loaded=False))
     path = tmp_path / "other.bin"
     if content is not None:
@@ -471,7 +475,7 @@ def test_a_useless_file_is_named(plug: Callable[..., Bus], tmp_path: Path, conte
         backend.Falcon("left", configured(firmware=str(path))).open()
 
 
-def test_power_that_fails_in_between_costs_the_zero(opened: Device, falcon: Falcon) -> None:
+def test_power_failure_requires_homing_again(opened: Device, falcon: Falcon) -> None:
     opened.read(MS)
     falcon.switch_off()
     with pytest.raises(DeviceTimeout):
@@ -482,7 +486,7 @@ def test_power_that_fails_in_between_costs_the_zero(opened: Device, falcon: Falc
     assert not opened.read(4 * MS).ready
 
 
-def test_what_cannot_be_sent_whole_is_a_timeout(falcon: Falcon, plug: Callable[..., Bus]) -> None:
+def test_partial_usb_write_raises_device_timeout(falcon: Falcon, plug: Callable[..., Bus]) -> None:
     bus = plug(falcon)
     with backend.Falcon("left", configured()) as device:
         whole = bus.bulk_write
@@ -492,7 +496,7 @@ def test_what_cannot_be_sent_whole_is_a_timeout(falcon: Falcon, plug: Callable[.
         bus.bulk_write = whole
 
 
-def test_a_chip_can_be_closed_when_it_is_gone(falcon: Falcon) -> None:
+def test_unplugged_chip_can_be_closed(falcon: Falcon) -> None:
     chip = ftdi.Chip(ftdi.find((0x0403, 0xCB48), "", "Falcon"), "Falcon")
     falcon.unplug()
     chip.close()

@@ -58,7 +58,7 @@ def test_held_device_parameters_are_identified_within_5_percent(mass: float, dam
     assert within(result.stiffness, arm.arm_stiffness, 0.05), result
 
 
-# --- one run, many ways ---------------------------------------------------------------------------------------------
+# --- variations of one run ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The list of devices on simulated machines."""
+"""Device listing on simulated machines."""
 
 import sys
 from pathlib import Path
@@ -38,16 +38,16 @@ def machine(tmp_path: Path) -> Path:
     return tmp_path
 
 
-class Shown(Puppet):
-    """A device whose library shows two of its kind."""
+class TwoListed(Puppet):
+    """A backend whose library lists two devices."""
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
         return Found("Touch (vendor's name)", "42"), Found("Touch (vendor's name)", "43")
 
 
-class Silent(Puppet):
-    """A device whose library is missing."""
+class LibraryMissing(Puppet):
+    """A backend whose library is missing."""
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
@@ -56,20 +56,20 @@ class Silent(Puppet):
 
 @pytest.fixture
 def backends(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Device]]:
-    """The backends there are, to be changed by a test."""
+    """The registered backends: none until a test adds one."""
     known: dict[str, type[Device]] = {}
     monkeypatch.setattr(registry, "names", lambda: tuple(sorted(known)))
     monkeypatch.setattr(registry, "find", lambda name: known[name])
     return known
 
 
-def test_a_device_that_may_be_opened(machine: Path, backends: dict) -> None:
+def test_accessible_device_is_listed(machine: Path, backends: dict) -> None:
     (device,) = listing.listing(Config(), machine).devices
     assert (device.model, device.serial, device.usb, device.place) == ("Touch (HID)", "42", "2988:0304", "1-1")
     assert (device.shut, device.advice, device.seen_by) == ((), "", ("/sys",))
 
 
-def test_a_device_that_may_not_be_opened_is_named_with_its_rule(
+def test_inaccessible_device_is_listed_with_its_udev_rule(
     machine: Path, backends: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("netboard.devices.setup.usb.os.access", lambda node, how: node.name != "hidraw3")
@@ -79,28 +79,28 @@ def test_a_device_that_may_not_be_opened_is_named_with_its_rule(
     assert 'ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304", GROUP="netboard"' in device.advice
 
 
-def test_a_device_that_is_known_has_a_rule_in_the_file() -> None:
+def test_every_known_device_has_a_udev_rule() -> None:
     lines = [line for line in RULES.read_text("utf-8").splitlines() if line.startswith("SUBSYSTEM")]
     for vendor, product in NAMES:
         assert any(f'=="{vendor}"' in line and product in line for line in lines), (vendor, product)
 
 
-def test_what_a_library_shows_is_joined_by_serial_number(machine: Path, backends: dict) -> None:
-    backends["touch"] = Shown
+def test_usb_and_library_entries_are_merged_by_serial_number(machine: Path, backends: dict) -> None:
+    backends["touch"] = TwoListed
     first, second = listing.listing(Config(), machine).devices
     assert (first.model, first.serial, first.place) == ("Touch (vendor's name)", "42", "1-1")
     assert first.seen_by == ("/sys", "touch")
     assert (second.serial, second.place, second.seen_by) == ("43", "", ("touch",))
 
 
-def test_devices_without_a_serial_number_are_never_taken_for_one(backends: dict) -> None:
+def test_devices_without_serial_number_are_never_merged(backends: dict) -> None:
     devices = listing.joined([], "one", [Found("A", ""), Found("B", "")])
     assert [each.model for each in devices] == ["A", "B"]
 
 
-def test_a_backend_that_cannot_be_used_is_told(tmp_path: Path, backends: dict) -> None:
+def test_unusable_backend_is_listed_with_its_reason(tmp_path: Path, backends: dict) -> None:
     (tmp_path / "sys/bus/usb/devices").mkdir(parents=True)
-    backends.update(plain=Puppet, silent=Silent)
+    backends.update(plain=Puppet, silent=LibraryMissing)
     found = listing.listing(Config(), tmp_path)
     assert found.devices == ()
     assert found.backends == (
@@ -109,7 +109,7 @@ def test_a_backend_that_cannot_be_used_is_told(tmp_path: Path, backends: dict) -
     )
 
 
-# --- where there is no /sys ----------------------------------------------------------------------------------------
+# --- without /sys --------------------------------------------------------------------------------------------------
 
 
 class NoLibusb(Exception):
@@ -140,7 +140,7 @@ def libraries(monkeypatch: pytest.MonkeyPatch):
     return install
 
 
-def test_elsewhere_the_two_libraries_are_joined(tmp_path: Path, backends: dict, libraries) -> None:
+def test_pyusb_and_hidapi_entries_are_merged(tmp_path: Path, backends: dict, libraries) -> None:
     libraries(usb_library((0x2988, 0x0304), (0x0403, 0xCB48), (0x1D6B, 2)), hid_library((0x2988, 0x0304, "42")))
     found = listing.listing(Config(), tmp_path)
     assert found.remarks == ()
@@ -149,20 +149,20 @@ def test_elsewhere_the_two_libraries_are_joined(tmp_path: Path, backends: dict, 
     assert (falcon.model, falcon.serial, falcon.place) == ("Falcon", "", "bus 1 address 1")
 
 
-def test_two_of_a_kind_stay_two(tmp_path: Path, backends: dict, libraries) -> None:
+def test_two_devices_of_the_same_model_stay_separate(tmp_path: Path, backends: dict, libraries) -> None:
     ids = (0x2988, 0x0304)
     libraries(usb_library(ids, ids), hid_library((*ids, "42"), (*ids, "43")))
     assert [each.serial for each in listing.listing(Config(), tmp_path).devices] == ["42", "43"]
 
 
-def test_libraries_that_are_missing_are_told(tmp_path: Path, backends: dict, libraries) -> None:
+def test_missing_usb_libraries_are_reported(tmp_path: Path, backends: dict, libraries) -> None:
     libraries(None, None)
     remarks = listing.listing(Config(), tmp_path).remarks
     assert [remark.split()[0] for remark in remarks] == ["pyusb", "hidapi"]
     assert all("extra devices" in remark for remark in remarks)
 
 
-def test_pyusb_without_libusb_is_told(libraries) -> None:
+def test_pyusb_without_libusb_is_reported(libraries) -> None:
     libraries(usb_library(missing=True), None)
     with pytest.raises(DeviceNotFound, match="libusb"):
         usb.by_pyusb()

@@ -47,8 +47,8 @@ class TestMouseStylus(DeviceContract):
         return device._written
 
 
-class TestMouseStylusThatIsMoved(DeviceContract):
-    """The same while a player points out of reach, and then nowhere."""
+class TestMovedMouseStylus(DeviceContract):
+    """The contract while the participant points out of reach."""
 
     def make(self, config: Config) -> Device:
         return MouseStylus("left", config)
@@ -68,7 +68,7 @@ class TestMouseStylusThatIsMoved(DeviceContract):
 # --- the path ----------------------------------------------------------------------------------------------------
 
 
-def test_from_rest_it_follows_a_step_as_the_closed_form_says() -> None:
+def test_step_response_from_rest_matches_the_closed_form() -> None:
     z = vz = 0.0
     for k in range(1, 200):
         z, vz = follow(z, vz, 0.02, 0.02, 1e-3, RATE)
@@ -77,7 +77,7 @@ def test_from_rest_it_follows_a_step_as_the_closed_form_says() -> None:
         assert vz == pytest.approx(0.02 * RATE**2 * t * exp(-RATE * t), abs=1e-12)
 
 
-def test_behind_a_point_that_moves_evenly_it_stays_by_two_time_constants() -> None:
+def test_stylus_lags_a_uniformly_moving_pointer_by_two_time_constants() -> None:
     z = vz = 0.0
     for k in range(1000):
         z, vz = follow(z, vz, 1e-4 * k, 1e-4 * (k + 1), 1e-3, RATE)
@@ -87,7 +87,7 @@ def test_behind_a_point_that_moves_evenly_it_stays_by_two_time_constants() -> No
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(heights, pauses), min_size=1, max_size=8), st.integers(2, 7))
-def test_how_often_it_is_asked_does_not_change_the_path(corners: list[tuple[float, float]], parts: int) -> None:
+def test_path_is_independent_of_the_step_length(corners: list[tuple[float, float]], parts: int) -> None:
     whole = split = (0.0, 0.0)
     before = 0.0
     for after, dt in corners:
@@ -99,7 +99,7 @@ def test_how_often_it_is_asked_does_not_change_the_path(corners: list[tuple[floa
     assert split == pytest.approx(whole, rel=1e-9, abs=1e-11)
 
 
-def test_it_solves_its_equation_of_motion() -> None:
+def test_path_solves_the_equation_of_motion() -> None:
     """z'' = w^2 (aim - z) - 2 w z', by differences of the closed form."""
     dt, times = 1e-5, np.arange(1, 4000) * 1e-5
     path = np.array([follow(0.01, -0.3, 0.0, 0.5 * t, t, RATE) for t in times])
@@ -112,7 +112,7 @@ def test_it_solves_its_equation_of_motion() -> None:
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-9, 9), st.integers(1, 60)), min_size=1, max_size=12))
-def test_it_is_never_too_fast_nor_out_of_reach(turns: list[tuple[float, float, int]]) -> None:
+def test_stylus_stays_within_speed_limit_and_reach(turns: list[tuple[float, float, int]]) -> None:
     device, now = opened(), 0
     most, reach = Options().max_speed, Options().reach
     for z, force, milliseconds in turns:
@@ -126,7 +126,7 @@ def test_it_is_never_too_fast_nor_out_of_reach(turns: list[tuple[float, float, i
             assert reading.ready
 
 
-def test_the_velocity_is_that_of_the_path() -> None:
+def test_velocity_is_the_derivative_of_the_path() -> None:
     device = opened()
     path = []
     for k in range(1, 400):
@@ -138,7 +138,7 @@ def test_the_velocity_is_that_of_the_path() -> None:
     assert np.abs(np.diff(vz)).max() < 0.15 * np.abs(vz).max()
 
 
-def test_it_moves_up_and_down_alone() -> None:
+def test_stylus_moves_only_vertically() -> None:
     device = opened()
     device.point(0.03, 0)
     device.write(1.0, 1.0, 0.0)
@@ -149,7 +149,7 @@ def test_it_moves_up_and_down_alone() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [150.0, 200.0, 300.0])
-def test_it_yields_to_a_force_like_a_hand_of_its_stiffness(stiffness: float) -> None:
+def test_constant_force_displaces_the_stylus_by_force_over_stiffness(stiffness: float) -> None:
     device = opened(configured(stiffness=stiffness))
     device.point(0.02, 0)
     device.write(0.0, 0.0, -0.3)
@@ -158,8 +158,8 @@ def test_it_yields_to_a_force_like_a_hand_of_its_stiffness(stiffness: float) -> 
 
 
 @pytest.mark.parametrize("delay", [1, 2, 5, 20])
-def test_it_rests_against_a_spring_that_answers_late(delay: int) -> None:
-    """The paper's coupling to a board that does not move, over a network: 200 N/m on either side share the way."""
+def test_stylus_comes_to_rest_against_a_delayed_spring(delay: int) -> None:
+    """The paper's virtual coupling to a fixed board over a network: 200 N/m on either side halve the displacement."""
     device = opened()
     late = deque([(0.0, 0.0)] * delay, maxlen=delay)
     heights = []
@@ -174,7 +174,7 @@ def test_it_rests_against_a_spring_that_answers_late(delay: int) -> None:
     assert np.allclose(heights[-200:], 0.01, atol=1e-8)
 
 
-def test_the_motor_saturates() -> None:
+def test_rendered_force_saturates_at_max_force() -> None:
     device = opened()
     device.write(0.0, 0.0, -50.0)
     assert device.felt == pytest.approx(-MAX_FORCE, rel=1e-15)
@@ -183,7 +183,7 @@ def test_the_motor_saturates() -> None:
 # --- the window --------------------------------------------------------------------------------------------------
 
 
-def test_it_is_in_hand_while_the_window_says_where_the_player_points() -> None:
+def test_stylus_is_ready_only_while_the_window_reports_the_pointer() -> None:
     device = opened()
     assert not device.read(MS).ready
     device.point(None, 2 * MS)
@@ -194,7 +194,7 @@ def test_it_is_in_hand_while_the_window_says_where_the_player_points() -> None:
     assert not device.read(5 * MS + SILENCE_TIMEOUT_NS).ready
 
 
-def test_it_stays_where_it_is_when_nothing_is_heard_any_more() -> None:
+def test_stylus_keeps_its_height_when_the_pointer_is_lost() -> None:
     device = opened()
     device.point(0.03, 0)
     settled = readings(device, 900)[-1]
@@ -205,7 +205,7 @@ def test_it_stays_where_it_is_when_nothing_is_heard_any_more() -> None:
     assert device.read(6 * SILENCE_TIMEOUT_NS).z == pytest.approx(0.03, abs=1e-9)
 
 
-def test_a_height_is_one_of_the_scene_wherever_the_zero_is() -> None:
+def test_pointer_height_is_in_the_scene_frame_for_any_zero() -> None:
     config = configured(reach=0.1)
     config = replace(config, agents=replace(config.agents, left=replace(config.agents.left, zero=0.02)))
     device = opened(config)
@@ -213,7 +213,7 @@ def test_a_height_is_one_of_the_scene_wherever_the_zero_is() -> None:
     assert readings(device, 500)[-1].z == pytest.approx(0.03, abs=1e-9)
 
 
-def test_opened_again_it_knows_nothing_of_the_player_before() -> None:
+def test_reopened_stylus_starts_from_rest() -> None:
     device = opened()
     device.point(0.03, 0)
     readings(device, 100)
@@ -223,7 +223,7 @@ def test_opened_again_it_knows_nothing_of_the_player_before() -> None:
     assert (reading.z, reading.vz, reading.ready) == (0.0, 0.0, False)
 
 
-def test_time_does_not_run_backwards() -> None:
+def test_reading_an_earlier_time_returns_the_latest_position() -> None:
     device = opened()
     device.point(0.03, 0)
     path = readings(device, 50)
@@ -232,7 +232,7 @@ def test_time_does_not_run_backwards() -> None:
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
-def test_it_points_at_no_height_that_is_none(bad: float) -> None:
+def test_non_finite_pointer_height_is_rejected(bad: float) -> None:
     with pytest.raises(ValueError, match="not a height"):
         opened().point(bad, 0)
 
@@ -241,6 +241,6 @@ def test_it_points_at_no_height_that_is_none(bad: float) -> None:
     ("options", "message"),
     [({"stifness": 200}, "did you mean stiffness"), ({"input": "voice"}, "pointer.*keys"), ({"reach": 2}, "<= 0.5")],
 )
-def test_wrong_options_are_named(options: dict[str, float | str], message: str) -> None:
+def test_error_names_invalid_option(options: dict[str, float | str], message: str) -> None:
     with pytest.raises(ConfigError, match=rf"agents\.left\.options.*{message}"):
         MouseStylus("left", configured(**options))

@@ -13,29 +13,29 @@ K, B, T = 200.0, 2.0, 1e-3
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)), max_size=80))
-def test_whoever_owes_too_much_gives_nothing_but_by_surprise(ticks: list[tuple[float, float, float]]) -> None:
-    """In debt, energy is handed out only for what the stylus moved otherwise than it seemed to."""
+def test_large_energy_deficit_grows_only_by_unestimated_motion(ticks: list[tuple[float, float, float]]) -> None:
+    """Beyond the allowed deficit, the hand gains energy only from motion that the velocity estimate missed."""
     control, height, rendered = Passivity(), 0.0, 0.0
-    for number, (force, moved, seemed) in enumerate(ticks):
+    for number, (force, moved, estimated) in enumerate(ticks):
         control.remember(number, height)
-        rendered = control.step(force, max(number - 5, 0), height, seemed / T, rendered)
-        if control.energy < -STORED and abs(seemed / T) >= SLOW:
-            assert rendered * moved <= abs(rendered) * abs(moved - seemed) + 1e-15
+        rendered = control.step(force, max(number - 5, 0), height, estimated / T, rendered)
+        if control.energy < -STORED and abs(estimated / T) >= SLOW:
+            assert rendered * moved <= abs(rendered) * abs(moved - estimated) + 1e-15
         assert control.energy <= STORED
         height += moved
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(-3.0, 3.0), st.floats(-1.0, 1.0).filter(lambda v: abs(v) > 1e-3), st.floats(0.0, 1.0))
-def test_the_damping_is_bounded_and_never_pushes_on(force: float, velocity: float, debt: float) -> None:
+def test_added_damping_is_bounded_and_opposes_the_motion(force: float, velocity: float, deficit: float) -> None:
     control = Passivity()
-    control.energy = -debt
+    control.energy = -deficit
     limited = control.step(force, 0, 0.0, velocity, 0.0)
     assert abs(limited - force) <= max(MAX_DAMPING * abs(velocity), abs(force)) + 1e-12
     assert (limited - force) * velocity <= 1e-12 or limited == 0.0
 
 
-def test_without_a_delay_or_at_rest_nothing_is_changed() -> None:
+def test_undelayed_force_at_rest_is_unchanged() -> None:
     control, rendered = Passivity(), 0.0
     for number in range(200):
         control.remember(number, 0.01)
@@ -43,8 +43,8 @@ def test_without_a_delay_or_at_rest_nothing_is_changed() -> None:
         assert rendered == -2.0
 
 
-def test_a_partner_may_push_for_as_long_as_it_likes() -> None:
-    """The board is moved under the hand: force and answered way go together, as far as the hand follows."""
+def test_sustained_force_of_a_moving_partner_is_not_reduced() -> None:
+    """The partner moves the board and the hand follows: the energy into the network covers the energy out of it."""
     control, rendered, delay = Passivity(), 0.0, 5
     for number in range(1000):
         height = 5e-5 * number
@@ -53,7 +53,7 @@ def test_a_partner_may_push_for_as_long_as_it_likes() -> None:
     assert rendered == pytest.approx(0.8, abs=0.01)
 
 
-def test_a_new_account_knows_nothing_of_the_old() -> None:
+def test_reset_clears_the_energy_deficit() -> None:
     control = Passivity()
     control.energy = -1.0
     control.reset()
@@ -61,7 +61,7 @@ def test_a_new_account_knows_nothing_of_the_old() -> None:
     assert control.energy == 0.0
 
 
-def test_what_is_not_finite_is_passed_on_and_forgotten() -> None:
+def test_non_finite_values_pass_through_and_reset_the_energy() -> None:
     control = Passivity()
     control.remember(0, 0.0)
     control.step(1.0, 0, 0.0, 0.0, 0.0)
@@ -70,21 +70,21 @@ def test_what_is_not_finite_is_passed_on_and_forgotten() -> None:
     assert control.energy == 0.0
 
 
-def swing(mass: float, damping: float, round_trip: int, *, limited: bool) -> float:
-    """Let a stylus go that a delayed spring was led to hold; how far it is from rest in the last half second [m]."""
+def residual_amplitude(mass: float, damping: float, round_trip: int, *, limited: bool) -> float:
+    """Release a stylus from a delayed spring; return its largest displacement in the last half second [m]."""
     control, x, v, rendered = Passivity(), 0.0, 0.0, 0.0
-    coming = deque([(0, 0.0)] * (round_trip + 1))
+    in_flight = deque([(0, 0.0)] * (round_trip + 1))
     largest = 0.0
     for number in range(4000):
-        led = number < 600
-        if led:
+        guided = number < 600
+        if guided:
             x, v = 0.01 * min(number / 300, 1.0), 0.0 if number > 300 else 0.01 / 0.3
         control.remember(number, x)
-        coming.append((number, -K * x - B * v))
-        seq, force = coming.popleft()
+        in_flight.append((number, -K * x - B * v))
+        seq, force = in_flight.popleft()
         rendered = control.step(force, seq, x, v, rendered) if limited else force
         rendered = min(max(rendered, -3.0), 3.0)
-        if led:
+        if guided:
             continue
         v += T * (rendered - damping * v) / mass
         x += T * v
@@ -94,9 +94,9 @@ def swing(mass: float, damping: float, round_trip: int, *, limited: bool) -> flo
 
 @pytest.mark.parametrize("round_trip", [0, 2, 8, 20, 40, 60])
 @pytest.mark.parametrize(("mass", "damping"), [(0.045, 0.1), (0.1, 0.5), (0.5, 5.0)])
-def test_a_stylus_that_is_let_go_comes_to_rest_at_any_distance(mass: float, damping: float, round_trip: int) -> None:
-    assert swing(mass, damping, round_trip, limited=True) < 1e-3
+def test_released_stylus_comes_to_rest_at_any_round_trip_time(mass: float, damping: float, round_trip: int) -> None:
+    assert residual_amplitude(mass, damping, round_trip, limited=True) < 1e-3
 
 
-def test_and_does_not_without() -> None:
-    assert swing(0.045, 0.1, 40, limited=False) > 0.1
+def test_released_stylus_oscillates_without_passivity_control() -> None:
+    assert residual_amplitude(0.045, 0.1, 40, limited=False) > 0.1

@@ -38,14 +38,14 @@ def writable(text: str) -> bool:
 
 
 @given(PROFILES.filter(lambda each: writable(repr(each) + each.device.model + each.device.serial)))
-def test_what_is_written_is_read_to_the_bit(known: Profile) -> None:
+def test_profile_round_trips_exactly(known: Profile) -> None:
     from netboard.base.settings import write
 
     assert profile.parse(write(known), "test") == known
 
 
 @given(st.lists(SERIALS.filter(writable), min_size=2, max_size=5, unique=True))
-def test_every_serial_number_has_a_file_of_its_own_in_the_folder(serials: list[str]) -> None:
+def test_each_serial_number_has_its_own_file_in_the_folder(serials: list[str]) -> None:
     folder = Path("profiles")
     files = {profile.file_of(folder, serial) for serial in serials}
     assert len(files) == len(serials)
@@ -55,17 +55,17 @@ def test_every_serial_number_has_a_file_of_its_own_in_the_folder(serials: list[s
         assert all(letter.isascii() and (letter.isalnum() or letter in "_.-~%") for letter in file.name)
 
 
-def mine(serial: str = "virtual-left", **placement: float) -> Profile:
+def make_profile(serial: str = "virtual-left", **placement: float) -> Profile:
     return Profile(Identity("virtual Touch", serial), placement=Placement(**placement))
 
 
-def test_a_device_without_a_profile_has_none(tmp_path: Path) -> None:
+def test_load_returns_none_without_a_profile(tmp_path: Path) -> None:
     assert profile.load(tmp_path, "virtual-left") is None
     assert profile.load(tmp_path / "nowhere", "virtual-left") is None
 
 
-def test_the_one_before_is_kept(tmp_path: Path) -> None:
-    first, second = mine(zero_z=0.01), mine(zero_z=0.02)
+def test_save_keeps_the_previous_profile_as_a_backup(tmp_path: Path) -> None:
+    first, second = make_profile(zero_z=0.01), make_profile(zero_z=0.02)
     path = profile.save(tmp_path / "profiles", first)
     assert profile.save(tmp_path / "profiles", second) == path
     assert profile.load(tmp_path / "profiles", "virtual-left") == second
@@ -73,14 +73,14 @@ def test_the_one_before_is_kept(tmp_path: Path) -> None:
     assert sorted(each.name for each in path.parent.iterdir()) == ["virtual-left.toml", "virtual-left.toml.bak"]
 
 
-def test_the_one_before_is_not_kept_if_it_shall_not(tmp_path: Path) -> None:
+def test_save_with_replace_keeps_no_backup(tmp_path: Path) -> None:
     for z in (0.01, 0.02):
-        path = profile.save(tmp_path, mine(zero_z=z), replace=True)
+        path = profile.save(tmp_path, make_profile(zero_z=z), replace=True)
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
 
 
-def test_the_profile_of_another_device_is_refused(tmp_path: Path) -> None:
-    profile.save(tmp_path, mine("one")).rename(profile.file_of(tmp_path, "two"))
+def test_profile_of_another_device_is_rejected(tmp_path: Path) -> None:
+    profile.save(tmp_path, make_profile("one")).rename(profile.file_of(tmp_path, "two"))
     with pytest.raises(ConfigError, match=r'two\.toml: \[device\] serial: found "one", expected "two"'):
         profile.load(tmp_path, "two")
 
@@ -94,16 +94,16 @@ def test_the_profile_of_another_device_is_refused(tmp_path: Path) -> None:
         ({"y_max": 5.0}, r"\[placement\] y_max: found 5.0, expected a number >= -1 and <= 1 \[m\]"),
     ],
 )
-def test_a_profile_that_makes_no_sense_is_never_written(tmp_path: Path, wrong: dict, message: str) -> None:
+def test_invalid_profile_is_never_written(tmp_path: Path, wrong: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        profile.save(tmp_path, mine(**wrong))
+        profile.save(tmp_path, make_profile(**wrong))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+def test_unusable_profile_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "profiles").write_text("a file")
     with pytest.raises(ConfigError, match="cannot be written"):
-        profile.save(tmp_path / "profiles", mine())
+        profile.save(tmp_path / "profiles", make_profile())
     with pytest.raises(ConfigError, match="cannot be read"):
         profile.load(tmp_path / "profiles", "virtual-left")
 
@@ -117,13 +117,13 @@ def rig(folder: Path, zero: float = 0.0) -> Config:
     return replace(plain, agents=replace(plain.agents, left=left, profiles=str(folder)))
 
 
-class Told(Device):
-    """A device that reads what it is told."""
+class Scripted(Device):
+    """A device with a scripted reading."""
 
     reading = Reading(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True)
 
     def _open(self) -> DeviceInfo:
-        return DeviceInfo("Told", "told", 0.0, 0.0, 0.0, Box(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
+        return DeviceInfo("Scripted", "scripted", 0.0, 0.0, 0.0, Box(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
 
     def _read(self, now_ns: int) -> Reading:
         return self.reading._replace(stamp_ns=now_ns)
@@ -135,36 +135,36 @@ class Told(Device):
         self.closed = True
 
 
-WAYS = st.floats(-0.2, 0.2)
+OFFSETS = st.floats(-0.2, 0.2)
 
 
-@given(PLACEMENTS.filter(lambda p: writable(p.calibrated)), st.tuples(*[WAYS] * 6), st.floats(-0.05, 0.05))
-def test_readings_come_in_the_scene_s_frame(
-    tmp_path_factory: pytest.TempPathFactory, place: Placement, numbers: tuple[float, ...], lowered: float
+@given(PLACEMENTS.filter(lambda p: writable(p.calibrated)), st.tuples(*[OFFSETS] * 6), st.floats(-0.05, 0.05))
+def test_profile_transforms_readings_to_the_scene_frame(
+    tmp_path_factory: pytest.TempPathFactory, place: Placement, numbers: tuple[float, ...], agent_zero: float
 ) -> None:
     folder = tmp_path_factory.mktemp("profiles")
-    profile.save(folder, Profile(Identity("Told", "told"), placement=place))
-    device = Told("left", rig(folder, lowered))
+    profile.save(folder, Profile(Identity("Scripted", "scripted"), placement=place))
+    device = Scripted("left", rig(folder, agent_zero))
     device.reading = Reading(0, *numbers, 3, True)
     with device:
-        came = device.read(7)
+        result = device.read(7)
         x, y, z, vx, vy, vz = numbers
         s = place.scale
-        assert came[1:4] == pytest.approx(
-            ((x - place.zero_x) * s, (y - place.zero_y) * s, (z - place.zero_z) * s - lowered), abs=1e-12
+        assert result[1:4] == pytest.approx(
+            ((x - place.zero_x) * s, (y - place.zero_y) * s, (z - place.zero_z) * s - agent_zero), abs=1e-12
         )
-        assert came[4:7] == pytest.approx((vx * s, vy * s, vz * s), abs=1e-12)
-        assert came.ready == (Box(*place.box).holds(x, y, z) and max(abs(x), abs(y), abs(z)) <= 0.1)
-        assert (came.stamp_ns, came.buttons) == (7, 3)
+        assert result[4:7] == pytest.approx((vx * s, vy * s, vz * s), abs=1e-12)
+        assert result.ready == (Box(*place.box).holds(x, y, z) and max(abs(x), abs(y), abs(z)) <= 0.1)
+        assert (result.stamp_ns, result.buttons) == (7, 3)
         assert device.info.details["profile_scale"] == repr(s)
     device.open(placed=False)
     assert device.read(8)[1:7] == numbers
     assert device.info.details == {}
 
 
-def test_what_is_in_force_is_said(tmp_path: Path) -> None:
+def test_device_details_list_the_applied_profile(tmp_path: Path) -> None:
     known = Mechanics(0.045, 0.001, 0.1, 0.02, 0.26, 0.01, "then")
-    profile.save(tmp_path, replace(mine(zero_z=0.02, scale=1.5), mechanics=known))
+    profile.save(tmp_path, replace(make_profile(zero_z=0.02, scale=1.5), mechanics=known))
     with VirtualTouch("left", rig(tmp_path)) as device:
         details = device.info.details
         assert device.profile is not None
@@ -173,17 +173,17 @@ def test_what_is_in_force_is_said(tmp_path: Path) -> None:
     assert details["profile_identified"] == "then"
 
 
-def test_a_wrong_profile_leaves_the_device_closed(tmp_path: Path) -> None:
-    profile.file_of(tmp_path, "told").write_text("[placement]\nscale = 0\n")
-    device = Told("left", rig(tmp_path))
-    with pytest.raises(ConfigError, match=r"told\.toml: \[placement\] scale"):
+def test_invalid_profile_leaves_the_device_closed(tmp_path: Path) -> None:
+    profile.file_of(tmp_path, "scripted").write_text("[placement]\nscale = 0\n")
+    device = Scripted("left", rig(tmp_path))
+    with pytest.raises(ConfigError, match=r"scripted\.toml: \[placement\] scale"):
         device.open()
     assert device.closed
     with pytest.raises(ValueError, match="closed"):
         device.read(0)
 
 
-def test_a_smaller_box_is_within_both() -> None:
+def test_box_within_another_is_their_intersection() -> None:
     one, other = Box(-1, -2, -3, 1, 2, 3), Box(-2, -1, -1, 2, 1, 4)
     assert one.within(other) == Box(-1, -1, -1, 1, 1, 3)
     assert one.within(None) == one

@@ -1,4 +1,4 @@
-"""Backends by name, netboard's own and those of other packages."""
+"""Device backends by name: netboard's own and those of other packages."""
 
 from pathlib import Path
 
@@ -44,21 +44,21 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_the_virtual_device_is_there() -> None:
+def test_virtual_device_is_registered() -> None:
     assert registry.find("virtual") is VirtualTouch
     assert "virtual" in registry.names()
 
 
-def test_every_backend_of_netboard_can_be_loaded() -> None:
+def test_every_built_in_backend_can_be_loaded() -> None:
     assert all(issubclass(registry.find(name), Device) for name in registry.BACKENDS)
 
 
-def test_an_unknown_name_says_what_there_is() -> None:
+def test_unknown_backend_error_lists_available_ones() -> None:
     with pytest.raises(DeviceNotFound, match=r"'vitual'.*there are: .*virtual"):
         registry.find("vitual")
 
 
-def test_a_device_is_made_for_its_side() -> None:
+def test_make_creates_the_device_of_a_side() -> None:
     config = Config(agents=Agents(right=Agent(zero=0.01)))
     device = registry.make("right", config)
     assert isinstance(device, VirtualTouch)
@@ -66,7 +66,7 @@ def test_a_device_is_made_for_its_side() -> None:
 
 
 @pytest.mark.usefixtures("plugin")
-def test_other_packages_add_theirs() -> None:
+def test_backends_of_other_packages_are_registered() -> None:
     assert "other" in registry.names()
     assert registry.find("other").__name__ == "Other"
 
@@ -75,11 +75,11 @@ def test_other_packages_add_theirs() -> None:
 @pytest.mark.parametrize(
     ("name", "why"), [("missing", "no attribute"), ("broken", "No module"), ("no_device", "is not a netboard")]
 )
-def test_a_backend_that_cannot_be_had_says_why(name: str, why: str) -> None:
+def test_broken_backend_error_says_why(name: str, why: str) -> None:
     with pytest.raises(DeviceNotFound, match=why):
         registry.find(name)
 
 
 @pytest.mark.usefixtures("plugin")
-def test_netboard_s_own_come_first() -> None:
+def test_built_in_backends_take_precedence() -> None:
     assert registry.find("virtual") is VirtualTouch
