@@ -1,4 +1,4 @@
-"""A stand-in for the module ``hid`` of hidapi: the part of its interface that is used, with simulated devices."""
+"""A fake of the module ``hid`` of hidapi: the part of its interface that netboard uses, with simulated devices."""
 
 from collections import deque
 from typing import Any
@@ -15,8 +15,8 @@ class Cap:
         Its serial number.
     path : bytes
         Where hidapi finds it.
-    rotates_apart : bool
-        Whether rotations come in a report of their own.
+    separate_rotation : bool
+        Whether rotations have a separate report.
     """
 
     def __init__(
@@ -25,32 +25,32 @@ class Cap:
         product: int = 0xC635,
         serial: str = "CAP1",
         path: bytes = b"1-2:1.0",
-        rotates_apart: bool = True,
+        separate_rotation: bool = True,
     ) -> None:
         self.ids = (vendor, product)
         self.serial, self.path = serial, path
-        self.rotates_apart = rotates_apart
+        self.separate_rotation = separate_rotation
         self.plugged = self.permitted = True
         self.lamp = False
         self.opened = 0
         self.reports: deque[list[int]] = deque()
 
     def push(self, x: int, y: int, z: int, rx: int = 0, ry: int = 0, rz: int = 0) -> None:
-        """Report where the cap is pushed, in the order and signs of the wire."""
-        shift = [byte for word in (x, y, z) for byte in word.to_bytes(2, "little", signed=True)]
-        turn = [byte for word in (rx, ry, rz) for byte in word.to_bytes(2, "little", signed=True)]
-        if self.rotates_apart:
-            self.reports += [[1, *shift], [2, *turn]]
+        """Queue reports of a push, with the axes and signs of the wire protocol."""
+        translation = [byte for word in (x, y, z) for byte in word.to_bytes(2, "little", signed=True)]
+        rotation = [byte for word in (rx, ry, rz) for byte in word.to_bytes(2, "little", signed=True)]
+        if self.separate_rotation:
+            self.reports += [[1, *translation], [2, *rotation]]
         else:
-            self.reports.append([1, *shift, *turn])
+            self.reports.append([1, *translation, *rotation])
 
     def press(self, buttons: int, size: int = 2) -> None:
-        """Report which buttons are pressed."""
+        """Queue a report of the pressed buttons."""
         self.reports.append([3, *buttons.to_bytes(size, "little")])
 
     def entries(self) -> list[dict[str, Any]]:
-        """What hidapi says is there: the cap, and an interface that is none."""
-        there = {
+        """Return what hidapi enumerates: the cap, and an unrelated interface."""
+        entry = {
             "path": self.path,
             "vendor_id": self.ids[0],
             "product_id": self.ids[1],
@@ -63,11 +63,11 @@ class Cap:
             "interface_number": 0,
             "bus_type": 1,
         }
-        return [{**there, "path": self.path + b"x", "usage_page": 0xFF00, "usage": 1}, there] if self.plugged else []
+        return [{**entry, "path": self.path + b"x", "usage_page": 0xFF00, "usage": 1}, entry] if self.plugged else []
 
 
 class device:  # noqa: N801 - as hidapi calls it
-    """An open device, as hidapi gives one."""
+    """An open device, as in hidapi."""
 
     hid: "FakeHid"
 
@@ -83,18 +83,18 @@ class device:  # noqa: N801 - as hidapi calls it
 
     def set_nonblocking(self, flag: int) -> int:
         assert flag == 1
-        self._there()
+        self._open_cap()
         return 0
 
     def read(self, max_length: int, timeout_ms: int = 0) -> list[int]:
-        cap = self._there()
+        cap = self._open_cap()
         assert timeout_ms == 0
         if not cap.plugged:
             raise OSError("read error")
         return cap.reports.popleft()[:max_length] if cap.reports else []
 
     def write(self, buff: list[int]) -> int:
-        cap = self._there()
+        cap = self._open_cap()
         if not cap.plugged:
             return -1
         assert buff[0] == 4
@@ -106,7 +106,7 @@ class device:  # noqa: N801 - as hidapi calls it
             self._cap.opened -= 1
             self._cap = None
 
-    def _there(self) -> Cap:
+    def _open_cap(self) -> Cap:
         if self._cap is None:
             raise ValueError("not open")
         return self._cap

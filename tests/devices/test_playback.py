@@ -1,4 +1,4 @@
-"""The recorded stylus: the contract, files and their errors, and the same movement."""
+"""Playback of a recorded stylus: the contract, the files and their errors, and the reproduced movement."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ STEP = 0.055e-3
 
 
 def sine(path: Path, rates: bool, every: float = 0.01) -> Path:
-    """One second of a sine of 2 cm along z, of 1 cm along y, a button pressed from 0.5 s on."""
+    """Write one second of a sine of 2 cm along z and a cosine of 1 cm along y; a button is pressed from 0.5 s on."""
     t = np.arange(0.0, 1.0 + every / 2, every)
     columns = {"time": t + 5.0, "z": 0.02 * np.sin(TURN * t), "y": 0.01 * np.cos(TURN * t), "x": 0.0 * t}
     if rates:
@@ -40,7 +40,7 @@ def sine(path: Path, rates: bool, every: float = 0.01) -> Path:
 
 
 def record(path: Path) -> tuple[Path, np.ndarray]:
-    """A recording of two virtual styluses, two trials of a second each, the left one silent for a while."""
+    """Write a recording of two virtual styluses, two trials of one second each; the left one is silent for 20 ms."""
     config = Config()
     rows = np.zeros(2000, TICK)
     devices = {side: VirtualTouch(side, config) for side in ("left", "right")}
@@ -48,16 +48,16 @@ def record(path: Path) -> tuple[Path, np.ndarray]:
         device.open()
         device.command([Submovement(side, 0.1, 0.3, 0.02), Submovement(side, 1.2, 0.4, -0.03)])
         for k in range(len(rows)):
-            there = device.read(k * MS - 300_000 + (k % 7) * 10_000)
+            reading = device.read(k * MS - 300_000 + (k % 7) * 10_000)
             row = rows[k]
-            row[f"{side}_live"], row[f"{side}_seq"], row[f"{side}_stamp_ns"] = 1, k, 10**12 + there.stamp_ns
-            row[f"{side}_x"], row[f"{side}_y"], row[f"{side}_buttons"] = there.x, there.y, k // 1500
-            row[f"{side}_sent_z"], row[f"{side}_sent_vz"] = there.z, there.vz
+            row[f"{side}_live"], row[f"{side}_seq"], row[f"{side}_stamp_ns"] = 1, k, 10**12 + reading.stamp_ns
+            row[f"{side}_x"], row[f"{side}_y"], row[f"{side}_buttons"] = reading.x, reading.y, k // 1500
+            row[f"{side}_sent_z"], row[f"{side}_sent_vz"] = reading.z, reading.vz
     rows["tick"], rows["time_ns"], rows["trial"] = np.arange(2000), 10**12 + np.arange(2000) * MS, 1
     rows["trial"][1000:] = 2
     rows["left_live"][400:420] = 0
     for name in ("left_seq", "left_stamp_ns", "left_sent_z", "left_sent_vz"):
-        rows[name][700:704] = rows[name][699]  # a sample that was used again
+        rows[name][700:704] = rows[name][699]  # a repeated sample
     text = '[session]\nname = "S01"\n'
     about = provenance(Welcome("3f2a9c1e00000000", 1, 7, text), config, 1, S, 42)
     writer = RecordingWriter(path, about, text, Recording(), S)
@@ -94,8 +94,8 @@ class TestPlayback(DeviceContract):
 
 
 @pytest.mark.parametrize(("rates", "place", "rate"), [(True, 1e-8, 1e-4), (False, 1.1e-5, 5e-3)])
-def test_a_sine_is_played_as_it_is(tmp_path: Path, rates: bool, place: float, rate: float) -> None:
-    """By a cubic, within ``h^4/384`` of the fourth derivative; by lines, within ``h^2/8`` of the second."""
+def test_sine_is_reproduced_within_interpolation_error(tmp_path: Path, rates: bool, place: float, rate: float) -> None:
+    """Error bounds: ``h^4/384`` times the fourth derivative for cubics, ``h^2/8`` times the second for lines."""
     t = 1e-3 * np.arange(1001)
     readings = read(playback(sine(tmp_path / "a.csv", rates)), t)
     found = np.array([(r.x, r.y, r.z, r.vx, r.vy, r.vz) for r in readings]).T
@@ -108,17 +108,17 @@ def test_a_sine_is_played_as_it_is(tmp_path: Path, rates: bool, place: float, ra
     assert all(r.ready for r in readings)
 
 
-def test_it_starts_with_the_first_reading_and_rests_before_and_after(tmp_path: Path) -> None:
+def test_playback_starts_after_the_delay_and_rests_before_and_after(tmp_path: Path) -> None:
     device = playback(sine(tmp_path / "a.csv", rates=True), delay=0.5)
-    before, at, late, after = read(device, np.array([0.0, 0.5 + 0.25, 1.5, 1.6]))
+    before, peak, end, after = read(device, np.array([0.0, 0.5 + 0.25, 1.5, 1.6]))
     assert (before.y, before.z, before.vz, before.ready) == (0.01, 0.0, 0.0, True)
-    assert at.z == pytest.approx(0.02)
-    assert late.ready
+    assert peak.z == pytest.approx(0.02)
+    assert end.ready
     assert (after.vy, after.vz, after.ready, after.buttons) == (0.0, 0.0, False, 1)
     assert after.z == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_loop_goes_on_at_the_beginning(tmp_path: Path) -> None:
+def test_loop_option_restarts_at_the_beginning(tmp_path: Path) -> None:
     device = playback(sine(tmp_path / "a.csv", rates=True), loop=True)
     first, again, third = read(device, np.array([0.0, 1.25, 2.75]))
     assert first.z == 0.0
@@ -126,7 +126,7 @@ def test_a_loop_goes_on_at_the_beginning(tmp_path: Path) -> None:
     assert (third.z, third.ready) == (pytest.approx(-0.02), True)
 
 
-def test_it_is_opened_anew_from_the_beginning(tmp_path: Path) -> None:
+def test_reopening_restarts_the_playback(tmp_path: Path) -> None:
     device = playback(sine(tmp_path / "a.csv", rates=True), noise=1e-4)
     first = read(device, np.arange(5) * 0.2)
     device.close()
@@ -134,24 +134,24 @@ def test_it_is_opened_anew_from_the_beginning(tmp_path: Path) -> None:
     assert [r[1:] for r in read(device, np.arange(5) * 0.2, 99 * S)] == [r[1:] for r in first]
 
 
-def test_scale_is_of_places_and_rates(tmp_path: Path) -> None:
+def test_scale_multiplies_positions_and_velocities(tmp_path: Path) -> None:
     path, t = sine(tmp_path / "a.csv", rates=True), 1e-3 * np.arange(0, 1000, 37)
     once, twice = read(playback(path), t), read(playback(path, scale=-2.0), t)
     for a, b in zip(once, twice, strict=True):
         assert b[1:7] == pytest.approx(tuple(-2.0 * value for value in a[1:7]), abs=1e-12)
 
 
-def test_noise_is_as_strong_as_asked_for_and_the_same_for_a_seed(tmp_path: Path) -> None:
+def test_noise_has_the_configured_level_and_depends_on_the_seed(tmp_path: Path) -> None:
     path, t = sine(tmp_path / "a.csv", rates=True), 1e-3 * np.arange(1000)
     plain = read(playback(path), t)
     noisy = [read(playback(path, noise=2e-4, seed=seed), t) for seed in (1, 1, 2)]
     assert noisy[0] == noisy[1] != noisy[2]
-    off = np.array([[b.x - a.x, b.y - a.y, b.z - a.z] for a, b in zip(plain, noisy[0], strict=True)])
-    assert off.std(axis=0) == pytest.approx([2e-4] * 3, rel=0.1)
+    deviation = np.array([[b.x - a.x, b.y - a.y, b.z - a.z] for a, b in zip(plain, noisy[0], strict=True)])
+    assert deviation.std(axis=0) == pytest.approx([2e-4] * 3, rel=0.1)
     assert [r.vz for r in noisy[0]] == [r.vz for r in plain]
 
 
-def test_a_recorded_stylus_is_played_as_it_was_recorded(tmp_path: Path) -> None:
+def test_recorded_stylus_is_reproduced(tmp_path: Path) -> None:
     path, rows = record(tmp_path / "a.mcap")
     rows = rows[rows["right_live"] == 1]
     t = (rows["right_stamp_ns"] - rows["right_stamp_ns"][0]) * 1e-9
@@ -164,7 +164,7 @@ def test_a_recorded_stylus_is_played_as_it_was_recorded(tmp_path: Path) -> None:
     assert np.abs(np.array([r.z for r in between]) - rows["right_sent_z"][:-1]).max() < 0.5e-3 * 0.3 + 2 * STEP
 
 
-def test_samples_that_were_used_twice_or_not_at_all_are_left_out(tmp_path: Path) -> None:
+def test_repeated_and_missing_samples_are_skipped(tmp_path: Path) -> None:
     path, rows = record(tmp_path / "a.mcap")
     track = read_track(path, "left", 0)
     assert len(track.times) == 2000 - 20 - 4
@@ -172,7 +172,7 @@ def test_samples_that_were_used_twice_or_not_at_all_are_left_out(tmp_path: Path)
     assert track.places[0, 2] == rows["left_sent_z"][0]
 
 
-def test_one_trial_of_a_recording(tmp_path: Path) -> None:
+def test_trial_option_plays_one_trial(tmp_path: Path) -> None:
     path, rows = record(tmp_path / "a.mcap")
     device = playback(path, trial=2)
     assert device.info.details["stylus"] == "left, trial 2"
@@ -182,12 +182,12 @@ def test_one_trial_of_a_recording(tmp_path: Path) -> None:
         playback(path, trial=3)
 
 
-def test_it_cannot_be_felt(tmp_path: Path) -> None:
+def test_playback_device_renders_no_force(tmp_path: Path) -> None:
     info = playback(sine(tmp_path / "a.csv", rates=True)).info
     assert (info.max_force, info.continuous_force) == (0.0, 0.0)
 
 
-def test_a_file_must_be_named_and_be_there(tmp_path: Path) -> None:
+def test_missing_or_unsuitable_file_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"\[agents\.right\.options\] file: found none"):
         Playback("right", Config())
     with pytest.raises(DeviceNotFound, match=r"nowhere\.csv: there is no such file"):
@@ -217,13 +217,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG.items(), ids=range(len(WRONG)))
-def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, text: str, message: str) -> None:
+def test_csv_error_names_line_and_column(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ConfigError, match=rf"a\.csv: {message}"):
         read_csv(tmp_path / "a.csv")
 
 
-def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_binary_file_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"time,x,y,z\n\xff\xfe\n")
     with pytest.raises(ConfigError, match=r"a\.csv: cannot be read"):
         read_csv(tmp_path / "a.csv")
@@ -232,7 +232,7 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "motion", [lambda t: t, lambda t: t**2 - t, lambda t: 4 * t**3 - t**2 + 0.5], ids=["line", "parabola", "cubic"]
 )
-def test_between_positions_with_rates_it_is_on_their_cubic(motion: Callable[[np.ndarray], np.ndarray]) -> None:
+def test_positions_with_rates_are_interpolated_by_a_cubic(motion: Callable[[np.ndarray], np.ndarray]) -> None:
     times = np.array([0.0, 0.1, 0.25, 0.7])
     rates = (motion(times + 1e-6) - motion(times - 1e-6)) / 2e-6
     track = Track(times, np.stack([motion(times)] * 3, 1), np.stack([rates] * 3, 1), np.zeros(4, np.int64))

@@ -1,4 +1,4 @@
-"""The SpaceMouse: the contract, its reports, the movement of the stylus, and faults."""
+"""The SpaceMouse: the contract, reports, movement of the stylus, and faults."""
 
 import sys
 from collections.abc import Callable
@@ -32,16 +32,16 @@ def mouse(**options: object) -> SpaceMouse:
 
 @pytest.fixture
 def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
-    """Plug caps in."""
+    """Return a function that plugs caps in."""
     return lambda *caps: monkeypatch.setitem(sys.modules, "hid", FakeHid(*caps))  # type: ignore[arg-type]
 
 
 @pytest.fixture
 def cap(plug: Plug) -> Cap:
-    """One that is plugged in."""
-    there = Cap()
-    plug(there)
-    return there
+    """A cap that is plugged in."""
+    connected = Cap()
+    plug(connected)
+    return connected
 
 
 class TestSpaceMouse(DeviceContract):
@@ -63,14 +63,14 @@ class TestSpaceMouse(DeviceContract):
 # --- reports -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("apart", [True, False])
+@pytest.mark.parametrize("separate", [True, False])
 @pytest.mark.parametrize(
     ("pushed", "moved"),
     [((FULL, 0, 0), (0, 1, 0)), ((0, FULL, 0), (1, 0, 0)), ((0, 0, FULL), (0, 0, -1)), ((0, 0, -FULL), (0, 0, 1))],
 )
-def test_axes_are_those_of_the_scene(plug: Plug, apart: bool, pushed: tuple, moved: tuple) -> None:
-    """Right on the wire is y, towards the person is x, down is against z; in both families of reports."""
-    cap = Cap(rotates_apart=apart)
+def test_pushes_map_to_scene_axes(plug: Plug, separate: bool, pushed: tuple, moved: tuple) -> None:
+    """On the wire, right is y, towards the person is x, and down is -z; in both report formats."""
+    cap = Cap(separate_rotation=separate)
     plug(cap)
     with mouse(speed=0.1) as device:
         cap.push(*pushed, rx=200, ry=-100, rz=50)
@@ -80,7 +80,7 @@ def test_axes_are_those_of_the_scene(plug: Plug, apart: bool, pushed: tuple, mov
         assert (reading.x, reading.y, reading.z) == pytest.approx([0.001 * part for part in moved])
 
 
-def test_a_recorded_report_is_understood(cap: Cap) -> None:
+def test_recorded_report_is_decoded(cap: Cap) -> None:
     """x = 100, y = -200, z = 350; then buttons 1 and 2, then none."""
     with mouse(dead_zone=0, expo=0, speed=0.35) as device:
         cap.reports += [[0x01, 0x64, 0x00, 0x38, 0xFF, 0x5E, 0x01], [0x02, 0, 0, 0, 0, 0, 0], [0x03, 0x03, 0x00]]
@@ -91,13 +91,13 @@ def test_a_recorded_report_is_understood(cap: Cap) -> None:
         assert device.read(2 * MS).buttons == 0
 
 
-def test_many_buttons_are_one_mask(cap: Cap) -> None:
+def test_long_button_report_is_one_bit_mask(cap: Cap) -> None:
     with mouse() as device:
         cap.press(1 << 26 | 1, size=6)
         assert device.read(MS).buttons == 1 << 26 | 1
 
 
-def test_all_that_has_come_is_read_and_the_last_counts(cap: Cap) -> None:
+def test_read_consumes_all_reports_and_uses_the_latest(cap: Cap) -> None:
     with mouse(speed=0.1) as device:
         for push in (10, 200, FULL):
             cap.push(push, 0, 0)
@@ -107,7 +107,7 @@ def test_all_that_has_come_is_read_and_the_last_counts(cap: Cap) -> None:
 
 @pytest.mark.slow
 @given(st.lists(st.lists(st.integers(0, 255), min_size=1, max_size=20), max_size=20))
-def test_no_report_breaks_it(reports: list) -> None:
+def test_arbitrary_reports_keep_position_and_velocity_in_bounds(reports: list) -> None:
     cap = Cap()
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "hid", FakeHid(cap))  # type: ignore[arg-type]
@@ -119,11 +119,11 @@ def test_no_report_breaks_it(reports: list) -> None:
                 assert hypot(reading.vx, reading.vy, reading.vz) <= 3**0.5 * 0.15 + 1e-12
 
 
-# --- how a push moves the stylus ---------------------------------------------------------------------------------
+# --- movement of the stylus --------------------------------------------------------------------------------------
 
 
-def test_a_cap_at_rest_moves_nothing(cap: Cap) -> None:
-    """Not even one whose middle is a little off, however long."""
+def test_cap_at_rest_does_not_move_the_stylus(cap: Cap) -> None:
+    """A cap whose rest position is slightly off does not move the stylus, even after a long time."""
     with mouse() as device:
         for k in range(5000):
             cap.push(20, -20, 15)
@@ -131,21 +131,21 @@ def test_a_cap_at_rest_moves_nothing(cap: Cap) -> None:
         assert (reading.x, reading.y, reading.z) == (0.0, 0.0, 0.0)
 
 
-def test_a_push_steers_and_letting_go_stops(cap: Cap) -> None:
+def test_push_moves_the_stylus_and_release_stops_it(cap: Cap) -> None:
     with mouse(speed=0.1) as device:
         device.read(0)
         for k in range(1, 101):
             cap.push(0, 0, -FULL)
             device.read(k * MS)
         cap.push(0, 0, 0)
-        there = device.read(101 * MS)
-        assert there.z == pytest.approx(0.01, abs=2e-4)
-        assert there.vz == 0.0
-        assert device.read(5000 * MS).z == there.z
+        stopped = device.read(101 * MS)
+        assert stopped.z == pytest.approx(0.01, abs=2e-4)
+        assert stopped.vz == 0.0
+        assert device.read(5000 * MS).z == stopped.z
 
 
 @given(st.integers(-FULL, FULL), st.integers(-FULL, FULL))
-def test_a_larger_push_is_never_slower_and_both_ways_are_alike(one: int, other: int) -> None:
+def test_speed_is_a_monotonic_and_odd_function_of_the_push(one: int, other: int) -> None:
     device = mouse()
     small, large = sorted((one, other))
     assert device._share(small) <= device._share(large)
@@ -153,13 +153,13 @@ def test_a_larger_push_is_never_slower_and_both_ways_are_alike(one: int, other: 
     assert -1.0 <= device._share(one) <= 1.0
 
 
-def test_expo_is_finer_in_the_middle_and_as_fast_at_the_end() -> None:
-    straight, bent = mouse(expo=0), mouse(expo=1)
-    assert straight._share(FULL) == bent._share(FULL) == bent._share(2 * FULL) == 1.0
-    assert bent._share(FULL // 3) < straight._share(FULL // 3) / 4
+def test_expo_reduces_small_pushes_but_not_full_ones() -> None:
+    linear, curved = mouse(expo=0), mouse(expo=1)
+    assert linear._share(FULL) == curved._share(FULL) == curved._share(2 * FULL) == 1.0
+    assert curved._share(FULL // 3) < linear._share(FULL // 3) / 4
 
 
-def test_the_stylus_stays_in_its_box(cap: Cap) -> None:
+def test_stylus_stays_in_its_workspace(cap: Cap) -> None:
     with mouse(workspace=0.03) as device:
         for k in range(1000):
             cap.push(FULL, FULL, FULL)
@@ -171,7 +171,7 @@ def test_the_stylus_stays_in_its_box(cap: Cap) -> None:
         assert device.read(1010 * MS).z > -0.03
 
 
-def test_in_position_mode_it_goes_where_it_is_pushed_and_comes_back(cap: Cap) -> None:
+def test_position_mode_follows_the_push_and_returns_to_the_centre(cap: Cap) -> None:
     with mouse(mode="position", reach=0.04) as device:
         last = device.read(0)
         for k in range(1, 400):
@@ -184,7 +184,7 @@ def test_in_position_mode_it_goes_where_it_is_pushed_and_comes_back(cap: Cap) ->
         assert last.z == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_push_that_is_not_reported_any_more_has_ended(cap: Cap) -> None:
+def test_push_without_further_reports_ends_at_the_timeout(cap: Cap) -> None:
     with mouse() as device:
         cap.push(FULL, 0, 0)
         assert device.read(MS).vy > 0
@@ -192,14 +192,14 @@ def test_a_push_that_is_not_reported_any_more_has_ended(cap: Cap) -> None:
         assert device.read(2 * MS + RELEASE_TIMEOUT_NS).vy == 0.0
 
 
-def test_a_long_pause_between_readings_is_no_leap(cap: Cap) -> None:
+def test_long_pause_between_readings_causes_no_jump(cap: Cap) -> None:
     with mouse(speed=1.0) as device:
         device.read(0)
         cap.push(FULL, 0, 0)
         assert device.read(10_000 * MS).y == pytest.approx(0.05)
 
 
-def test_opened_again_it_begins_in_the_middle(cap: Cap) -> None:
+def test_reopened_device_starts_at_the_centre(cap: Cap) -> None:
     device = mouse()
     with device:
         cap.push(FULL, 0, 0)
@@ -209,18 +209,18 @@ def test_opened_again_it_begins_in_the_middle(cap: Cap) -> None:
         assert device.read(21 * MS).y == 0.0
 
 
-# --- finding it, and losing it -----------------------------------------------------------------------------------
+# --- finding and losing the device -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ids", SPACEMOUSE)
-def test_every_model_is_known_by_name(plug: Plug, ids: tuple[int, int]) -> None:
+def test_every_supported_model_is_named(plug: Plug, ids: tuple[int, int]) -> None:
     plug(Cap(*ids))
     with mouse() as device:
         assert device.info.model == f"3Dconnexion {SPACEMOUSE[ids]}"
         assert device.info.max_force == 0.0
 
 
-def test_two_are_told_apart_by_serial_or_path(plug: Plug) -> None:
+def test_device_is_selected_by_serial_number_or_path(plug: Plug) -> None:
     first, second = Cap(serial="A", path=b"1-1:1.0"), Cap(serial="B", path=b"1-2:1.0")
     plug(first, second)
     with mouse(serial="B") as device:
@@ -230,13 +230,13 @@ def test_two_are_told_apart_by_serial_or_path(plug: Plug) -> None:
         assert device.info.serial == "A"
 
 
-def test_one_without_a_number_is_known_by_its_path(plug: Plug) -> None:
+def test_device_without_serial_number_is_identified_by_its_path(plug: Plug) -> None:
     plug(Cap(serial=""))
     with mouse() as device:
         assert device.info.serial == "1-2:1.0"
 
 
-def test_a_wrong_choice_says_what_there_is(cap: Cap) -> None:
+def test_unknown_device_error_lists_connected_ones(cap: Cap) -> None:
     with pytest.raises(
         DeviceNotFound, match=r"with serial 'X'; there are: SpaceMouse Compact, serial 'CAP1', path '1-2:1"
     ):
@@ -245,13 +245,13 @@ def test_a_wrong_choice_says_what_there_is(cap: Cap) -> None:
         mouse(serial="CAP1", path="nowhere").open()
 
 
-def test_none_is_said(plug: Plug) -> None:
+def test_missing_spacemouse_is_reported(plug: Plug) -> None:
     plug()
     with pytest.raises(DeviceNotFound, match="no SpaceMouse is plugged in"):
         mouse().open()
 
 
-def test_without_permission_it_says_how_to_get_it(cap: Cap) -> None:
+def test_missing_permission_error_points_to_the_udev_rules(cap: Cap) -> None:
     cap.permitted = False
     with pytest.raises(
         DeviceNotFound, match=r"SpaceMouse Compact at 1-2:1\.0 cannot be opened .*udev/70-netboard\.rules"
@@ -259,7 +259,7 @@ def test_without_permission_it_says_how_to_get_it(cap: Cap) -> None:
         mouse().open()
 
 
-def test_one_that_is_pulled_out_is_lost(cap: Cap) -> None:
+def test_unplugged_spacemouse_raises_device_lost(cap: Cap) -> None:
     device = mouse()
     device.open()
     cap.plugged = False
@@ -269,7 +269,7 @@ def test_one_that_is_pulled_out_is_lost(cap: Cap) -> None:
     assert cap.opened == 0
 
 
-def test_the_lamp_is_lit_while_it_is_in_use(cap: Cap) -> None:
+def test_lamp_is_lit_while_the_device_is_open(cap: Cap) -> None:
     with mouse():
         assert cap.lamp
     assert not cap.lamp
@@ -277,19 +277,19 @@ def test_the_lamp_is_lit_while_it_is_in_use(cap: Cap) -> None:
         assert not cap.lamp
 
 
-def test_without_hidapi_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_hidapi_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "hid", None)  # type: ignore[arg-type]
     with pytest.raises(DeviceNotFound, match=r"netboard\[devices\]"):
         mouse().open()
 
 
-def test_another_package_of_that_name_is_told_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_package_named_hid_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "hid", type(sys)("hid"))
     with pytest.raises(DeviceNotFound, match="pip install hidapi"):
         mouse().open()
 
 
-def test_hidapi_has_what_the_fake_has() -> None:
+def test_hidapi_has_the_interface_of_the_fake() -> None:
     import hid
 
     assert isinstance(hid.enumerate(), list)
@@ -301,6 +301,6 @@ def test_hidapi_has_what_the_fake_has() -> None:
 @pytest.mark.parametrize(
     ("options", "message"), [({"mode": "force"}, '"rate" or "position"'), ({"dead_zone": 1}, ">= 0 and < 1")]
 )
-def test_wrong_options_are_named(options: dict, message: str) -> None:
+def test_error_names_invalid_option(options: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=rf"agents\.left\.options.*{message}"):
         mouse(**options)

@@ -52,7 +52,7 @@ def device(tmp_path: Path):
         yield device
 
 
-def test_every_force_is_in_the_file_at_once_and_so_is_the_last(tmp_path: Path) -> None:
+def test_forces_are_traced_at_once_including_the_final_zero(tmp_path: Path) -> None:
     with TamperedTouch("left", in_folder(Config(), tmp_path)) as device:
         device.read(MS)
         device.write(0.1, 0.2, 0.3)
@@ -66,25 +66,25 @@ def test_every_force_is_in_the_file_at_once_and_so_is_the_last(tmp_path: Path) -
     assert read_traces(tmp_path, "right") == []
 
 
-def test_no_file_is_no_force(tmp_path: Path) -> None:
+def test_missing_trace_file_gives_an_empty_trace(tmp_path: Path) -> None:
     assert read_trace(trace_file(tmp_path, "left", 1)).size == 0
 
 
-def test_it_can_be_held_by_a_simulated_hand(device: TamperedTouch) -> None:
+def test_device_can_be_held_by_a_simulated_hand(device: TamperedTouch) -> None:
     assert isinstance(device, SimulatedHandDevice)
     device.write(0.0, 0.0, 0.5)
     assert device.felt == 0.5
     device.command(())
 
 
-def test_it_can_give_no_numbers(device: TamperedTouch, tmp_path: Path) -> None:
+def test_nan_fault_gives_nan_readings(device: TamperedTouch, tmp_path: Path) -> None:
     assert not isnan(device.read(MS).z)
     play_trick(tmp_path, "left", "nan")
     reading = device.read(2 * MS)
     assert all(map(isnan, (reading.x, reading.y, reading.z, reading.vz)))
 
 
-def test_it_can_freeze_and_thaw(device: TamperedTouch, tmp_path: Path) -> None:
+def test_frozen_fault_repeats_the_reading_until_cleared(device: TamperedTouch, tmp_path: Path) -> None:
     before = device.read(MS)
     play_trick(tmp_path, "left", "frozen")
     assert device.read(5 * MS) == before
@@ -92,7 +92,7 @@ def test_it_can_freeze_and_thaw(device: TamperedTouch, tmp_path: Path) -> None:
     assert device.read(6 * MS).stamp_ns == 6 * MS
 
 
-def test_it_can_jump_which_looks_fast(device: TamperedTouch, tmp_path: Path) -> None:
+def test_jump_fault_shifts_the_position_and_raises_the_velocity(device: TamperedTouch, tmp_path: Path) -> None:
     before = device.read(MS)
     play_trick(tmp_path, "left", "jump")
     after = device.read(2 * MS)
@@ -100,7 +100,7 @@ def test_it_can_jump_which_looks_fast(device: TamperedTouch, tmp_path: Path) -> 
     assert after.vz > 10.0
 
 
-def test_it_can_be_gone_having_been_told_to_let_go(device: TamperedTouch, tmp_path: Path) -> None:
+def test_gone_fault_loses_the_device_after_zero_force(device: TamperedTouch, tmp_path: Path) -> None:
     device.write(0.0, 0.0, 0.5)
     play_trick(tmp_path, "left", "gone")
     with pytest.raises(DeviceLost):
@@ -112,16 +112,14 @@ def test_it_can_be_gone_having_been_told_to_let_go(device: TamperedTouch, tmp_pa
 
 
 @pytest.mark.parametrize("options", [{"folder": 3}, {"folder": "", "held": True}])
-def test_wrong_options_of_it_are_named(options: dict) -> None:
+def test_error_names_invalid_option(options: dict) -> None:
     config = Config()
     left = replace(config.agents.left, options=options)
     with pytest.raises(ConfigError, match=r"\[agents\.left\.options\] (folder|held)"):
         TamperedTouch("left", replace(config, agents=replace(config.agents, left=left)))
 
 
-def test_it_is_a_plug_in_where_it_is_installed_and_nowhere_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tampered_device_is_registered_only_where_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert NAME not in registry.names()
     environment = install(tmp_path / "plug-in")
     monkeypatch.syspath_prepend(environment["PYTHONPATH"].split(os.pathsep)[0])

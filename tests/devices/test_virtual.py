@@ -15,7 +15,7 @@ from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP
 from netboard.participants.submovement import Submovement
 
-FLAWS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
+IMPERFECTIONS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
 
 
 def configured(options: dict | None = None, **virtual: float | str) -> Config:
@@ -33,9 +33,9 @@ class TestVirtualTouch(DeviceContract):
         return device._written
 
 
-class TestFlawedFalcon(TestVirtualTouch):
+class TestImperfectFalcon(TestVirtualTouch):
     def make(self, config: Config) -> Device:
-        return VirtualTouch("left", replace(config, virtual=VirtualDevice(model="falcon", **FLAWS)))
+        return VirtualTouch("left", replace(config, virtual=VirtualDevice(model="falcon", **IMPERFECTIONS)))
 
 
 def opened(config: Config) -> VirtualTouch:
@@ -44,7 +44,7 @@ def opened(config: Config) -> VirtualTouch:
     return device
 
 
-def test_positions_come_in_encoder_steps() -> None:
+def test_positions_are_multiples_of_the_encoder_step() -> None:
     device = opened(configured())
     device.command([Submovement("left", 0.0, 0.3, 0.02)])
     step = resolved(Config().virtual).resolution
@@ -53,26 +53,26 @@ def test_positions_come_in_encoder_steps() -> None:
     assert np.abs(heights / step - np.round(heights / step)).max() < 1e-6
 
 
-def test_the_velocity_follows_the_movement_with_little_delay() -> None:
+def test_velocity_follows_the_movement_within_5_ms() -> None:
     device, exact = opened(configured()), opened(configured(resolution=0.0))
     for each in (device, exact):
         each.command([Submovement("left", 0.0, 0.3, 0.02)])
-    true, said = [], []
+    true, estimated = [], []
     for k in range(600):
         true.append(exact.read(k * MS).vz)
-        said.append(device.read(k * MS).vz)
-    assert np.abs(np.array(said) - true).max() < 0.02
-    lags = [np.abs(np.array(said)[lag:] - np.array(true)[: 600 - lag]).mean() for lag in range(15)]
+        estimated.append(device.read(k * MS).vz)
+    assert np.abs(np.array(estimated) - true).max() < 0.02
+    lags = [np.abs(np.array(estimated)[lag:] - np.array(true)[: 600 - lag]).mean() for lag in range(15)]
     assert int(np.argmin(lags)) <= 5
 
 
-def test_a_hand_at_rest_has_no_velocity() -> None:
+def test_hand_at_rest_has_zero_velocity() -> None:
     device = opened(configured())
     assert {device.read(k * MS).vz for k in range(200)} == {0.0}
 
 
-def test_it_gives_way_to_its_motors() -> None:
-    """An arm that does not compensate the load, as a practised one does, is a spring."""
+def test_hand_yields_to_the_motors_like_a_spring() -> None:
+    """An arm without the load compensation of a practised one is a spring."""
     config = configured(friction=0.0)
     device = opened(replace(config, participant=replace(config.participant, load_skill=0.0)))
     device.read(0)
@@ -83,24 +83,24 @@ def test_it_gives_way_to_its_motors() -> None:
     assert device.felt == 0.6
 
 
-def test_the_force_felt_is_what_the_motors_can_give() -> None:
+def test_rendered_force_saturates_at_max_force() -> None:
     device = opened(configured(max_force=2.0))
     device.write(0.0, 0.0, -50.0)
     assert device.felt == -2.0
 
 
-def test_after_a_long_pause_it_lives_through_a_bounded_part_of_it() -> None:
-    """A free stylus under a constant force shows by its way how much time has passed for it."""
+def test_simulated_time_after_a_long_pause_is_bounded() -> None:
+    """The displacement of a free stylus under a constant force shows how much time was simulated."""
     device = opened(configured({"held": False}, friction=0.0, damping=0.0, resolution=0.0, workspace=1.0))
     device.read(0)
     device.write(0.0, 0.0, 0.045)
     reading = device.read(10_000 * MS)
-    lived = CATCH_UP_NS * 1e-9
-    assert reading.z == pytest.approx(0.5 * lived**2, rel=0.02)
+    simulated = CATCH_UP_NS * 1e-9
+    assert reading.z == pytest.approx(0.5 * simulated**2, rel=0.02)
 
 
-def test_a_force_acts_from_the_moment_on_in_which_the_hand_lives_after_it() -> None:
-    """A free stylus under a constant force from 0.5 ms on: by its closed form."""
+def test_force_acts_from_the_next_call_of_live() -> None:
+    """Compared with the closed form for a free stylus under a constant force from 0.5 ms on."""
     device = opened(configured({"held": False}, friction=0.0, damping=0.0, resolution=0.0, workspace=1.0))
     device.read(0)
     mass, when = resolved(Config().virtual).mass, MS // 2
@@ -113,19 +113,19 @@ def test_a_force_acts_from_the_moment_on_in_which_the_hand_lives_after_it() -> N
         assert reading.z == pytest.approx(0.5 * 0.045 / mass * since**2, abs=2e-6 + 0.02 * since**2)
 
 
-def test_a_reading_between_two_moments_of_life_carries_the_hand_on_at_its_speed() -> None:
-    lively, plain = opened(configured(resolution=0.0)), opened(configured(resolution=0.0))
-    for each in (lively, plain):
+def test_reading_between_calls_of_live_extrapolates_at_constant_velocity() -> None:
+    explicit, plain = opened(configured(resolution=0.0)), opened(configured(resolution=0.0))
+    for each in (explicit, plain):
         each.command([Submovement("left", 0.0, 0.3, 0.02)])
         each.read(0)
     for k in range(1, 400):
-        there, true = lively.read(k * MS), plain.read(k * MS)
-        lively.live(k * MS + 400_000)
-        assert there.z == pytest.approx(true.z, abs=2e-6)
+        extrapolated, true = explicit.read(k * MS), plain.read(k * MS)
+        explicit.live(k * MS + 400_000)
+        assert extrapolated.z == pytest.approx(true.z, abs=2e-6)
 
 
-def test_a_reading_between_two_moments_of_life_is_not_beyond_the_stop() -> None:
-    """Free styluses are pushed against the stop, and read while they hit it; a place outside would count as left."""
+def test_extrapolated_reading_stays_within_the_mechanical_stop() -> None:
+    """Free styluses are pushed against the stop and read during the impact; a position outside would not be ready."""
     for force in np.linspace(-1.5, -0.5, 20):
         device = opened(configured({"held": False}, friction=0.0, damping=0.0))
         device.read(0)
@@ -135,26 +135,26 @@ def test_a_reading_between_two_moments_of_life_is_not_beyond_the_stop() -> None:
         assert all(reading.ready for reading in readings)
 
 
-def test_time_does_not_run_backwards() -> None:
+def test_reading_an_earlier_time_returns_the_latest_position() -> None:
     device = opened(configured())
     device.command([Submovement("left", 0.0, 0.2, 0.02)])
-    here = [device.read(k * MS) for k in range(100)][-1]
-    assert device.read(50 * MS).z == here.z
+    latest = [device.read(k * MS) for k in range(100)][-1]
+    assert device.read(50 * MS).z == latest.z
 
 
-def test_how_often_it_is_read_does_not_change_what_the_hand_does() -> None:
-    often, seldom = opened(configured()), opened(configured())
-    for each in (often, seldom):
+def test_hand_movement_is_independent_of_the_reading_rate() -> None:
+    frequent, rare = opened(configured()), opened(configured())
+    for each in (frequent, rare):
         each.command([Submovement("left", 0.0, 0.2, 0.02)])
         each.read(0)
     for k in range(1, 300):
-        often.read(k * MS)
+        frequent.read(k * MS)
     for k in range(1, 30):
-        seldom.read(k * 10 * MS)
-    assert often.read(300 * MS).z == seldom.read(300 * MS).z
+        rare.read(k * 10 * MS)
+    assert frequent.read(300 * MS).z == rare.read(300 * MS).z
 
 
-def test_an_unheld_stylus_stays_where_friction_leaves_it() -> None:
+def test_free_stylus_is_held_in_place_by_friction() -> None:
     device = opened(configured({"held": False}))
     device.read(0)
     for k in range(1, 500):
@@ -162,7 +162,7 @@ def test_an_unheld_stylus_stays_where_friction_leaves_it() -> None:
     assert (reading.x, reading.y, reading.z) == (0.0, 0.0, 0.0)
 
 
-def test_the_two_hands_of_a_session_tremble_differently() -> None:
+def test_two_hands_of_a_session_have_different_tremor() -> None:
     config = configured(friction=0.0, resolution=0.0)
     left, right = VirtualTouch("left", config), VirtualTouch("right", config)
     with left, right:
@@ -170,7 +170,7 @@ def test_the_two_hands_of_a_session_tremble_differently() -> None:
     assert paths[0] != paths[1]
 
 
-def test_it_moves_no_hand_but_its_own() -> None:
+def test_command_for_the_other_side_is_rejected() -> None:
     with pytest.raises(ValueError, match="other one"):
         opened(configured()).command([Submovement("right", 0.0, 0.2, 0.02)])
 
@@ -178,12 +178,12 @@ def test_it_moves_no_hand_but_its_own() -> None:
 @pytest.mark.parametrize(
     ("options", "message"), [({"hold": True}, "did you mean held"), ({"held": "no"}, "true or false")]
 )
-def test_wrong_options_are_named(options: dict, message: str) -> None:
+def test_error_names_invalid_option(options: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=rf"agents\.left\.options.*{message}"):
         VirtualTouch("left", configured(options))
 
 
-def test_it_is_the_touch_of_old_if_nothing_else_is_said() -> None:
+def test_default_model_is_the_touch() -> None:
     info = opened(configured()).info
     assert (info.model, info.max_force, info.continuous_force, info.resolution) == (
         "virtual Touch",
@@ -196,22 +196,22 @@ def test_it_is_the_touch_of_old_if_nothing_else_is_said() -> None:
     assert info.details == {"mass": "0.045 kg", "friction": "0.26 N", "damping": "0.1 N s/m"}
 
 
-def test_a_model_says_what_is_not_written() -> None:
+def test_model_provides_values_that_are_not_configured() -> None:
     info = opened(configured(model="falcon", max_force=5.0)).info
     assert (info.model, info.max_force, info.continuous_force) == ("virtual Novint Falcon", 5.0, 3.0)
     assert info.resolution == 0.0635e-3
 
 
-def test_flaws_are_told() -> None:
-    details = opened(configured(**FLAWS)).info.details
+def test_device_details_list_the_imperfections() -> None:
+    details = opened(configured(**IMPERFECTIONS)).info.details
     assert details["cable stiffness"] == "1020.0 N/m"
     assert details["thermal time"] == "100.0 s"
     assert details["read latency"] == "3.0 ms"
     assert details["write latency"] == "2.0 ms"
 
 
-def test_the_stylus_moves_where_the_encoders_do_not() -> None:
-    """Motors that friction holds against the arm: only the cables give, by force over stiffness."""
+def test_cable_stretches_while_friction_holds_the_encoders() -> None:
+    """Friction holds the motors against the arm; only the cables stretch, by force over stiffness."""
     config = configured(friction=5.0, cable_stiffness=1000.0)
     device = opened(replace(config, participant=replace(config.participant, force_noise=0.0)))
     device.read(0)
@@ -220,19 +220,19 @@ def test_the_stylus_moves_where_the_encoders_do_not() -> None:
         reading = device.read(k * MS)
     stiffness = Config().participant.arm_stiffness
     assert reading.z == 0.0
-    pulled = stiffness * 0.004 / (1.0 + stiffness / 1000.0)
-    assert device.tip[2] == pytest.approx(pulled / 1000.0)
+    cable_force = stiffness * 0.004 / (1.0 + stiffness / 1000.0)
+    assert device.tip[2] == pytest.approx(cable_force / 1000.0)
 
 
-def test_warm_motors_are_not_ready_and_give_no_more_than_the_continuous_force() -> None:
-    """They get warm after ``time ln(r / (r - 1))``, with r the square of the force over the continuous one."""
+def test_hot_motors_are_unready_and_limited_to_the_continuous_force() -> None:
+    """They become hot after ``time ln(r / (r - 1))``; r is the squared ratio of force to continuous force."""
     device = opened(configured({"held": False}, friction=5.0, thermal_time=1.0))
-    warm_at = float(np.log(3.75**2 / (3.75**2 - 1.0)))
+    hot_at = float(np.log(3.75**2 / (3.75**2 - 1.0)))
     readings = []
     for k in range(200):
         readings.append(device.read(k * MS).ready)
         device.write(0.0, 0.0, 3.3)
-    assert readings.index(False) * 1e-3 == pytest.approx(warm_at, abs=2.1e-3)
+    assert readings.index(False) * 1e-3 == pytest.approx(hot_at, abs=2.1e-3)
     assert device.felt == pytest.approx(0.88)
     assert device.temperature > 1.0
     device.write(0.0, 0.0, 0.0)
@@ -243,18 +243,18 @@ def test_warm_motors_are_not_ready_and_give_no_more_than_the_continuous_force() 
     assert device.felt == 3.3
 
 
-def test_late_readings_are_those_of_before() -> None:
+def test_read_latency_delays_the_readings() -> None:
     late, plain = opened(configured(read_latency_ms=7.0)), opened(configured())
     for each in (late, plain):
         each.command([Submovement("left", 0.0, 0.3, 0.02)])
     heights = [(late.read(k * MS).z, plain.read(k * MS).z) for k in range(600)]
-    seen, true = np.array(heights).T
-    assert (seen[7:] == true[:-7]).all()
-    assert (seen[:7] == true[0]).all()
+    delayed, true = np.array(heights).T
+    assert (delayed[7:] == true[:-7]).all()
+    assert (delayed[:7] == true[0]).all()
 
 
-def test_a_late_force_acts_later() -> None:
-    """A free stylus under a force that is written at 10 ms and takes 5 ms: by its closed form."""
+def test_write_latency_delays_the_force() -> None:
+    """Compared with the closed form for a free stylus; the force is written at 10 ms and delayed by 5 ms."""
     options = {"friction": 0.0, "damping": 0.0, "resolution": 0.0, "workspace": 1.0, "write_latency_ms": 5.0}
     device = opened(configured({"held": False}, **options))
     mass = resolved(Config().virtual).mass
@@ -268,7 +268,7 @@ def test_a_late_force_acts_later() -> None:
             device.live(k * MS)
 
 
-def test_a_device_that_was_closed_has_no_force_on_its_way() -> None:
+def test_close_discards_delayed_forces() -> None:
     device = opened(configured(write_latency_ms=50.0))
     device.read(0)
     device.write(0.0, 0.0, 2.0)
