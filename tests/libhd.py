@@ -1,4 +1,4 @@
-"""A stand-in for the vendor's libHD, compiled from tests/devices/fake_libhd.c, and its controls."""
+"""A fake of the vendor's libHD, compiled from tests/devices/fake_libhd.c, and its controls."""
 
 import atexit
 import ctypes
@@ -21,33 +21,33 @@ from netboard.devices.touch.device import OpenHaptics
 SOURCE = Path(__file__).parent / "devices" / "fake_libhd.c"
 
 FIRST, SECOND = "40512001", "40512002"
-"""Serial numbers of the two devices there are: "Default Device" and "Right Device"."""
+"""Serial numbers of the two fake devices, "Default Device" and "Right Device"."""
 
 PATIENCE_S = 60.0
 STALL_NS = 5_000_000_000
 
 PATIENT = {"force_timeout_ms": 200.0}
-"""Options of a device on a machine that has other things to do."""
+"""Options of a device on a busy machine."""
 
 Opener = Callable[..., OpenHaptics]
 
 
 @cache
 def fake_library() -> Path:
-    """Compile it once for this process; skips where there is no compiler."""
+    """Compile the fake library once per process; skip the test without a compiler."""
     compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if compiler is None or os.name != "posix":
         pytest.skip("the fake libHD is C for POSIX, and there is no C compiler here")
     folder = tempfile.mkdtemp(prefix="netboard-fake-libhd-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    made = Path(folder) / "libHD.so"
+    library = Path(folder) / "libHD.so"
     flags = ("-O1", "-Wall", "-Wextra", "-Werror", "-std=gnu11", "-shared", "-fPIC", "-pthread")
-    subprocess.run([compiler, *flags, "-o", str(made), str(SOURCE), "-lm"], check=True)
-    return made
+    subprocess.run([compiler, *flags, "-o", str(library), str(SOURCE), "-lm"], check=True)
+    return library
 
 
 class Fake:
-    """What governs the fake library."""
+    """Controls of the fake library."""
 
     def __init__(self) -> None:
         self.path = str(fake_library())
@@ -57,10 +57,10 @@ class Fake:
         self.calls.fake_decimal_point.restype = c_char
         self.calls.fake_handle.restype = c_uint32
         self.calls.fake_place.argtypes = (c_char_p, triple, triple)
-        self.calls.fake_felt.argtypes = (c_char_p, triple)
+        self.calls.fake_motor_force.argtypes = (c_char_p, triple)
         self.calls.fake_error.argtypes = (c_uint32, c_int32, c_uint32)
         self.calls.fake_fail.argtypes = (c_char_p, c_uint32, c_int)
-        self.calls.fake_said.argtypes = (c_char_p, ctypes.c_size_t)
+        self.calls.fake_call_log.argtypes = (c_char_p, ctypes.c_size_t)
         self._triple = triple
         self._names: list[bytes] = []
 
@@ -68,16 +68,16 @@ class Fake:
         self.calls.fake_reset()
 
     def wait(self, ticks: int = 3) -> None:
-        """Until the servo has ticked so often, where it runs."""
-        until, patience = self.calls.fake_ticks() + ticks, monotonic() + PATIENCE_S
-        while self.calls.fake_running() and self.calls.fake_ticks() < until and monotonic() < patience:
+        """Wait until the running servo has completed this many ticks."""
+        target, deadline = self.calls.fake_ticks() + ticks, monotonic() + PATIENCE_S
+        while self.calls.fake_running() and self.calls.fake_ticks() < target and monotonic() < deadline:
             sleep(2e-4)
 
-    def felt(self, serial: str = FIRST) -> tuple[float, float, float]:
-        """Force of a device's motors, in the vendor's frame [N]."""
-        room = self._triple()
-        self.calls.fake_felt(serial.encode(), room)
-        return room[0], room[1], room[2]
+    def motor_force(self, serial: str = FIRST) -> tuple[float, float, float]:
+        """Return the motor force of a device, in the vendor's frame [N]."""
+        buffer = self._triple()
+        self.calls.fake_motor_force(serial.encode(), buffer)
+        return buffer[0], buffer[1], buffer[2]
 
     def place(self, x: tuple[float, ...], v: tuple[float, ...] = (0, 0, 0), serial: str = FIRST) -> None:
         self.calls.fake_place(serial.encode(), self._triple(*x), self._triple(*v))
@@ -102,7 +102,7 @@ class Fake:
         self.calls.fake_calibration(serial.encode(), state, style)
 
     def error(self, code: int, internal: int = 0, handle: int | None = None) -> None:
-        """Put an error on the stack, for the first device unless told otherwise, and let the servo take it."""
+        """Push an error on the stack, by default of the first device, and let the servo read it."""
         self.calls.fake_error(code, internal, self.calls.fake_handle(FIRST.encode()) if handle is None else handle)
         self.wait()
 
@@ -115,20 +115,20 @@ class Fake:
     def enabled(self, what: int, serial: str = FIRST) -> bool:
         return bool(self.calls.fake_enabled(serial.encode(), what))
 
-    def said(self) -> list[str]:
-        """What was called since the last time."""
-        room = ctypes.create_string_buffer(1 << 16)
-        self.calls.fake_said(room, len(room))
-        return room.value.decode().splitlines()
+    def call_log(self) -> list[str]:
+        """Return the calls since the previous call of this method."""
+        buffer = ctypes.create_string_buffer(1 << 16)
+        self.calls.fake_call_log(buffer, len(buffer))
+        return buffer.value.decode().splitlines()
 
 
 def configured(config: Config, side: Side = "left", **options: str | float) -> Config:
-    """A configuration in which one side has a device of OpenHaptics."""
+    """Return a configuration in which one side has an OpenHaptics device."""
     agent = config.agents.left if side == "left" else config.agents.right
     agent = replace(agent, device="openhaptics", options={**agent.options, **options})
     return replace(config, agents=replace(config.agents, **{side: agent}))
 
 
-def made(fake: Fake, side: Side = "left", **options: str | float) -> OpenHaptics:
-    """A device over the fake, not yet open."""
+def make_device(fake: Fake, side: Side = "left", **options: str | float) -> OpenHaptics:
+    """Return a device that uses the fake library, not yet open."""
     return OpenHaptics(side, configured(Config(), side, **{"library": fake.path, **PATIENT, **options}))

@@ -1,8 +1,8 @@
-/* A stand-in for the vendor's libHD: the same ABI, a servo thread at 1 kHz, and two devices that do not exist.
+/* A fake of the vendor's libHD: the same ABI, a servo thread at 1 kHz, and two simulated devices.
 
-   Each device has a stylus of 45 g on a spring and a damper, as if somebody held it. The rules of frames, handles,
-   names and the scheduler are checked; who breaks one finds an error on the stack. Tests govern it by the functions
-   fake_*, read what was called in which order, and can let any function fail. It knows of netboard nothing at all. */
+   Each device has a stylus of 45 g on a spring and a damper, as if a hand held it. The rules of frames, handles,
+   names and the scheduler are checked; a violation puts an error on the stack. Tests control the library by the
+   functions fake_*, read the log of calls, and can make any function fail. The library does not depend on netboard. */
 
 #include <errno.h>
 #include <locale.h>
@@ -23,7 +23,7 @@ typedef struct {
     HHD handle;
 } HDErrorInfo;
 
-enum { DEVICES = 2, JOBS = 16, STACK = 256, SAID = 1 << 16, SWITCHES = 8 };
+enum { DEVICES = 2, JOBS = 16, STACK = 256, LOG_SIZE = 1 << 16, SWITCHES = 8 };
 enum { INVALID_HANDLE = 0xFFFFFFFF };
 enum {
     INVALID_ENUM = 0x0100, INVALID_VALUE = 0x0101, INVALID_OPERATION = 0x0102, BAD_HANDLE = 0x0104,
@@ -39,7 +39,7 @@ struct device {
     const char *name, *serial, *model;
     int plugged, open, docked, buttons, state, style, frames, framed, placed;
     HHD handle;
-    double rest[3], x[3], v[3], wanted[3], felt[3]; /* mm, mm/s, N */
+    double rest[3], x[3], v[3], wanted[3], rendered[3]; /* mm, mm/s, N */
     int on[SWITCHES];
 };
 
@@ -62,8 +62,8 @@ static pthread_t servo;
 static int in_servo_thread(void) { return running && pthread_equal(pthread_self(), servo); }
 
 static pthread_mutex_t lock; /* recursive; never held while a callback runs */
-static char said[SAID];
-static size_t said_to;
+static char call_log[LOG_SIZE];
+static size_t logged;
 static char failing[64];
 static HDerror failing_code;
 static int failing_after;
@@ -86,13 +86,13 @@ static double seconds(void) {
     return now.tv_sec + 1e-9 * now.tv_nsec;
 }
 
-static void say(const char *form, ...) {
+static void log_call(const char *form, ...) {
     va_list words;
     va_start(words, form);
-    if (said_to + 100 < SAID) {
-        said_to += vsnprintf(said + said_to, 99, form, words);
-        said[said_to++] = '\n';
-        said[said_to] = 0;
+    if (logged + 100 < LOG_SIZE) {
+        logged += vsnprintf(call_log + logged, 99, form, words);
+        call_log[logged++] = '\n';
+        call_log[logged] = 0;
     }
     va_end(words);
 }
@@ -116,7 +116,7 @@ static struct device *now(void) {
     return NULL;
 }
 
-/* Enter a function: it fails if that was asked for. */
+/* Whether this call fails, as requested by fake_fail; pushes the error. */
 static int fails(const char *function) {
     if (strcmp(function, failing) || failing_after-- > 0) return 0;
     failing[0] = 0;
@@ -137,7 +137,7 @@ HDErrorInfo hdGetError(void) {
     return top;
 }
 
-const char *hdGetErrorString(HDerror code) { return code == 0x0200 ? "the motors are warm" : "told by the fake library"; }
+const char *hdGetErrorString(HDerror code) { return code == 0x0200 ? "the motors are warm" : "fake library error"; }
 
 /* --- devices ---------------------------------------------------------------------------------------------------- */
 
@@ -161,7 +161,7 @@ HHD hdInitDevice(const char *name) {
         memset(d->wanted, 0, sizeof d->wanted);
         d->on[ONE_FRAME - FORCE_OUTPUT] = 1;
         current = i;
-        say("init %s", d->serial);
+        log_call("init %s", d->serial);
     }
     if (found == INVALID_HANDLE) push(DEVICE_FAULT, -28, INVALID_HANDLE);
     fails("hdInitDevice");
@@ -174,10 +174,10 @@ void hdDisableDevice(HHD handle) {
     struct device *d = of(handle);
     fails("hdDisableDevice");
     if (d) {
-        say("disable %s", d->serial);
+        log_call("disable %s", d->serial);
         d->open = 0;
         memset(d->wanted, 0, sizeof d->wanted);
-        memset(d->felt, 0, sizeof d->felt);
+        memset(d->rendered, 0, sizeof d->rendered);
         if (current >= 0 && d == &devices[current]) current = -1;
     }
     LEAVE;
@@ -213,10 +213,10 @@ static void take_force(struct device *d) {
         if (d->on[FORCE_LIMIT - FORCE_OUTPUT]) push(EXCEEDED_MAX_FORCE, 0, d->handle);
         if (d->on[CLAMPING - FORCE_OUTPUT]) share = MOST / size;
     }
-    int was = d->felt[0] || d->felt[1] || d->felt[2];
-    for (int i = 0; i < 3; i++) d->felt[i] = d->on[0] && d->plugged ? share * d->wanted[i] : 0;
-    int is = d->felt[0] || d->felt[1] || d->felt[2];
-    if (was != is) say(is ? "force %s" : "zero %s", d->serial);
+    int was = d->rendered[0] || d->rendered[1] || d->rendered[2];
+    for (int i = 0; i < 3; i++) d->rendered[i] = d->on[0] && d->plugged ? share * d->wanted[i] : 0;
+    int is = d->rendered[0] || d->rendered[1] || d->rendered[2];
+    if (was != is) log_call(is ? "force %s" : "zero %s", d->serial);
 }
 
 void hdEndFrame(HHD handle) {
@@ -232,7 +232,7 @@ void hdEndFrame(HHD handle) {
     LEAVE;
 }
 
-/* --- what a device says ----------------------------------------------------------------------------------------- */
+/* --- properties of a device ------------------------------------------------------------------------------------- */
 
 static int switch_of(HDenum what) {
     if (what >= FORCE_OUTPUT && what <= ONE_FRAME) return (int)(what - FORCE_OUTPUT);
@@ -260,11 +260,11 @@ uint8_t hdIsEnabled(HDenum what) {
     return on;
 }
 
-/* Numbers of a device by parameter: how many were written. */
+/* Write the numeric values of a parameter; return how many. */
 static int numbers(struct device *d, HDenum what, double *out) {
     static const double usable[6] = {-80, -60, -35, 80, 60, 35}, all[6] = {-210, -110, -85, 210, 205, 130};
     if (what >= 0x2000 && what < 0x2200 && !d->frames) push(FRAME_ERROR, 0, d->handle);
-    const double *three = what == 0x2050 ? d->x : what == 0x2051 ? d->v : what == 0x2700 ? d->felt : NULL;
+    const double *three = what == 0x2050 ? d->x : what == 0x2051 ? d->v : what == 0x2700 ? d->rendered : NULL;
     const double *six = what == 0x2550 ? all : what == 0x2551 ? usable : NULL;
     if (three || six) {
         memcpy(out, three ? three : six, (three ? 3 : 6) * sizeof *out);
@@ -326,7 +326,7 @@ void hdSetDoublev(HDenum what, const double *in) {
     if (d && what != 0x2700)
         push(INVALID_ENUM, 0, d->handle);
     else if (d && (!d->frames || (running && !in_servo_thread())))
-        push(FRAME_ERROR, 0, d->handle); /* no force outside of a frame */
+        push(FRAME_ERROR, 0, d->handle); /* a force is allowed only within a frame */
     else if (d && !fails("hdSetDoublev"))
         memcpy(d->wanted, in, sizeof d->wanted);
     LEAVE;
@@ -367,7 +367,7 @@ void hdUpdateCalibration(HDenum style) {
     ENTER;
     struct device *d = now();
     if (d && !fails("hdUpdateCalibration")) {
-        say("calibrate %s %u%s", d->serial, style, d->on[0] ? " with force" : "");
+        log_call("calibrate %s %u%s", d->serial, style, d->on[0] ? " with force" : "");
         if (d->state == NEEDS_UPDATE && ((unsigned)d->style & style))
             d->state = CALIBRATION_OK;
         else
@@ -381,7 +381,7 @@ void hdUpdateCalibration(HDenum style) {
 static void live(struct device *d) {
     for (int i = 0; i < 3; i++) {
         if (d->placed) break;
-        double force = d->felt[i] - 1e-3 * (STIFFNESS * (d->x[i] - d->rest[i]) + DAMPING * d->v[i]);
+        double force = d->rendered[i] - 1e-3 * (STIFFNESS * (d->x[i] - d->rest[i]) + DAMPING * d->v[i]);
         d->v[i] += 1e3 * force / MASS * STEP;
         d->x[i] += d->v[i] * STEP;
     }
@@ -432,7 +432,7 @@ void hdStartScheduler(void) {
     if (running)
         push(INVALID_OPERATION, 0, INVALID_HANDLE);
     else if (!fails("hdStartScheduler")) {
-        say("start");
+        log_call("start");
         running = 1;
         pthread_create(&servo, NULL, serve, NULL);
     }
@@ -443,7 +443,7 @@ void hdStopScheduler(void) {
     ENTER;
     int was = running;
     running = 0;
-    if (was) say("stop");
+    if (was) log_call("stop");
     fails("hdStopScheduler");
     LEAVE;
     if (was) pthread_join(servo, NULL);
@@ -460,7 +460,7 @@ unsigned long hdScheduleAsynchronous(Callback callback, void *data, uint16_t pri
         for (int i = 0; i < JOBS && !handle; i++)
             if (!jobs[i].callback) jobs[i] = (struct job){callback, data, priority, handle = next_job++};
         if (!handle) push(SCHEDULER_FULL, 0, INVALID_HANDLE);
-        if (priority != 65535) say("schedule");
+        if (priority != 65535) log_call("schedule");
     }
     LEAVE;
     return handle;
@@ -481,7 +481,7 @@ void hdUnschedule(unsigned long handle) {
     ENTER;
     int at = has(handle);
     fails("hdUnschedule");
-    say("unschedule%s", running ? " while running" : "");
+    log_call("unschedule%s", running ? " while running" : "");
     if (at)
         jobs[at - 1] = (struct job){0};
     else
@@ -519,8 +519,8 @@ void fake_reset(void) {
         devices[i].style = STYLE_INKWELL;
     }
     stacked = stalled = pinned_errors = refuses_null = failing_after = 0;
-    said_to = 0;
-    said[0] = failing[0] = 0;
+    logged = 0;
+    call_log[0] = failing[0] = 0;
     current = -1;
     LEAVE;
 }
@@ -551,7 +551,7 @@ void fake_calibration(const char *serial, int state, int style) {
     LEAVE;
 }
 
-/* A stylus that comes out of the plug has forgotten its calibration; one put in again lies in its inkwell. */
+/* Unplugging loses the calibration; a replugged stylus is in its inkwell. */
 void fake_plug(const char *serial, int in) {
     ENTER;
     fake(serial)->plugged = in;
@@ -559,7 +559,7 @@ void fake_plug(const char *serial, int in) {
     LEAVE;
 }
 
-/* Hold a stylus still in a place, moving as it says. */
+/* Fix the reported position and velocity of a stylus. */
 void fake_place(const char *serial, const double x[3], const double v[3]) {
     ENTER;
     struct device *d = fake(serial);
@@ -569,9 +569,9 @@ void fake_place(const char *serial, const double x[3], const double v[3]) {
     LEAVE;
 }
 
-void fake_felt(const char *serial, double out[3]) {
+void fake_motor_force(const char *serial, double out[3]) {
     ENTER;
-    memcpy(out, fake(serial)->felt, 3 * sizeof *out);
+    memcpy(out, fake(serial)->rendered, 3 * sizeof *out);
     LEAVE;
 }
 
@@ -581,7 +581,7 @@ void fake_error(HDerror code, int32_t internal, HHD handle) {
     LEAVE;
 }
 
-/* Let a function fail, after so many calls that do not. */
+/* Make a function fail once, after a number of calls that succeed. */
 void fake_fail(const char *function, HDerror code, int after) {
     ENTER;
     snprintf(failing, sizeof failing, "%s", function);
@@ -590,11 +590,11 @@ void fake_fail(const char *function, HDerror code, int after) {
     LEAVE;
 }
 
-/* What was called since the last time, a line each. */
-void fake_said(char *out, size_t room) {
+/* Return the calls since the previous request, one per line. */
+void fake_call_log(char *out, size_t room) {
     ENTER;
-    snprintf(out, room, "%s", said);
-    said_to = 0;
-    said[0] = 0;
+    snprintf(out, room, "%s", call_log);
+    logged = 0;
+    call_log[0] = 0;
     LEAVE;
 }

@@ -1,4 +1,4 @@
-"""The safety chain in plain Python, as a reference for the compiled one: same rules, other code."""
+"""Safety chain in plain Python: the reference for the compiled one, with the same rules but other code."""
 
 from math import isfinite, sqrt
 
@@ -31,7 +31,7 @@ def size_of(vector: Vector) -> float:
 
 
 class ReferenceSafety:
-    """The safety chain of one device, in the words of its rules."""
+    """The safety chain of one device, as its rules state it."""
 
     def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
         self._limits = limits

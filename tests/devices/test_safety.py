@@ -33,24 +33,24 @@ QUIET = (0.0, 0.0, 0.0)
 
 
 class Bench:
-    """A chain with a clock of 1 ms and a server that is heard every tick unless it is cut off."""
+    """A safety chain stepped at 1 kHz, with a server that sends a force every tick unless it is cut off."""
 
     def __init__(self, limits: Limits = LIMITS, device: float = 3.3, lasting: float = 3.3) -> None:
         self.chain = Safety(limits, device, lasting)
         self.now = 0
-        self.heard: int | None = None
+        self.fresh_ns: int | None = None
         self.history: list[Limited] = []
 
     def run(self, ms: int, wanted=QUIET, velocity=STILL, cut: bool = False) -> Limited:
         for _ in range(ms):
             self.now += MS
             if not cut:
-                self.heard = self.now
-            self.history.append(self.chain.step(self.now, wanted, self.heard, velocity))
+                self.fresh_ns = self.now
+            self.history.append(self.chain.step(self.now, wanted, self.fresh_ns, velocity))
         return self.history[-1]
 
     def armed(self, wanted=QUIET) -> "Bench":
-        """Armed, the ramp over, the wanted force reached."""
+        """Arm the chain, wait for the end of the ramp, and reach the wanted force."""
         assert self.chain.arm()
         self.run(1200)
         self.run(60, wanted)
@@ -65,13 +65,17 @@ class Bench:
 number = st.one_of(
     st.floats(-5.0, 5.0), st.sampled_from([0.0, 0.1, -0.1, nan, inf, -inf, 1e308, -1e308, 5e-324]), st.floats()
 )
-tame = st.floats(-3.0, 3.0)
-vector = st.one_of(st.tuples(tame, tame, st.floats(-0.1, 0.1)), st.tuples(tame, tame, tame), st.tuples(*[number] * 3))
+moderate = st.floats(-3.0, 3.0)
+vector = st.one_of(
+    st.tuples(moderate, moderate, st.floats(-0.1, 0.1)),
+    st.tuples(moderate, moderate, moderate),
+    st.tuples(*[number] * 3),
+)
 velocity = st.one_of(st.just(STILL), st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.tuples(*[number] * 3))
 SLEW = LIMITS.max_slew * 1e-3 + 1e-12
 
 
-def test_every_state_has_its_row_and_every_edge_leads_somewhere() -> None:
+def test_transition_table_covers_every_state() -> None:
     assert set(TABLE) == set(Guard)
     for guard, edges in TABLE.items():
         assert all(then in Guard and then is not guard for then in edges.values())
@@ -82,18 +86,18 @@ def test_every_state_has_its_row_and_every_edge_leads_somewhere() -> None:
             assert {Trip.DISARM, Trip.EXPIRED, Trip.TOO_FAST} <= set(edges)
 
 
-def test_only_arming_leads_out_of_disarmed_and_only_disarming_out_of_a_fault() -> None:
+def test_only_arming_leaves_disarmed_and_only_disarming_leaves_fault() -> None:
     assert {trip for trip in TABLE[Guard.DISARMED] if trip is not Trip.FAULT} == {Trip.ARM}
     assert TABLE[Guard.FAULT] == {Trip.DISARM: Guard.DISARMED}
 
 
-def test_a_disarmed_device_gets_no_force() -> None:
+def test_disarmed_device_gets_no_force() -> None:
     bench = Bench()
     last = bench.run(100, (1.0, 1.0, 1.0))
     assert last == (0.0, 0.0, 0.0, Safeguard(0))
 
 
-def test_the_force_grows_by_the_ramp() -> None:
+def test_force_rises_by_the_ramp_after_arming() -> None:
     bench = Bench()
     bench.chain.arm()
     bench.run(1)
@@ -106,7 +110,7 @@ def test_the_force_grows_by_the_ramp() -> None:
     assert full.safeguards == Safeguard.ARMED
 
 
-def test_it_waits_behind_the_gate_until_the_wanted_force_is_small() -> None:
+def test_arming_waits_until_the_wanted_force_is_below_the_gate() -> None:
     bench = Bench()
     bench.chain.arm()
     bench.run(500, (0.0, 0.0, LIMITS.arm_gate * 1.01))
@@ -116,7 +120,7 @@ def test_it_waits_behind_the_gate_until_the_wanted_force_is_small() -> None:
     assert bench.chain.guard is Guard.RAMPING
 
 
-def test_the_gate_does_not_ask_for_a_stylus_in_the_line() -> None:
+def test_arming_gate_ignores_lateral_forces() -> None:
     bench = Bench()
     bench.chain.arm()
     bench.run(1000, (-8.0, 4.0, 0.0))
@@ -124,20 +128,20 @@ def test_the_gate_does_not_ask_for_a_stylus_in_the_line() -> None:
     assert bench.largest_step() <= SLEW
 
 
-def test_it_waits_for_the_server() -> None:
+def test_arming_waits_for_the_server() -> None:
     bench = Bench()
     bench.chain.arm()
     bench.run(3000, cut=True)
     assert bench.chain.guard is Guard.WAITING
 
 
-def test_arming_twice_is_once() -> None:
+def test_second_arming_has_no_effect() -> None:
     bench = Bench().armed()
     assert not bench.chain.arm()
     assert bench.chain.guard is Guard.ARMED
 
 
-def test_a_stale_force_is_held_then_fades_then_the_device_is_disarmed() -> None:
+def test_stale_force_is_held_then_fades_then_the_device_is_disarmed() -> None:
     bench = Bench().armed((0.0, 0.0, 1.0))
     held = bench.run(int(LIMITS.stale_after_ms), (0.0, 0.0, 1.0), cut=True)
     assert held.fz == 1.0
@@ -154,7 +158,7 @@ def test_a_stale_force_is_held_then_fades_then_the_device_is_disarmed() -> None:
     assert bench.largest_step() <= SLEW
 
 
-def test_after_a_short_outage_the_force_comes_back_by_the_ramp_from_where_it_was() -> None:
+def test_force_ramps_up_from_its_faded_value_after_a_short_outage() -> None:
     bench = Bench().armed((0.0, 0.0, 1.0))
     left = bench.run(35, (0.0, 0.0, 1.0), cut=True).fz
     assert left == pytest.approx(0.5, abs=0.03)
@@ -164,18 +168,18 @@ def test_after_a_short_outage_the_force_comes_back_by_the_ramp_from_where_it_was
     assert bench.run(600, (0.0, 0.0, 1.0)).fz == 1.0
 
 
-def test_the_lateral_force_does_not_fade_with_the_network() -> None:
+def test_lateral_force_does_not_fade_in_an_outage() -> None:
     bench = Bench().armed((0.4, 0.0, 1.0))
     assert bench.run(90, (0.4, 0.0, 1.0), cut=True).fx == pytest.approx(0.4)
 
 
-def test_where_nothing_is_felt_a_silent_server_is_not_felt_either() -> None:
+def test_outage_without_force_adds_no_damping() -> None:
     bench = Bench().armed()
     assert bench.run(50, velocity=(0.0, 0.0, 0.3), cut=True).fz == 0.0
 
 
 @pytest.mark.parametrize("speed", [-0.9, -0.1, 0.1, 0.9])
-def test_damping_while_fading_brakes_and_never_exceeds_the_fading_force(speed: float) -> None:
+def test_damping_while_fading_opposes_motion_and_ends_with_the_force(speed: float) -> None:
     still, moving = Bench().armed((0.0, 0.0, 0.5)), Bench().armed((0.0, 0.0, 0.5))
     for _ in range(80):
         plain = still.run(1, (0.0, 0.0, 0.5), cut=True).fz
@@ -185,7 +189,7 @@ def test_damping_while_fading_brakes_and_never_exceeds_the_fading_force(speed: f
     assert moving.history[-1].fz == pytest.approx(0.0, abs=1e-9)
 
 
-def test_beats_without_a_force_keep_the_fixture_alive() -> None:
+def test_heartbeats_keep_the_lateral_fixture_active() -> None:
     bench = Bench().armed((0.3, 0.0, 0.0))
     for _ in range(50):
         bench.run(8, (0.3, 0.0, 0.0), cut=True)
@@ -194,7 +198,7 @@ def test_beats_without_a_force_keep_the_fixture_alive() -> None:
     assert not any(h.safeguards & Safeguard.STALE for h in bench.history)
 
 
-def test_a_stylus_that_is_too_fast_gets_no_force_until_gate_and_ramp() -> None:
+def test_too_fast_stylus_gets_no_force_until_gate_and_ramp() -> None:
     bench = Bench().armed((0.0, 0.0, 2.0))
     cut = bench.run(10, (0.0, 0.0, 2.0), (0.8, 0.8, 0.0))
     assert cut[:3] == STILL
@@ -207,7 +211,7 @@ def test_a_stylus_that_is_too_fast_gets_no_force_until_gate_and_ramp() -> None:
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
 @pytest.mark.parametrize("place", range(6))
-def test_a_number_that_is_none_cuts_to_zero_at_once(bad: float, place: int) -> None:
+def test_non_finite_input_cuts_the_force_at_once_until_disarmed(bad: float, place: int) -> None:
     bench = Bench().armed((0.5, 0.0, 2.0))
     numbers = [0.5, 0.0, 2.0, 0.0, 0.0, 0.0]
     numbers[place] = bad
@@ -221,7 +225,7 @@ def test_a_number_that_is_none_cuts_to_zero_at_once(bad: float, place: int) -> N
     assert bench.chain.arm()
 
 
-def test_a_lost_device_cuts_to_zero_at_once() -> None:
+def test_lost_device_cuts_the_force_at_once() -> None:
     bench = Bench().armed((0.0, 0.0, 2.0))
     bench.chain.device_lost()
     cut = bench.run(1, (0.0, 0.0, 2.0))
@@ -229,7 +233,7 @@ def test_a_lost_device_cuts_to_zero_at_once() -> None:
     assert bench.chain.guard is Guard.FAULT
 
 
-def test_disarming_goes_down_by_the_slew_limit_and_stays_down() -> None:
+def test_disarming_releases_the_force_at_the_slew_limit() -> None:
     bench = Bench().armed((0.0, 0.0, 2.0))
     bench.chain.disarm()
     assert bench.chain.guard is Guard.RELEASING
@@ -240,7 +244,7 @@ def test_disarming_goes_down_by_the_slew_limit_and_stays_down() -> None:
 
 
 @pytest.mark.parametrize(("device", "most"), [(3.3, 3.0), (1.2, 1.2)])
-def test_the_clamp_is_the_smaller_limit_and_keeps_the_direction(device: float, most: float) -> None:
+def test_force_is_clamped_to_the_smaller_limit_and_keeps_its_direction(device: float, most: float) -> None:
     bench = Bench(replace(LIMITS, mean_force=40.0), device).armed()
     clamped = bench.run(100, (3.0, 0.0, -4.0))
     assert hypot(*clamped[:3]) == pytest.approx(most)
@@ -249,12 +253,12 @@ def test_the_clamp_is_the_smaller_limit_and_keeps_the_direction(device: float, m
 
 
 @pytest.mark.slow
-def test_a_force_that_goes_on_comes_down_to_what_the_motors_give_for_ever() -> None:
-    """Under a constant force F the mean is F (1 - exp(-t / MEAN_TIME)): the clamp comes down when that is near."""
+def test_sustained_force_decreases_to_the_mean_force_limit() -> None:
+    """Under a constant force F the mean is F (1 - exp(-t / MEAN_TIME)); near its limit the clamp decreases."""
     bench = Bench().armed((0.0, 0.0, 2.0))
     lasting = LIMITS.mean_force
-    until = -MEAN_TIME * log(1.0 - (1.0 - MARGIN) * lasting / 2.0)
-    bench.run(round((until - 0.5) * 1000), (0.0, 0.0, 2.0))
+    limit_time = -MEAN_TIME * log(1.0 - (1.0 - MARGIN) * lasting / 2.0)
+    bench.run(round((limit_time - 0.5) * 1000), (0.0, 0.0, 2.0))
     assert bench.history[-1].fz == 2.0
     assert not any(h.safeguards & Safeguard.WORN for h in bench.history)
     last = bench.run(60_000, (0.0, 0.0, 2.0))
@@ -267,30 +271,30 @@ def test_a_force_that_goes_on_comes_down_to_what_the_motors_give_for_ever() -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("limit", "device", "most"), [(0.88, 3.3, 0.88), (0.88, 0.5, 0.5), (2.0, 0.9, 0.9)])
-def test_the_mean_is_limited_by_the_smaller_of_limit_and_rating(limit: float, device: float, most: float) -> None:
+def test_mean_force_is_limited_by_the_smaller_of_limit_and_rating(limit: float, device: float, most: float) -> None:
     bench = Bench(replace(LIMITS, mean_force=limit), lasting=device).armed((0.0, 0.0, 3.0))
     assert bench.run(100_000, (0.0, 0.0, 3.0)).fz == pytest.approx(most, rel=1e-3)
 
 
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
-@given(st.floats(0.1, 3.0), st.lists(st.tuples(tame, st.integers(1, 6000)), min_size=4, max_size=8))
-def test_no_wanted_force_brings_the_mean_above_its_limit(lasting: float, wishes: list[tuple[float, int]]) -> None:
+@given(st.floats(0.1, 3.0), st.lists(st.tuples(moderate, st.integers(1, 6000)), min_size=4, max_size=8))
+def test_no_wanted_force_raises_the_mean_above_its_limit(lasting: float, segments: list[tuple[float, int]]) -> None:
     bench, mean = Bench(lasting=lasting).armed(), 0.0
     most = min(lasting, LIMITS.mean_force)
-    for wanted, times in wishes:
+    for wanted, times in segments:
         for _ in range(times):
             mean += (abs(bench.run(1, (0.0, 0.0, wanted)).fz) - mean) * 1e-3 / MEAN_TIME
             assert mean <= most * 1.001 + LIMITS.max_force * 0.006 / MEAN_TIME
 
 
-def test_a_device_without_motors_gets_no_force() -> None:
+def test_device_without_motors_gets_no_force() -> None:
     bench = Bench(device=0.0, lasting=0.0)
     bench.chain.arm()
     assert bench.run(3000, (0.1, 0.0, 0.1))[:3] == STILL
 
 
-def test_an_emergency_stop_cuts_to_zero_at_once_and_holds_until_it_is_disarmed() -> None:
+def test_emergency_stop_cuts_the_force_at_once_until_disarmed() -> None:
     bench = Bench().armed((0.0, 0.0, 2.0))
     bench.chain.stop()
     assert bench.run(1, (0.0, 0.0, 2.0)) == (0.0, 0.0, 0.0, Safeguard.STOPPED)
@@ -300,7 +304,7 @@ def test_an_emergency_stop_cuts_to_zero_at_once_and_holds_until_it_is_disarmed()
     assert bench.chain.arm()
 
 
-def test_the_slew_limit_holds_a_step_back() -> None:
+def test_slew_limit_spreads_a_force_step_over_several_ticks() -> None:
     bench = Bench().armed()
     first = bench.run(1, (0.0, 0.0, 2.0))
     assert first.fz == pytest.approx(0.5)
@@ -308,15 +312,15 @@ def test_the_slew_limit_holds_a_step_back() -> None:
     assert bench.run(3, (0.0, 0.0, 2.0)).fz == pytest.approx(2.0)
 
 
-def test_a_late_step_earns_no_larger_change() -> None:
+def test_force_change_in_a_late_step_is_bounded() -> None:
     bench = Bench().armed()
     bench.now += 500 * MS
-    bench.heard = bench.now
-    late = bench.chain.step(bench.now, (0.0, 0.0, 3.0), bench.heard, STILL)
+    bench.fresh_ns = bench.now
+    late = bench.chain.step(bench.now, (0.0, 0.0, 3.0), bench.fresh_ns, STILL)
     assert late.fz == pytest.approx(LIMITS.max_slew * MAX_STEP_NS * 1e-9)
 
 
-def test_a_clock_that_runs_backwards_changes_nothing() -> None:
+def test_clock_that_steps_back_does_not_change_the_force() -> None:
     bench = Bench().armed((0.0, 0.0, 1.0))
     before = bench.history[-1]
     assert bench.chain.step(bench.now - 50 * MS, (0.0, 0.0, 3.0), bench.now, STILL)[:3] == before[:3]
@@ -343,7 +347,7 @@ limit = st.builds(
 @pytest.mark.slow
 @settings(max_examples=200)
 @given(limit, st.floats(0.1, 10.0), st.floats(0.1, 10.0), st.lists(moment, max_size=25))
-def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, lasting: float, moments: list) -> None:
+def test_safety_rules_hold_for_any_input_sequence(limits: Limits, device: float, lasting: float, moments: list) -> None:
     chain, now, last = Safety(limits, device, lasting), 0, STILL
     for action, dt, wanted, age, speed, times in moments:
         before = chain.guard
@@ -377,10 +381,10 @@ def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, last
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(limit, st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.lists(moment, max_size=25))
-def test_the_compiled_chain_does_what_plain_python_does(
+def test_compiled_chain_matches_the_plain_python_reference(
     limits: Limits, device: float, lasting: float, moments: list
 ) -> None:
-    """To the bit, in every state and fault, also where clocks step back."""
+    """Bit for bit, in every state and fault, also if the clock steps back."""
     pair, now = (Safety(limits, device, lasting), ReferenceSafety(limits, device, lasting)), 0
     for action, dt, wanted, age, speed, times in moments:
         if action:
@@ -388,26 +392,26 @@ def test_the_compiled_chain_does_what_plain_python_does(
             assert first == second
         for number in range(times):
             now += (dt if number != 3 else -dt) * MS
-            heard = None if age is None else now - age * MS
-            compiled, plain = (chain.step(now, wanted, heard, speed) for chain in pair)
-            assert list(map(repr, compiled[:3])) == list(map(repr, plain[:3]))  # which tells -0.0 from 0.0
+            fresh_ns = None if age is None else now - age * MS
+            compiled, plain = (chain.step(now, wanted, fresh_ns, speed) for chain in pair)
+            assert list(map(repr, compiled[:3])) == list(map(repr, plain[:3]))  # distinguishes -0.0 from 0.0
             assert compiled.safeguards == plain.safeguards
             assert pair[0].guard is pair[1].guard
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
-    """Forces as they were commanded, at the times of their ticks; now and then none comes, or the device is stopped."""
+def test_compiled_chain_matches_the_reference_on_recorded_traffic(side: str) -> None:
+    """Recorded commanded forces at their recorded times, with occasional outages and emergency stops."""
     with Recording(DATA / "format-3.mcap") as recording:
         ticks = recording.ticks()
     limits, forces, rng = replace(LIMITS, arm_time=0.01, arm_gate=5.0), [], np.random.default_rng(3)
     pair = Safety(limits, 3.3, 0.88), ReferenceSafety(limits, 3.3, 0.88)
-    heard = None
+    fresh_ns = None
     for tick in ticks:
         now, fz, vz = int(tick["time_ns"]), float(tick[f"{side}_force"]), float(tick[f"{side}_sent_vz"])
         wanted = (-float(tick[f"{side}_x"]), -float(tick[f"{side}_y"]), fz)
-        silent = len(forces) % 400 > 340  # 60 ms of silence, after which the force comes back
-        heard = heard if silent else now
+        silent = len(forces) % 400 > 340  # outages of 60 ms
+        fresh_ns = fresh_ns if silent else now
         stops = rng.random() < 0.001
         for chain in pair:
             if stops:
@@ -415,7 +419,7 @@ def test_it_does_so_on_recorded_traffic_too(side: str) -> None:
             elif chain.guard is Guard.FAULT and len(forces) % 50 == 0:
                 chain.disarm()
             chain.arm()
-        found = [chain.step(now, wanted, heard, (0.0, 0.0, vz)) for chain in pair]
+        found = [chain.step(now, wanted, fresh_ns, (0.0, 0.0, vz)) for chain in pair]
         assert found[0] == found[1]
         forces.append(found[0].fz)
     assert np.ptp(forces) > 0.1

@@ -1,4 +1,4 @@
-"""Opening and closing OpenHaptics devices: release order, remaining state, and two devices in one process."""
+"""Opening and closing OpenHaptics devices: order of release, leftover state, and two devices in one process."""
 
 import subprocess
 import sys
@@ -9,9 +9,9 @@ from time import monotonic_ns
 import pytest
 from contract import MS
 
-from libhd import FIRST, SECOND, STALL_NS, Fake, Opener, made
+from libhd import FIRST, SECOND, STALL_NS, Fake, Opener, make_device
 from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
-from netboard.devices.touch import library as hdrig
+from netboard.devices.touch import library as touch_library
 from netboard.devices.touch.api import Error
 from netboard.devices.touch.device import SERVOS
 
@@ -19,26 +19,26 @@ SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
 
 TESTS = Path(__file__).parent.parent
 
-FORGETFUL = """
+EXIT_WITHOUT_CLOSE = """
 import atexit, sys
-from libhd import Fake, made
+from libhd import Fake, make_device
 fake = Fake()
-atexit.register(lambda: print(*fake.said(), sep="\\n"))  # what is registered first is called last
-device = made(fake, servo=sys.argv[1])
+atexit.register(lambda: print(*fake.call_log(), sep="\\n"))  # handlers run in reverse order of registration
+device = make_device(fake, servo=sys.argv[1])
 device.open()
-fake.said()
+fake.call_log()
 device.write(0.0, 0.0, 1.0)
 fake.wait()
 """
 
 
-def test_the_force_is_taken_away_before_the_servo_is_stopped(open_one: Opener, fake: Fake) -> None:
-    device = open_one()
+def test_close_sets_zero_force_before_stopping_the_servo(open_device: Opener, fake: Fake) -> None:
+    device = open_device()
     device.write(0.0, 0.0, 1.0)
     fake.wait()
-    assert fake.said() == [f"init {FIRST}", "schedule", "start", "stop", "start", f"force {FIRST}"]
+    assert fake.call_log() == [f"init {FIRST}", "schedule", "start", "stop", "start", f"force {FIRST}"]
     device.close()
-    assert fake.said() == [f"zero {FIRST}", *SHUTDOWN]
+    assert fake.call_log() == [f"zero {FIRST}", *SHUTDOWN]
 
 
 @pytest.mark.parametrize("servo", SERVOS)
@@ -57,44 +57,42 @@ def test_the_force_is_taken_away_before_the_servo_is_stopped(open_one: Opener, f
         ("hdEnable", 5, Error.INVALID_OPERATION),
     ],
 )
-def test_whatever_fails_in_opening_leaves_nothing_behind(
+def test_failure_while_opening_releases_everything(
     fake: Fake, servo: str, function: str, after: int, code: Error, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if function == "hdStartScheduler":
         monkeypatch.setattr("netboard.devices.touch.device.FIRST_TICK_NS", MS)
-        monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
-    device = made(fake, servo=servo, name="Default Device")
+        monkeypatch.setattr(touch_library, "SETTLE_NS", MS)
+    device = make_device(fake, servo=servo, name="Default Device")
     fake.fail(function, code, after)
     with pytest.raises(DeviceError, match=f"HD_{code.name}"):
         device.open()
     assert not fake.is_open()
     assert not fake.calls.fake_running()
     assert fake.calls.fake_jobs() == 0
-    said = fake.said()
-    assert [line for line in said if line in SHUTDOWN][-1] == f"disable {FIRST}"
-    assert "unschedule while running" not in said
-    assert ("unschedule" in said) == ("schedule" in said)
+    calls = fake.call_log()
+    assert [line for line in calls if line in SHUTDOWN][-1] == f"disable {FIRST}"
+    assert "unschedule while running" not in calls
+    assert ("unschedule" in calls) == ("schedule" in calls)
     for name in ("device.FIRST_TICK_NS", "library.SETTLE_NS"):
         monkeypatch.setattr(f"netboard.devices.touch.{name}", STALL_NS)
     device.open()
     assert device.read(monotonic_ns()).ready
 
 
-def test_a_servo_that_never_starts_is_found_when_opening(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_open_times_out_if_the_servo_never_starts(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("netboard.devices.touch.device.FIRST_TICK_NS", 20 * MS)
-    monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
+    monkeypatch.setattr(touch_library, "SETTLE_NS", MS)
     fake.calls.fake_stall(1)
     with pytest.raises(DeviceTimeout, match="does not run"):
-        made(fake).open()
-    assert fake.said() == [f"init {FIRST}", "schedule", "start", *SHUTDOWN]
+        make_device(fake).open()
+    assert fake.call_log() == [f"init {FIRST}", "schedule", "start", *SHUTDOWN]
 
 
-def test_a_servo_that_does_not_answer_is_not_waited_for(
-    open_one: Opener, fake: Fake, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    device = open_one()
-    monkeypatch.setattr(hdrig, "ANSWER_S", 0.01)
-    monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
+def test_request_to_a_stalled_servo_times_out(open_device: Opener, fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
+    device = open_device()
+    monkeypatch.setattr(touch_library, "ANSWER_S", 0.01)
+    monkeypatch.setattr(touch_library, "SETTLE_NS", MS)
     assert device._rig is not None
     assert device._opened is not None
     fake.calls.fake_stall(1)
@@ -103,29 +101,29 @@ def test_a_servo_that_does_not_answer_is_not_waited_for(
     assert fake.calls.fake_jobs() == 1
 
 
-def test_an_interruption_while_opening_leaves_nothing_behind(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keyboard_interrupt_while_opening_releases_everything(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("netboard.devices.touch.device.calibrate", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        made(fake).open()
-    assert fake.said() == [f"init {FIRST}", "schedule", "start", *SHUTDOWN]
+        make_device(fake).open()
+    assert fake.call_log() == [f"init {FIRST}", "schedule", "start", *SHUTDOWN]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("servo", SERVOS)
-def test_at_the_interpreter_s_exit_devices_are_let_go(servo: str) -> None:
+def test_devices_are_released_at_interpreter_exit(servo: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", FORGETFUL, servo], cwd=TESTS, capture_output=True, text=True, check=True
+        [sys.executable, "-c", EXIT_WITHOUT_CLOSE, servo], cwd=TESTS, capture_output=True, text=True, check=True
     )
     assert done.stderr == ""
     assert done.stdout.splitlines() == [f"force {FIRST}", f"zero {FIRST}", *SHUTDOWN]
 
 
-def test_there_is_one_rig_for_a_library(fake: Fake) -> None:
-    odd = str(Path(fake.path).parent / "." / ".." / Path(fake.path).parent.name / Path(fake.path).name)
-    assert hdrig.rig_of(odd) is hdrig.rig_of(fake.path)
+def test_paths_to_one_library_share_one_rig(fake: Fake) -> None:
+    indirect = str(Path(fake.path).parent / "." / ".." / Path(fake.path).parent.name / Path(fake.path).name)
+    assert touch_library.rig_of(indirect) is touch_library.rig_of(fake.path)
 
 
 # --- two devices --------------------------------------------------------------------------------------------------
@@ -133,7 +131,7 @@ def test_there_is_one_rig_for_a_library(fake: Fake) -> None:
 
 @pytest.mark.parametrize("servo", SERVOS)
 def test_two_devices_share_the_scheduler(fake: Fake, servo: str) -> None:
-    left, right = made(fake, serial=FIRST, servo=servo), made(fake, "right", serial=SECOND, servo=servo)
+    left, right = make_device(fake, serial=FIRST, servo=servo), make_device(fake, "right", serial=SECOND, servo=servo)
     left.open()
     right.open()
     fake.place((1.0, 2.0, 3.0), serial=FIRST)
@@ -143,18 +141,18 @@ def test_two_devices_share_the_scheduler(fake: Fake, servo: str) -> None:
     left.write(0.0, 0.0, 0.5)
     right.write(0.0, 0.0, -0.25)
     fake.wait()
-    assert (fake.felt(FIRST), fake.felt(SECOND)) == ((0.0, 0.5, 0.0), (0.0, -0.25, 0.0))
-    fake.said()
+    assert (fake.motor_force(FIRST), fake.motor_force(SECOND)) == ((0.0, 0.5, 0.0), (0.0, -0.25, 0.0))
+    fake.call_log()
     left.close()
-    assert fake.said() == [f"zero {FIRST}", "stop", "unschedule", f"disable {FIRST}", "start"]
+    assert fake.call_log() == [f"zero {FIRST}", "stop", "unschedule", f"disable {FIRST}", "start"]
     fake.wait()
     assert right.read(monotonic_ns()).z == pytest.approx(0.005)
     right.close()
     assert not fake.calls.fake_running()
 
 
-def test_an_error_is_that_device_s_only_whoever_takes_it_off_the_stack(fake: Fake) -> None:
-    left, right = made(fake, serial=FIRST), made(fake, "right", serial=SECOND, servo="c")
+def test_error_affects_only_the_device_of_its_handle(fake: Fake) -> None:
+    left, right = make_device(fake, serial=FIRST), make_device(fake, "right", serial=SECOND, servo="c")
     left.open()
     right.open()
     fake.error(Error.COMM_ERROR, -28, fake.calls.fake_handle(SECOND.encode()))
@@ -166,8 +164,8 @@ def test_an_error_is_that_device_s_only_whoever_takes_it_off_the_stack(fake: Fak
     assert left.read(monotonic_ns()).ready
 
 
-def test_one_of_two_can_be_pulled_out_and_put_in_again(fake: Fake) -> None:
-    left, right = made(fake, serial=FIRST), made(fake, "right", serial=SECOND)
+def test_one_of_two_devices_can_be_unplugged_and_replugged(fake: Fake) -> None:
+    left, right = make_device(fake, serial=FIRST), make_device(fake, "right", serial=SECOND)
     left.open()
     right.open()
     fake.plug(False, SECOND)
@@ -184,11 +182,9 @@ def test_one_of_two_can_be_pulled_out_and_put_in_again(fake: Fake) -> None:
     assert left.read(monotonic_ns()).ready
 
 
-def test_while_the_scheduler_stands_still_for_another_device_it_is_not_ready_and_not_lost(
-    open_one: Opener, fake: Fake
-) -> None:
-    device = open_one()
-    rig = hdrig.rig_of(fake.path)
+def test_device_is_unready_but_not_lost_while_the_scheduler_is_paused(open_device: Opener, fake: Fake) -> None:
+    device = open_device()
+    rig = touch_library.rig_of(fake.path)
     later = monotonic_ns() + 2 * STALL_NS
     with rig.paused():
         assert not device.read(later).ready
