@@ -310,7 +310,7 @@ const char *hdGetString(HDenum what) {
             case 0x2500: found = "3.30.0"; break;
             case 0x2501: found = d->model; break;
             case 0x2502: found = "4.3.2"; break;
-            case 0x2503: found = "nobody, in fact"; break;
+            case 0x2503: found = "fake vendor"; break;
             case 0x2504: found = d->serial; break;
             case 0x2505: found = "1.9"; break;
             default: push(INVALID_ENUM, 0, d->handle);

@@ -148,7 +148,7 @@ def test_device_info_reports_the_properties_from_the_library(open_device: Opener
     assert details == {
         "name": "Default Device",
         "hd_version": "3.30.0",
-        "vendor": "nobody, in fact",
+        "vendor": "fake vendor",
         "driver_version": "4.3.2",
         "firmware_version": "1.9",
         "max_stiffness": "0.5 on the library's scale",
