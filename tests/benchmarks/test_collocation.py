@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from independent import Hands, solution, waving
-from trajectories import Scene, drive, falling, scene_of
+from trajectories import Scene, convergence_order, drive, scene_of
 
 from netboard.benchmarks.physics.collocation import gauss_nodes, prepare_collocation
 
@@ -68,7 +68,7 @@ def test_order_of_convergence_is_twice_the_number_of_nodes() -> None:
 
     def slope(nodes: int, steps: tuple[int, ...]) -> float:
         runs = [states_of(scene, DURATION / n, nodes, hands=later, start=tuple(start.tolist())) for n in steps]
-        return falling([error(states[-1], end) for states in runs])
+        return convergence_order([error(states[-1], end) for states in runs])
 
     assert slope(4, (8, 16, 32)) == pytest.approx(8.0, abs=0.5)
     assert slope(8, (1, 2)) > 8.0

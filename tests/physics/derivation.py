@@ -2,9 +2,8 @@
 
 Run without compilation (``NUMBA_DISABLE_JIT=1 python derivation.py``), the kernels are plain Python, and take symbols
 as they take numbers. What they return is put into Lagrange's equations, derived here from the energies alone, and every
-difference must vanish. Differences are rational functions of the symbols; one that does not vanish everywhere vanishes
-exactly at random points of many digits as good as never (Schwartz and Zippel). Prints every claim, and whether it
-holds.
+difference must vanish. Differences are rational functions of the symbols; one that is not identically zero almost never
+vanishes at random points of many digits (Schwartz and Zippel). Prints every claim and whether it holds.
 """
 
 import json
@@ -59,11 +58,11 @@ def is_zero(expression: Any) -> bool:
     return True
 
 
-# --- the scene by Lagrange -----------------------------------------------------------------------------------------
+# --- Lagrange's equations ------------------------------------------------------------------------------------------
 
 
 def ball_energies(place: Any, speed: Any, height: Any, rise: Any, tilt: Any, turn: Any, sphere: Any) -> tuple[Any, Any]:
-    """Kinetic and potential energy of one ball on the board, from where it is."""
+    """Kinetic and potential energy of one ball on the board, from its position."""
     time = sp.Symbol("t")
     q, h, a = (sp.Function(name)(time) for name in "qha")
     x = q * sp.cos(a) - r * sp.sin(a)
@@ -95,7 +94,7 @@ def hands(scene: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def coordinates(parts: Parts, x: tuple[Any, ...]) -> list[tuple[Any, Any, Any, Any]]:
-    """Each coordinate that moves: itself, its rate, and the generalised force on it."""
+    """Each moving coordinate, its rate, the generalised force on it, and its index."""
     scene = record(parts)
     f_left, f_right = hands(scene)
     found = []
@@ -109,8 +108,8 @@ def coordinates(parts: Parts, x: tuple[Any, ...]) -> list[tuple[Any, Any, Any, A
     return found
 
 
-def bound(parts: Parts, expression: Any) -> Any:
-    """An expression with sine and cosine as the kernels have them, on the board as it can move."""
+def constrained(parts: Parts, expression: Any) -> Any:
+    """An expression in the kernels' sine and cosine, with the constraints of the board applied."""
     if not parts.heaves:
         expression = expression.subs(vz, 0)
     if not parts.tilts:
@@ -118,8 +117,8 @@ def bound(parts: Parts, expression: Any) -> Any:
     return expression.subs({sp.sin(theta): s, sp.cos(theta): c})
 
 
-def still(parts: Parts, x: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The state with 0 for the rates of what the board cannot do."""
+def constrained_state(parts: Parts, x: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The state with zero rates for the constrained coordinates."""
     gone = {1: parts.heaves, 2: parts.tilts, 3: parts.tilts}
     return tuple(value if gone.get(i, True) else sp.Integer(0) for i, value in enumerate(x))
 
@@ -128,23 +127,23 @@ def lagrange(parts: Parts, balls: int) -> bool:
     """Whether the kernel's rates satisfy Lagrange's equations of the scene."""
     x = state(balls)
     kinetic, potential = energies(parts, x)
-    out = models.rates(still(parts, x), left, right, parts, record(parts))
+    out = models.rates(constrained_state(parts, x), left, right, parts, record(parts))
     moving = coordinates(parts, x)
-    good = all(is_zero(bound(parts, out[i] - rate)) for _, rate, _, i in moving)
+    good = all(is_zero(constrained(parts, out[i] - rate)) for _, rate, _, i in moving)
     held = {0, 2, *range(4, 4 + 2 * balls, 2)} - {i for *_, i in moving}
     good &= all(out[i + 1] == 0 for i in held)
     rates_of = {q: rate for q, rate, _, _ in moving} | {rate: out[i + 1] for _, rate, _, i in moving}
     for q, rate, force, _ in moving:
         momentum = kinetic.diff(rate)
         change = sum(momentum.diff(variable) * value for variable, value in rates_of.items())
-        good &= is_zero(bound(parts, change - (kinetic - potential).diff(q) - force))
+        good &= is_zero(constrained(parts, change - (kinetic - potential).diff(q) - force))
     return good
 
 
 def paper(parts: Parts, balls: int) -> bool:
-    """Whether the kernel's rates are the paper's equations 3 to 5, with what was added to them."""
+    """Whether the kernel's rates are the paper's equations 3 to 5, with our additions."""
     x, scene = state(balls), record(parts)
-    out = models.rates(still(parts, x), left, right, parts, scene)
+    out = models.rates(constrained_state(parts, x), left, right, parts, scene)
     f_left, f_right = hands(scene)
     load = 1 if parts.free else SYMBOLS["fixed_load"]
     weight = load * m * g
@@ -156,30 +155,30 @@ def paper(parts: Parts, balls: int) -> bool:
     drag = SYMBOLS["mass_ratio"] * SYMBOLS["b_p"] / m if parts.resisted else sp.S(0)
     for speed in x[5::2]:
         wanted += [speed, roll - drag * speed] if parts.free else [sp.S(0), sp.S(0)]
-    return all(is_zero(bound(parts, a - b)) for a, b in zip(out, wanted, strict=True))
+    return all(is_zero(constrained(parts, a - b)) for a, b in zip(out, wanted, strict=True))
 
 
-def blow(parts: Parts, balls: int) -> bool:
-    """Whether a stop turns a ball back as momentum demands: one blow between ball and board, along the board."""
+def impact(parts: Parts, balls: int) -> bool:
+    """Whether the impact at a stop conserves momentum: one impulse between ball and board, along the board."""
     x, scene = state(balls), record(parts)
-    before = still(parts, x)
+    before = constrained_state(parts, x)
     struck = len(x) - 2
     after = models._reflected(before, balls - 1, parts, scene)
     kinetic, _ = energies(parts, x)
     jump = {rate: after[i + 1] - before[i + 1] for _, rate, _, i in coordinates(parts, x)}
     good = is_zero(after[struck + 1] + restitution * before[struck + 1])
     for q, rate, _, _ in coordinates(parts, x):
-        # Momentum is linear in the rates; the blow itself is what the last ball's momentum changed by.
+        # Momentum is linear in the rates; the impulse is the change of the last ball's momentum.
         change = sum(kinetic.diff(rate).diff(other) * by for other, by in jump.items())
-        good &= q == x[struck] or is_zero(bound(parts, change))
+        good &= q == x[struck] or is_zero(constrained(parts, change))
     lost = kinetic - kinetic.subs(dict(zip(x, after, strict=True)), simultaneous=True)
-    good &= is_zero(bound(parts, lost).subs(restitution, 1))
+    good &= is_zero(constrained(parts, lost).subs(restitution, 1))
     return good
 
 
-def balance(parts: Parts, balls: int) -> bool:
-    """Whether the energy stored changes by what flows, and by Lagrange nothing flows from nowhere."""
-    x, scene = still(parts, state(balls)), record(parts)
+def energy_balance(parts: Parts, balls: int) -> bool:
+    """Whether the stored energy changes by the sum of the flows, and the Lagrangian model adds none."""
+    x, scene = constrained_state(parts, state(balls)), record(parts)
     at = sp.symbols("left_z right_z left_vz right_vz", real=True)
     u_left = scene["k_left"] * at[0] + scene["c_left"] * at[2]
     u_right = scene["k_right"] * at[1] + scene["c_right"] * at[3]
@@ -197,7 +196,7 @@ def balance(parts: Parts, balls: int) -> bool:
     return is_zero(left_over) and (not parts.lagrangian or flows.model == 0)
 
 
-# --- which scenes ----------------------------------------------------------------------------------------------------
+# --- claims ----------------------------------------------------------------------------------------------------------
 
 KINDS = {
     "free": WHOLE,
@@ -219,10 +218,10 @@ def claims() -> Iterator[tuple[str, bool]]:
             printed = parts._replace(lagrangian=False)
             yield f"Lagrange's equations, {name}, {balls}", lagrange(parts, balls)
             yield f"the paper's equations, {name}, {balls}", paper(printed, balls)
-            yield f"energy by Lagrange, {name}, {balls}", balance(parts, balls)
-            yield f"energy by the paper, {name}, {balls}", balance(printed, balls)
+            yield f"energy by Lagrange, {name}, {balls}", energy_balance(parts, balls)
+            yield f"energy by the paper, {name}, {balls}", energy_balance(printed, balls)
             if parts.free and parts.even:
-                yield f"a blow by Lagrange, {name}, {balls}", blow(parts, balls)
+                yield f"an impact by Lagrange, {name}, {balls}", impact(parts, balls)
     yield "the paper's equations are not Lagrange's", not lagrange(WHOLE._replace(lagrangian=False), 1)
     yield "Lagrange's equations are not the paper's", not paper(WHOLE, 1)
 

@@ -1,6 +1,6 @@
-"""A test's subprocess: print digests of the bits that exponential methods make in the named cases, and of their tables.
+"""Script run by a test: print digests of the results and tables of exponential methods in the named cases.
 
-Run in another way (without compilation, for another processor) it must print the same digests.
+Without compilation, or compiled for another processor, it must print the same digests.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1] / "physics"))
 
 from independent import waving
-from trajectories import sampled, scene_of, trajectory
+from trajectories import sampled_trajectory, scene_of, trajectory
 
 from netboard.physics.methods.catalogue import METHODS, NUMBER
 
@@ -40,7 +40,7 @@ def digest_of(method: str, name: str) -> str:
     scene = scene_of(free, **values)
     start = START[: scene.length] if scene.parts.tilts else (*START[:2], 0.0, 0.0, *START[4 : scene.length])
     digest = hashlib.sha256(trajectory(scene, start, waving, 1e-3, 60, method).tobytes())
-    digest.update(sampled(scene, start, waving, 2e-3, 60, method, 2).tobytes())
+    digest.update(sampled_trajectory(scene, start, waving, 2e-3, 60, method, 2).tobytes())
     tables = METHODS[NUMBER[method]].tables(scene.record, scene.parts, scene.length, 1e-3)
     digest.update(tables.tobytes())
     return digest.hexdigest()

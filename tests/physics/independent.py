@@ -1,7 +1,8 @@
 """The equations of the scene, written independently of the kernels (numpy, libm, no shared code).
 
-The paper's as printed. Lagrange's by d'Alembert instead: every ball keeps its own coordinate, its acceleration is
-written with the geometry's Jacobian, and a linear system of all coordinates is solved. States are those of the kernels.
+The paper's equations are as printed. The Lagrangian model uses d'Alembert's principle instead: each ball has its own
+coordinate and an acceleration written with the geometry's Jacobian, and a linear system in all coordinates is solved.
+States are those of the kernels.
 """
 
 import math
@@ -14,7 +15,7 @@ from scipy.integrate import solve_ivp
 from netboard.base.tables.scene import Physics
 
 Hands = Callable[[float], tuple[float, float, float, float]]
-"""left_z, left_vz, right_z, right_vz of the styluses at a time."""
+"""Maps a time to left_z, left_vz, right_z, right_vz of the styluses."""
 
 
 def couplings(k: Physics) -> tuple[float, float]:
@@ -96,7 +97,7 @@ def rates(
 def solution(
     start: tuple[float, ...], hands: Hands, times: NDArray[np.float64], k: Physics, free: bool = True
 ) -> NDArray[np.float64]:
-    """States at these times, by scipy's DOP853 at its tightest."""
+    """States at these times, by scipy's DOP853 with its tightest tolerances."""
     found = solve_ivp(
         lambda t, x: rates(x, hands(t), k, free), (0, times[-1]), start, "DOP853", times, rtol=1e-13, atol=1e-16
     )
@@ -104,7 +105,7 @@ def solution(
 
 
 def waving(t: float) -> tuple[float, float, float, float]:
-    """The hands in opposite directions, 20 mm at 0.8 Hz, and a little of something else."""
+    """The hands in opposite directions, 20 mm at 0.8 Hz, plus a small common motion at 1.9 Hz."""
     w, q = 2 * math.pi * 0.8, 2 * math.pi * 1.9
     z, vz = 0.02 * math.sin(w * t), 0.02 * w * math.cos(w * t)
     lift, rise = 0.004 * math.cos(q * t), -0.004 * q * math.sin(q * t)

@@ -1,6 +1,6 @@
-"""A test's subprocess: print a digest of the bits that each named method makes of a hard scene.
+"""Script run by a test: print a digest of each named method's results in a difficult scene.
 
-Run in another way (without compilation, for another processor) it must print the same digests.
+Without compilation, or compiled for another processor, it must print the same digests.
 """
 
 import hashlib

@@ -1,6 +1,6 @@
-"""A test's subprocess: print digests of the bits of many steps of the named scenes, and what the disk cache did.
+"""Script run by a test: print digests of many steps of the named scenes, and the disk cache's hits and misses.
 
-Run in another way (without compilation, for another processor) it must print the same digest.
+Without compilation, or compiled for another processor, it must print the same digests.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ SCENES = {
 
 
 def drives_of(row: list[float]) -> tuple[float, ...]:
-    """The drives of both hands through a step, by the ways there are to hold a stylus."""
+    """The drives of both hands through a step, from every kind of extrapolation."""
     z, vz, az, age = 0.1 * row[0], row[1], 20 * row[2], 0.01 * row[3]
     z, vz = reached(z, vz, az, age, 0.004, 0.008)
     left = moving(z, vz, az, 200.0, 2.0) if row[4] > 0 else resting(z, vz, 200.0, 2.0)
@@ -39,7 +39,7 @@ def drives_of(row: list[float]) -> tuple[float, ...]:
 
 
 def result_of(scene: Scene, row: list[float]) -> list[float]:
-    """Numbers of everything that is done with a state."""
+    """Results of every kernel that takes a state."""
     spread = (0.1, 1.0, 7.0, 20.0, *(0.35, 1.0) * scene.physics.balls)
     x = tuple(a * b for a, b in zip(row, spread, strict=False))
     left, right = drives(drives_of(row), 0, 1e-3 * row[0])
@@ -48,7 +48,7 @@ def result_of(scene: Scene, row: list[float]) -> list[float]:
 
 
 def path_of(scene: Scene, rows: list[list[float]]) -> Any:
-    """The same scene carried on, as in a trial: here a difference in the last digit grows."""
+    """A continuous run of the scene, as in a trial, in which a difference in the last digit grows."""
     n = len(rows)
     grid = make_grid("rk4", np.full(n, 1e-3), np.full(n, 2), scene.parts, scene.length, scene.packed)
     start = (0.0, 0.0, 0.0, 0.0, 0.05, 0.1, -0.05, 0.2)[: scene.length]
@@ -56,7 +56,7 @@ def path_of(scene: Scene, rows: list[list[float]]) -> Any:
 
 
 def digests(names: list[str], rounds: int = 1000) -> dict[str, str]:
-    """Hash of every result of so many rounds, for each of these scenes."""
+    """Hash of all results of this number of rounds, for each of these scenes."""
     rows = np.random.default_rng(7).uniform(-1, 1, (rounds, 10)).tolist()
     found = {"sincos": hashlib.sha256(np.array([sincos(1e4 * row[2]) for row in rows]).tobytes()).hexdigest()}
     for name in names:
@@ -75,7 +75,7 @@ def digests(names: list[str], rounds: int = 1000) -> dict[str, str]:
 
 
 def cache_counts(names: list[str]) -> list[tuple[int, int]]:
-    """Hits and misses of the disk cache, for the march of each scene; nothing when nothing is compiled."""
+    """Hits and misses of the disk cache, for the march of each scene; empty without compilation."""
     marches: list[Any] = [make_march(NUMBER["rk4"], scene.parts) for scene in map(SCENES.__getitem__, names)]
     stats = [march.stats for march in marches if hasattr(march, "stats")]
     return [(sum(each.cache_hits.values()), sum(each.cache_misses.values())) for each in stats]

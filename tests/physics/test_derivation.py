@@ -1,4 +1,4 @@
-"""The kernels' source, run on symbols, against the derived equations (``derivation.py``)."""
+"""The kernels, evaluated on symbols, satisfy the derived equations (``derivation.py``)."""
 
 import json
 import os
@@ -12,7 +12,7 @@ SCRIPT = Path(__file__).with_name("derivation.py")
 
 
 @pytest.mark.slow
-def test_the_kernels_are_the_equations_identically() -> None:
+def test_kernels_satisfy_the_derived_equations_symbolically() -> None:
     done = subprocess.run(
         [sys.executable, str(SCRIPT)],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},

@@ -1,4 +1,4 @@
-"""Energy of a scene and its flows: balanced at every instant, and along trajectories."""
+"""Energy of a scene and its flows, balanced at each instant and along trajectories."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from independent import Hands, still, waving
 from numpy.typing import NDArray
-from trajectories import Scene, drive, falling, sampled, samples, scene_of, trajectory
+from trajectories import Scene, convergence_order, drive, sampled_trajectory, samples, scene_of, trajectory
 
 from netboard.physics.scene.energy import Powers, flows, stored, stored_along, work_along
 from netboard.physics.scene.models import rates
@@ -32,8 +32,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "friction, lagrangian": {"b_p": 0.02, "rolling_resistance": 0.01, "model": "lagrangian", "ball_height": 0.03},
 }
 every = pytest.mark.parametrize("values", SCENES.values(), ids=SCENES.keys())
-LENGTHS = (4e-3, 2e-3, 1e-3)
-MOVED = (0.002, 0.1, 0.1, -2.0, 0.1, 0.3, -0.05, 0.1)
+STEP_LENGTHS = (4e-3, 2e-3, 1e-3)
+MOVING_STATE = (0.002, 0.1, 0.1, -2.0, 0.1, 0.3, -0.05, 0.1)
 
 
 # --- at an instant ---------------------------------------------------------------------------------------------------
@@ -42,8 +42,10 @@ MOVED = (0.002, 0.1, 0.1, -2.0, 0.1, 0.3, -0.05, 0.1)
 @pytest.mark.slow
 @every
 @given(free=st.booleans(), state=states, hand=hands)
-def test_the_flows_are_the_rate_of_what_is_stored(values: dict[str, Any], free: bool, state: Any, hand: Any) -> None:
-    """By differences along the way that the rates and the hands take; tests/physics/derivation.py has it exactly."""
+def test_power_flows_sum_to_the_rate_of_stored_energy(
+    values: dict[str, Any], free: bool, state: Any, hand: Any
+) -> None:
+    """By central differences along the motion; tests/physics/derivation.py shows it exactly."""
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
     rate = rates(state, *drive(hand, scene.record), scene.parts, scene.record)
     left_z, left_vz, right_z, right_vz = hand
@@ -60,7 +62,7 @@ def test_the_flows_are_the_rate_of_what_is_stored(values: dict[str, Any], free: 
 
 @every
 @given(free=st.booleans(), state=states, hand=hands)
-def test_dampers_only_take_and_by_lagrange_nothing_comes_from_nowhere(
+def test_dampers_only_dissipate_and_lagrangian_model_adds_no_power(
     values: dict[str, Any], free: bool, state: Any, hand: Any
 ) -> None:
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
@@ -70,12 +72,12 @@ def test_dampers_only_take_and_by_lagrange_nothing_comes_from_nowhere(
         assert powers.model == 0
 
 
-def test_the_level_board_at_rest_at_the_origin_has_no_energy() -> None:
+def test_level_board_at_rest_at_the_origin_has_no_energy() -> None:
     scene = scene_of()
     assert stored((0.0,) * 6, 0.0, 0.0, scene.parts, scene.record) == (0, 0, 0, 0, 0)
 
 
-def test_energies_are_where_they_should_be() -> None:
+def test_stored_energies_match_closed_forms() -> None:
     scene = scene_of(balls=0)
     held = stored((0.01, 0.2, 0.0, 3.0), 0.03, -0.01, scene.parts, scene.record)
     assert held.kinetic == pytest.approx((0.01 * 0.2**2 + 0.0004 * 3**2) / 2)
@@ -85,7 +87,7 @@ def test_energies_are_where_they_should_be() -> None:
     assert held.spring_board == pytest.approx(140 * 0.01**2 / 2)
 
 
-def test_what_the_papers_model_adds_is_what_its_board_does_not_carry_and_a_ball_that_climbs() -> None:
+def test_power_added_by_the_paper_model_matches_its_closed_form() -> None:
     state = (0.0, 0.2, 0.3, 1.0, 0.1, 0.5)
     s = np.sin(0.3)
     downhill, printed = scene_of(), scene_of(ball_sign="printed")
@@ -98,21 +100,21 @@ def test_what_the_papers_model_adds_is_what_its_board_does_not_carry_and_a_ball_
 # --- along trajectories ----------------------------------------------------------------------------------------------
 
 
-def at_rest(scene: Scene, *p: float) -> tuple[float, ...]:
-    """The state in which the board rests between styluses at the origin."""
+def resting_state(scene: Scene, *p: float) -> tuple[float, ...]:
+    """The equilibrium state with both styluses at the origin."""
     rest = equilibrium(0.0, 0.0, p, scene.parts, scene.record)
     return (rest.z, 0.0, rest.theta, 0.0, *(value for place in p for value in (place, 0.0)))
 
 
-def gentle(t: float) -> tuple[float, float, float, float]:
-    """Hands that start as softly as they move, the right one twice as far."""
+def gentle_hands(t: float) -> tuple[float, float, float, float]:
+    """Hands that start smoothly, the right one moving twice as far."""
     w = 2 * np.pi * 0.8
     z, vz = 0.02 * np.sin(w * t) ** 6, 0.02 * 6 * w * np.sin(w * t) ** 5 * np.cos(w * t)
     return -0.5 * z, -0.5 * vz, z, vz
 
 
-def gap(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float) -> tuple[float, float]:
-    """Change of energy less the work done, at its largest; and the most work done through a flow."""
+def balance_error(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float) -> tuple[float, float]:
+    """Largest difference between energy change and work done, and the largest work through one flow."""
     times = np.arange(len(path)) * h
     at = samples(hand, times)
     total = stored_along(path, at, scene.parts, scene.packed).sum(axis=1)
@@ -124,23 +126,26 @@ def gap(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float) -> tuple
 @pytest.mark.parametrize("free", [True, False])
 @every
 @pytest.mark.daily(2)
-def test_the_balance_closes_to_the_sixth_order_and_to_twelve_digits(values: dict[str, Any], free: bool) -> None:
+def test_energy_balance_converges_with_sixth_order_to_twelve_digits(values: dict[str, Any], free: bool) -> None:
     scene = scene_of(free, **values)
-    start = at_rest(scene, 0.02)
-    gaps = [gap(scene, sampled(scene, start, gentle, h, round(1 / h), counts=4), gentle, h) for h in LENGTHS]
-    assert falling([left_over for left_over, _ in gaps]) == pytest.approx(6, abs=0.4)
-    assert gaps[-1][0] < 2e-12 * gaps[-1][1]
+    start = resting_state(scene, 0.02)
+    errors = [
+        balance_error(scene, sampled_trajectory(scene, start, gentle_hands, h, round(1 / h), counts=4), gentle_hands, h)
+        for h in STEP_LENGTHS
+    ]
+    assert convergence_order([error for error, _ in errors]) == pytest.approx(6, abs=0.4)
+    assert errors[-1][0] < 2e-12 * errors[-1][1]
 
 
-def test_work_is_counted_since_the_start_through_each_flow() -> None:
+def test_work_is_integrated_from_the_start_for_each_flow() -> None:
     scene = scene_of()
-    path = trajectory(scene, MOVED[:6], waving, 1e-3, 50)
+    path = trajectory(scene, MOVING_STATE[:6], waving, 1e-3, 50)
     times = np.arange(51) * 1e-3
     work = work_along(times, path, samples(waving, times), scene.parts, scene.packed)
     assert work.shape == (51, len(Powers._fields))
     assert (work[0] == 0).all()
     assert (np.diff(work[:, 2:4], axis=0) <= 0).all()
-    # The trapezium's rule is no good, but knows which flow is which.
+    # The trapezoidal rule is coarse, but tells the flows apart.
     powers = np.array(
         [flows(tuple(x), *waving(t), scene.parts, scene.record) for x, t in zip(path.tolist(), times, strict=True)]
     )
@@ -149,11 +154,11 @@ def test_work_is_counted_since_the_start_through_each_flow() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_missing_of_the_balance_is_what_the_stops_took() -> None:
-    """By the paper a stop takes from the ball alone: its energy of motion, before and after."""
+def test_energy_missing_from_the_balance_is_lost_at_the_stops() -> None:
+    """In the paper's model a stop removes kinetic energy from the ball alone."""
     scene = scene_of(board="level", ball_stop=0.1, restitution=0.5)
     times = np.arange(1001) * 1e-3
-    z, *_ = at_rest(scene, 0.0)
+    z, *_ = resting_state(scene, 0.0)
     path = trajectory(scene, (z, 0.0, 0.0, 0.0, 0.0, 0.3), still, 1e-3, 1000)
     at = samples(still, times)
     total = stored_along(path, at, scene.parts, scene.packed).sum(axis=1)
@@ -161,7 +166,7 @@ def test_what_is_missing_of_the_balance_is_what_the_stops_took() -> None:
     assert (total - total[0] - work)[-1] == pytest.approx(-0.05 * 0.3**2 / 2 * (1 - 0.25), rel=1e-9)
 
 
-# --- RK4 keeps it ----------------------------------------------------------------------------------------------------
+# --- drift of RK4 ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -169,13 +174,13 @@ def test_what_is_missing_of_the_balance_is_what_the_stops_took() -> None:
     "values", [{"balls": 0}, {}, {"model": "lagrangian", "balls": 2, "ball_height": 0.02, "ball_inertia": 0.4}], ids=str
 )
 @pytest.mark.daily(1)
-def test_an_undamped_scene_between_still_hands_keeps_its_energy_but_for_the_order(values: dict[str, Any]) -> None:
+def test_energy_drift_of_an_undamped_scene_falls_with_fourth_order(values: dict[str, Any]) -> None:
     scene = scene_of(c_h=0.0, **values)
     drifts = []
     for h in (1e-3, 5e-4, 2.5e-4, 1.25e-4):
-        path = trajectory(scene, MOVED[: scene.length], still, h, round(0.4 / h))
+        path = trajectory(scene, MOVING_STATE[: scene.length], still, h, round(0.4 / h))
         total = stored_along(path, np.zeros((len(path), 4)), scene.parts, scene.packed).sum(axis=1)
         work = work_along(np.arange(len(path)) * h, path, np.zeros((len(path), 4)), scene.parts, scene.packed)
         drifts.append(float(np.abs(total - total[0] - work[:, 5]).max() / abs(total[0])))
-    assert falling(drifts) > 3.8
+    assert convergence_order(drifts) > 3.8
     assert drifts[-1] < 1e-5

@@ -1,4 +1,4 @@
-"""The exponential one-step methods: order, stiff boards, closed forms, and the same bits everywhere."""
+"""The exponential one-step methods: order, stiff boards, closed forms and bit-identical results."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from exponential_bits import CASES, digests
 from independent import rates as independent_rates
 from independent import solution, waving
 from scipy.linalg import expm
-from trajectories import Scene, changed, drive, falling, scene_of, trajectory
+from trajectories import Scene, changed, convergence_order, drive, scene_of, trajectory
 
 import daily
 from netboard.physics.methods.catalogue import METHODS, NUMBER
@@ -39,8 +39,8 @@ kinds = pytest.mark.parametrize("values", KINDS.values(), ids=KINDS)
 both = pytest.mark.parametrize("free", [True, False], ids=["rolling", "fixed"])
 
 
-def start_of(scene: Scene) -> tuple[float, ...]:
-    """Somewhere near the level, in motion."""
+def initial_state(scene: Scene) -> tuple[float, ...]:
+    """A moving state near the level position."""
     board = (0.002, 0.01) if scene.parts.heaves else (0.0, 0.0)
     turn = (0.05, 0.2) if scene.parts.tilts else (0.0, 0.0)
     balls = [(0.06 - 0.15 * i, 0.03 if scene.parts.free else 0.0) for i in range((scene.length - 4) // 2)]
@@ -53,22 +53,22 @@ def start_of(scene: Scene) -> tuple[float, ...]:
 )
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
 @pytest.mark.daily(2)
-def test_the_error_falls_with_the_order_of_the_method(method: str, kind: str, free: bool) -> None:
+def test_exponential_methods_converge_with_their_nominal_order(method: str, kind: str, free: bool) -> None:
     scene = scene_of(free, **KINDS[kind])
-    start = start_of(scene)
+    start = initial_state(scene)
     end = solution(start, waving, np.array([0.0, 0.04]), scene.physics, free)[-1]
     errors = [
         float(np.max(np.abs(trajectory(scene, start, waving, 0.04 / n, n, method)[-1] - end)[::2]))
         for n in ((80, 160, 320) if method == "etd2rk" else (20, 40, 80))
     ]
-    slope, order = falling(errors), METHODS[NUMBER[method]].order
-    # With one hand the first of the errors are those of a transient, which fall faster.
+    slope, order = convergence_order(errors), METHODS[NUMBER[method]].order
+    # With one hand, a transient dominates the first errors, which fall faster.
     assert order - 0.3 < slope < order + (1.5 if scene.physics.coupling in ("left", "right") else 0.4)
 
 
 @kinds
 @both
-def test_linear_part_and_rest_make_up_the_equations(free: bool, values: dict[str, Any]) -> None:
+def test_linear_part_and_remainder_add_up_to_the_equations(free: bool, values: dict[str, Any]) -> None:
     scene, random = scene_of(free, **values), np.random.default_rng(3)
     a = scene_matrix(scene.parts, scene.record, scene.length)
     tables = (np.ascontiguousarray(a.T)[None, None], 0)
@@ -85,12 +85,12 @@ def test_linear_part_and_rest_make_up_the_equations(free: bool, values: dict[str
 
 @pytest.mark.slow
 @pytest.mark.parametrize("values", [{}, {"coupling": "left"}, {"model": "lagrangian", "balls": 2, "coupling": "left"}])
-def test_a_step_and_its_mirror_image_are_alike_to_the_bit(values: dict[str, Any]) -> None:
+def test_mirrored_step_is_bit_identical(values: dict[str, Any]) -> None:
     scene = scene_of(**values)
     swapped = {"k_left": "k_right", "k_right": "k_left", "c_left": "c_right", "c_right": "c_left"}
     mirrored = changed(scene.record, **{name: float(scene.record[other]) for name, other in swapped.items()})
     signs = np.array([1.0, 1.0, *[-1.0] * (scene.length - 2)])
-    x, u = np.array(start_of(scene)), (1.3, 20.0, -300.0, 0.0, -0.4, 3.0, 50.0, 7.0)
+    x, u = np.array(initial_state(scene)), (1.3, 20.0, -300.0, 0.0, -0.4, 3.0, 50.0, 7.0)
     ends = []
     for state, hands, record in ((x, u, scene.record), (signs * x, (*u[4:], *u[:4]), mirrored)):
         tables = METHODS[NUMBER["etdrk4"]].tables(record, scene.parts, scene.length, 1e-3)[np.newaxis]
@@ -98,7 +98,7 @@ def test_a_step_and_its_mirror_image_are_alike_to_the_bit(values: dict[str, Any]
     assert ends[1] == tuple((signs * ends[0]).tolist())
 
 
-def linear_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
+def exact_level_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
     """Height and rate after a step of a level board, by the exponential of one matrix for board, drives and weight."""
     k, mass = scene.physics, scene.physics.M
     load = 1.0 if k.fixed_ball == "loads_board" or scene.parts.free else 0.0
@@ -119,7 +119,7 @@ def linear_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
 @pytest.mark.parametrize("coupling", ["both", "left", "none"])
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 5e-2])
 @pytest.mark.daily(3)
-def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, free: bool) -> None:
+def test_exact_method_solves_a_level_board_exactly(h: float, coupling: Any, model: Any, free: bool) -> None:
     scene = scene_of(free, board="level", model=model, coupling=coupling, b_z=0.2, balls=2, ball_height=0.02)
     start = (0.004, -0.1, 0.0, 0.0, 0.1, 0.3, -0.2, 0.4)
     u = np.array([1.0, 30.0, -400.0, 5e3, -0.3, 8.0, 200.0, -1e4])
@@ -128,7 +128,7 @@ def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, f
     times = h * np.array(METHODS[NUMBER["exact"]].nodes)
     values = [[np.polyval(side[::-1], t) for side in (u[:4], u[4:])] for t in times]
     by_values = run("exact", start, np.array([values]), grid, scene.parts, scene.packed)[1]
-    expected = linear_end(scene, start, u, h)
+    expected = exact_level_end(scene, start, u, h)
     scale = 1e-12 * np.maximum(np.abs(expected), [1e-2, 1.0])
     for end in (by_coefficients, by_values):
         assert np.all(np.abs(end[:2] - expected) <= scale)
@@ -138,7 +138,7 @@ def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, f
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
-def test_without_anything_nonlinear_etdrk4_is_exact(model: Any) -> None:
+def test_etdrk4_is_exact_for_a_linear_scene(model: Any) -> None:
     scene = scene_of(board="level", model=model)
     start, u = (0.004, -0.1, 0.0, 0.0, 0.1, 0.3), np.array([[1.0, 30.0, -400.0, 0.0, -0.3, 8.0, 200.0, 0.0]] * 50)
     ends = []
@@ -148,7 +148,7 @@ def test_without_anything_nonlinear_etdrk4_is_exact(model: Any) -> None:
     assert ends[0] == pytest.approx(ends[1], rel=1e-12, abs=1e-14)
 
 
-def test_a_board_that_tilts_has_no_exact_step() -> None:
+def test_exact_tables_are_rejected_for_a_tilting_board() -> None:
     scene = scene_of()
     with pytest.raises(ValueError, match="tilts"):
         exact_tables(scene.record, scene.parts, scene.length, 1e-3)
@@ -159,7 +159,7 @@ def test_a_board_that_tilts_has_no_exact_step() -> None:
 @pytest.mark.parametrize(("k", "c"), [(1000.0, 1.0), (1.0, 1000.0), (1000.0, 1000.0)])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])
 @pytest.mark.daily(4)
-def test_however_stiff_the_board_stays_with_the_hands(h: float, k: float, c: float, method: str) -> None:
+def test_stiff_board_stays_bounded_and_settles_at_the_hands(h: float, k: float, c: float, method: str) -> None:
     scene = scene_of(balls=0)
     packed = scene.packed.copy()
     for side in ("left", "right"):
@@ -174,8 +174,8 @@ def test_however_stiff_the_board_stays_with_the_hands(h: float, k: float, c: flo
         assert states[-1, 2] == pytest.approx(np.arcsin(0.02 / 0.25), rel=1e-6)
 
 
-def elsewhere(**environment: str) -> Any:
-    """What the script prints in a fresh process."""
+def run_script(**environment: str) -> Any:
+    """The output of the script in a new process."""
     done = subprocess.run(
         [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
@@ -186,7 +186,7 @@ def elsewhere(**environment: str) -> Any:
 @pytest.mark.timeout(300)
 @pytest.mark.daily(1, of="plain Python")
 def test_plain_python_gives_the_same_bits() -> None:
-    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests(BITS)
+    assert run_script(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -194,6 +194,6 @@ def test_plain_python_gives_the_same_bits() -> None:
 @pytest.mark.timeout(300)
 @pytest.mark.daily(1, of="processors")
 def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
-    """One without AVX or fused multiply-add, where this one has them."""
+    """Compile for a processor without AVX or fused multiply-add."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == digests(BITS)
+    assert run_script(**plain) == digests(BITS)

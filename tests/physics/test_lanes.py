@@ -1,4 +1,4 @@
-"""Vector lanes compute the same as floats, to the bit, and are stored in their places."""
+"""SIMD lanes give the same bits as floats and are stored at the right indices."""
 
 from typing import Any
 
@@ -68,7 +68,7 @@ def values() -> Any:
     return np.random.default_rng(5).normal(size=16)
 
 
-def test_arithmetic_is_that_of_floats(values: Any) -> None:
+def test_lane_arithmetic_matches_float_arithmetic(values: Any) -> None:
     out = np.zeros(8)
     arithmetic(values, values, 0.3, out)
     for one, other, found in zip(values[:8].tolist(), values[8:].tolist(), out.tolist(), strict=True):
@@ -76,14 +76,14 @@ def test_arithmetic_is_that_of_floats(values: Any) -> None:
 
 
 @pytest.mark.parametrize("x", [1.0, -1.0])
-def test_a_number_can_stand_for_lanes(values: Any, x: float) -> None:
+def test_scalar_is_broadcast_to_lanes(values: Any, x: float) -> None:
     out = np.zeros(8)
     conditional(values, x, out)
     assert np.array_equal(out, values[:8] if x > 0 else [x] * 8)
 
 
 @pytest.mark.slow
-def test_lanes_come_from_arrays_and_go_there(values: Any) -> None:
+def test_lanes_are_loaded_from_and_stored_in_arrays(values: Any) -> None:
     out = np.zeros(12)
     assert moved(values, out) == values[6]
     assert np.array_equal(out, [*values[:8:2], *[values[5]] * 4, 1.0, values[3], 0.0, 0.0])
@@ -92,23 +92,23 @@ def test_lanes_come_from_arrays_and_go_there(values: Any) -> None:
 @pytest.mark.parametrize(
     ("worst", "expected"), [(1.0, True), (-1.0, True), (1.1, False), (-1.1, False), (np.nan, False)]
 )
-def test_a_bound_holds_for_all_or_not(worst: float, expected: bool) -> None:
+def test_within_requires_every_lane_in_bounds(worst: float, expected: bool) -> None:
     assert bounded(np.array([0.5, -0.2, 0.0, worst, 0.1, 0.3, 0.9, -0.9]), 1.0) is expected
 
 
-def test_a_matrix_by_its_columns_is_applied(values: Any) -> None:
+def test_applied_computes_the_matrix_vector_product(values: Any) -> None:
     matrix, out = np.random.default_rng(6).normal(size=(4, 8)), np.zeros(8)
     product(matrix, values, out)
     assert out == pytest.approx(matrix.T @ values[:4], rel=1e-13)
 
 
-def test_an_array_that_is_not_contiguous_is_refused(values: Any) -> None:
+def test_non_contiguous_array_is_rejected(values: Any) -> None:
     if hasattr(bounded, "py_func"):
         with pytest.raises(Exception, match="No implementation"):
             bounded(values[::2], 1.0)
 
 
-def test_a_text_is_written_for_the_lengths_of_its_arguments() -> None:
+def test_generated_code_depends_on_the_lengths_of_its_arguments() -> None:
     assert twice((1.0, 2.0, 3.0)) == (2.0, 4.0, 6.0)
     assert doubled((1.0, 2.0), 3) == (3.0, 6.0)
 
@@ -117,7 +117,7 @@ SPECIAL = np.array([-0.0, 0.0, -1.0, 1.0, np.inf, -np.inf, np.nan, 0.5, 2.0, -2.
 
 
 @kernel
-def chosen(a: Any, b: Any, bound: float, out: Any) -> None:
+def lane_selection(a: Any, b: Any, bound: float, out: Any) -> None:
     one, other = lanes_at(a, 0, 4), lanes_at(b, 0, 4)
     put(out, 0, smaller(larger(one, -bound), bound))
     put(out, 4, larger(one, other))
@@ -126,7 +126,7 @@ def chosen(a: Any, b: Any, bound: float, out: Any) -> None:
 
 
 @kernel
-def chosen_singly(a: Any, b: Any, bound: float, out: Any) -> None:
+def float_selection(a: Any, b: Any, bound: float, out: Any) -> None:
     for i in range(4):
         x, y = a[i], b[i]
         out[i] = min(max(x, -bound), bound)
@@ -136,11 +136,11 @@ def chosen_singly(a: Any, b: Any, bound: float, out: Any) -> None:
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.7, 1.0, np.inf])
-def test_choices_between_lanes_have_the_bits_of_choices_between_floats(bound: float) -> None:
+def test_lane_selection_is_bit_identical_to_float_selection(bound: float) -> None:
     random = np.random.default_rng(5)
     for _ in range(300):
         a, b = random.choice(SPECIAL, 4), random.choice(SPECIAL, 4)
         found, expected = np.zeros(16), np.zeros(16)
-        chosen(a, b, bound, found)
-        chosen_singly(a, b, bound, expected)
+        lane_selection(a, b, bound, found)
+        float_selection(a, b, bound, expected)
         assert found.tobytes() == expected.tobytes(), (a, b)

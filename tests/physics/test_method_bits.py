@@ -17,8 +17,8 @@ SCRIPT = Path(__file__).with_name("method_bits.py")
 BITS = daily.some("bits of classical methods", CLASSICAL, 3)
 
 
-def elsewhere(**environment: str) -> Any:
-    """What the script prints in a fresh process."""
+def run_script(**environment: str) -> Any:
+    """The output of the script in a new process."""
     done = subprocess.run(
         [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
@@ -27,14 +27,14 @@ def elsewhere(**environment: str) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.daily(1, of="plain Python")
-def test_plain_python_makes_the_same_steps() -> None:
-    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests(BITS)
+def test_plain_python_gives_the_same_bits() -> None:
+    assert run_script(NUMBA_DISABLE_JIT="1") == digests(BITS)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 @pytest.mark.slow
 @pytest.mark.daily(1, of="processors")
-def test_another_processor_makes_the_same_steps(tmp_path: Path) -> None:
-    """One without AVX or fused multiply-add, where this one has them."""
+def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
+    """Compile for a processor without AVX or fused multiply-add."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == digests(BITS)
+    assert run_script(**plain) == digests(BITS)

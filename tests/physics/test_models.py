@@ -1,4 +1,4 @@
-"""The equations: against independent ones, closed forms, symmetry, and simpler scenes."""
+"""The equations, compared with independent ones, closed forms, mirror images and limiting cases."""
 
 import math
 from typing import Any
@@ -11,7 +11,7 @@ from independent import rates as independent_rates
 from independent import solution, still, waving
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from trajectories import Scene, changed, drive, falling, scene_of, trajectory
+from trajectories import Scene, changed, convergence_order, drive, scene_of, trajectory
 
 from netboard.physics.scene.models import coupling, rates, stopped
 from netboard.physics.scene.statics import equilibrium
@@ -41,8 +41,8 @@ both = pytest.mark.parametrize("model", ["paper", "lagrangian"])
 every = pytest.mark.parametrize("values", SCENES.values(), ids=SCENES.keys())
 
 
-def possible(scene: Scene, state: tuple[float, ...]) -> tuple[float, ...]:
-    """The state without what the board cannot do."""
+def constrained(scene: Scene, state: tuple[float, ...]) -> tuple[float, ...]:
+    """The state with the constrained coordinates of the board set to zero."""
     z, vz, theta, omega, *rest = state
     if not scene.parts.heaves:
         z, vz = 0.0, 0.0
@@ -61,13 +61,11 @@ def accelerations(scene: Scene, state: tuple[float, ...], hand: Any) -> tuple[fl
 
 @every
 @given(free=st.booleans(), state=states, hand=hands)
-def test_rates_are_those_of_the_independent_equations(
-    values: dict[str, Any], free: bool, state: Any, hand: Any
-) -> None:
+def test_rates_match_the_independent_equations(values: dict[str, Any], free: bool, state: Any, hand: Any) -> None:
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
-    state = possible(scene, state)
+    state = constrained(scene, state)
     expected = np.array(independent_rates(np.array(state), hand, scene.physics, free))
-    # Forces of some 100 N nearly cancel; a board of 10 g turns what rounding leaves of them into this.
+    # Forces of some 100 N nearly cancel; their rounding error accelerates a board of 10 g by this much.
     assert accelerations(scene, state, hand) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -84,13 +82,13 @@ START = (0.002, 0.1, 0.05, -1.0, 0.1, 0.3, -0.05, 0.1)
     ],
     ids=["downhill", "printed", "lagrangian"],
 )
-def test_order_of_convergence_is_four(values: dict[str, Any]) -> None:
+def test_rk4_converges_with_fourth_order(values: dict[str, Any]) -> None:
     scene = scene_of(**values)
     start, end = START[: scene.length], 0.048
     true = solution(start, waving, np.array([0.0, end]), scene.physics)[-1]
     ends = [trajectory(scene, start, waving, end / steps, steps)[-1] for steps in (96, 192, 384)]
     for i in range(scene.length):
-        assert falling([abs(found[i] - true[i]) for found in ends]) == pytest.approx(4, abs=0.3)
+        assert convergence_order([abs(found[i] - true[i]) for found in ends]) == pytest.approx(4, abs=0.3)
 
 
 # --- closed forms ----------------------------------------------------------------------------------------------------
@@ -108,7 +106,7 @@ def heave_matrix(scene: Scene, balls: int) -> NDArray[np.float64]:
     return a
 
 
-def together(t: float) -> tuple[float, float, float, float]:
+def rising_hands(t: float) -> tuple[float, float, float, float]:
     """Both hands at constant velocity."""
     return 0.01 + 0.15 * t, 0.15, 0.01 + 0.15 * t, 0.15
 
@@ -121,21 +119,21 @@ LEVEL: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("values", LEVEL, ids=["bare", "paper", "lagrangian"])
-def test_a_level_board_steps_by_the_fourth_order_polynomial_of_its_matrix(values: dict[str, Any]) -> None:
+def test_rk4_step_of_a_level_board_is_the_taylor_polynomial_of_its_matrix(values: dict[str, Any]) -> None:
     scene = scene_of(**values)
     a = 1e-3 * heave_matrix(scene, scene.physics.balls)
     by_matrix = np.eye(5) + a @ (np.eye(5) + a / 2 @ (np.eye(5) + a / 3 @ (np.eye(5) + a / 4)))
     start = (0.003, -0.2, 0.0, 0.0, 0.1, 0.5, -0.1, 0.0)[: scene.length]
-    end = trajectory(scene, start, together, 1e-3, 1)[-1]
+    end = trajectory(scene, start, rising_hands, 1e-3, 1)[-1]
     assert end[:2] == pytest.approx((by_matrix @ [0.003, -0.2, 1.0, 0.01, 0.15])[:2], rel=1e-13)
     assert (end[2:4] == 0).all()
 
 
 @pytest.mark.parametrize("values", LEVEL, ids=["bare", "paper", "lagrangian"])
-def test_a_level_board_follows_the_exact_solution(values: dict[str, Any]) -> None:
+def test_level_board_follows_the_exact_solution(values: dict[str, Any]) -> None:
     scene = scene_of(**values)
     start = (0.003, -0.2, 0.0, 0.0, 0.1, 0.5, -0.1, 0.0)[: scene.length]
-    path = trajectory(scene, start, together, 4e-5, 2000)
+    path = trajectory(scene, start, rising_hands, 4e-5, 2000)
     a = heave_matrix(scene, scene.physics.balls)
     for i in (100, 500, 2000):
         exact = expm(a * i * 4e-5) @ [0.003, -0.2, 1.0, 0.01, 0.15]
@@ -144,31 +142,29 @@ def test_a_level_board_follows_the_exact_solution(values: dict[str, Any]) -> Non
 
 
 @both
-def test_without_springs_everything_falls_and_what_turns_goes_on_turning(model: Any) -> None:
+def test_board_without_springs_falls_freely_at_constant_angular_velocity(model: Any) -> None:
     scene = scene_of(model=model, coupling="none", k_s=0.0, balls=0)
     end = trajectory(scene, (0.1, 0.2, 0.3, 4.0), still, 1e-3, 500)[-1]
     assert end == pytest.approx((0.1 + 0.1 - 9.81 / 8, 0.2 - 9.81 / 2, 2.3, 4.0), rel=1e-13)
 
 
-def test_by_lagrange_a_ball_falls_with_the_board() -> None:
+def test_lagrangian_ball_falls_with_the_board() -> None:
     scene = scene_of(model="lagrangian", coupling="none", k_s=0.0, ball_inertia=0.4)
     end = trajectory(scene, (0.1, 0.2, 0.0, 0.0, 0.05, 0.3), still, 1e-3, 500)[-1]
-    # It weighs nothing, so that it goes straight on.
+    # In free fall it moves along the board at constant velocity.
     assert end == pytest.approx((0.1 + 0.1 - 9.81 / 8, 0.2 - 9.81 / 2, 0.0, 0.0, 0.2, 0.3), rel=1e-12, abs=1e-13)
 
 
 @both
 @pytest.mark.parametrize(("beta", "share"), [(0.0, 1), (0.4, 5 / 7), (2 / 3, 3 / 5)])
-def test_down_a_slope_that_cannot_move_a_ball_slides_or_rolls_as_in_a_textbook(
-    model: Any, beta: float, share: float
-) -> None:
+def test_ball_on_an_immovable_slope_slides_or_rolls_as_in_a_textbook(model: Any, beta: float, share: float) -> None:
     scene = scene_of(model=model, board="hinged", ball_inertia=beta)
     slope = changed(scene.record, I=1e30)
     out = rates((0.0, 0.0, 0.3, 0.0, 0.2, 0.5), 0.0, 0.0, scene.parts, slope)
     assert out[4:] == pytest.approx((0.5, -share * 9.81 * math.sin(0.3)), rel=1e-14)
 
 
-def test_undamped_level_board_turns_by_the_phase_of_its_factor() -> None:
+def test_undamped_level_board_follows_the_rk4_amplification_factor() -> None:
     scene = scene_of(c_h=0.0, balls=0)
     x = 1j * 1e-3 * math.sqrt((2 * float(scene.physics.k_h) + float(scene.record["k_s"])) / float(scene.record["M"]))
     factor = 1 + x * (1 + x / 2 * (1 + x / 3 * (1 + x / 4)))
@@ -177,8 +173,8 @@ def test_undamped_level_board_turns_by_the_phase_of_its_factor() -> None:
     assert end[0] - rest == pytest.approx((0.01 * factor**1000).real, abs=1e-13)
 
 
-def test_by_lagrange_nothing_but_forces_changes_the_upward_momentum() -> None:
-    """Without gravity and springs, board and ball tumble with the momentum and the energy they have."""
+def test_lagrangian_model_conserves_vertical_momentum_and_energy() -> None:
+    """Without gravity and springs, board and ball tumble with constant momentum and energy."""
     scene = scene_of(model="lagrangian", coupling="none", k_s=0.0, g=0.0)
     path = trajectory(scene, (0.0, 0.3, 0.2, 3.0, 0.2, -0.4), still, 2e-4, 2000)
     _, vz, theta, omega, p, vp = path.T
@@ -198,8 +194,8 @@ def mirrored(state: tuple[float, ...]) -> tuple[float, ...]:
     return z, vz, *(-value for value in rest)
 
 
-def seen_from_behind(record: Any) -> Any:
-    """The scene with its couplings exchanged."""
+def mirrored_record(record: Any) -> Any:
+    """The record with the couplings of the two sides exchanged."""
     names = {"k_left": "k_right", "c_left": "c_right"}
     exchanged = {a: record[b] for pair in names.items() for a, b in (pair, pair[::-1])}
     return changed(record, **exchanged)
@@ -207,11 +203,11 @@ def seen_from_behind(record: Any) -> Any:
 
 @every
 @given(free=st.booleans(), state=states, left=speeds, right=speeds)
-def test_mirror_images_agree_to_the_bit(
+def test_mirrored_rates_and_forces_are_bit_identical(
     values: dict[str, Any], free: bool, state: Any, left: float, right: float
 ) -> None:
     scene = scene_of(free, balls=(len(state) - 4) // 2, **values)
-    behind = seen_from_behind(scene.record)
+    behind = mirrored_record(scene.record)
     here = rates(state, left, right, scene.parts, scene.record)
     assert mirrored(rates(mirrored(state), right, left, scene.parts, behind)) == here
     forces = coupling(state, left, right, scene.parts, scene.record)
@@ -220,21 +216,21 @@ def test_mirror_images_agree_to_the_bit(
 
 @both
 @given(state=states, restitution=st.floats(0, 1))
-def test_mirrored_blows_agree_to_the_bit(model: Any, state: Any, restitution: float) -> None:
+def test_mirrored_impacts_are_bit_identical(model: Any, state: Any, restitution: float) -> None:
     scene = scene_of(balls=(len(state) - 4) // 2, model=model, ball_stop=0.1, restitution=restitution, ball_height=0.02)
     here = stopped(state, scene.parts, scene.record)
     assert mirrored(stopped(mirrored(state), scene.parts, scene.record)) == here
 
 
-# --- what a scene does without ---------------------------------------------------------------------------------------
+# --- limiting cases of a scene ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("values", [one for one in SCENES.values() if "b_p" not in one])  # friction acts without mass
 @given(state=states, hand=hands)
-def test_a_bare_board_is_one_with_balls_of_no_mass_to_the_bit(values: dict[str, Any], state: Any, hand: Any) -> None:
+def test_bare_board_is_bit_identical_to_one_with_massless_balls(values: dict[str, Any], state: Any, hand: Any) -> None:
     scene = scene_of(balls=(len(state) - 4) // 2, **values)
     bare = scene_of(**(values | {"balls": 0, "b_theta": scene.physics.b_theta}))
-    state = possible(scene, state)
+    state = constrained(scene, state)
     light = scene._replace(packed=changed(scene.packed, m=0.0))
     assert accelerations(light, state, hand)[:4] == accelerations(bare, state[:4], hand)
     fixed = scene._replace(parts=scene.parts._replace(free=False))
@@ -244,7 +240,7 @@ def test_a_bare_board_is_one_with_balls_of_no_mass_to_the_bit(values: dict[str, 
 
 @both
 @given(state=states, hand=hands)
-def test_a_fixed_ball_is_one_that_nothing_can_move(model: Any, state: Any, hand: Any) -> None:
+def test_fixed_ball_equals_a_ball_that_cannot_accelerate(model: Any, state: Any, hand: Any) -> None:
     fixed, scene = (scene_of(free, model=model, balls=(len(state) - 4) // 2) for free in (False, True))
     state = tuple(0.0 if i in (5, 7) else value for i, value in enumerate(state))
     pinned = scene._replace(packed=changed(scene.packed, mass_ratio=0.0, ball_gravity=0.0))
@@ -256,10 +252,10 @@ def test_a_fixed_ball_is_one_that_nothing_can_move(model: Any, state: Any, hand:
 
 @both
 @given(state=states, hand=hands)
-def test_a_level_board_is_one_too_heavy_to_turn(model: Any, state: Any, hand: Any) -> None:
+def test_level_board_equals_a_board_of_huge_moment_of_inertia(model: Any, state: Any, hand: Any) -> None:
     level, scene = (scene_of(board=board, model=model, balls=(len(state) - 4) // 2) for board in ("level", "free"))
     heavy = scene._replace(packed=changed(scene.packed, I=1e30))
-    state = possible(level, state)
+    state = constrained(level, state)
     out = accelerations(level, state, hand)
     assert out == pytest.approx(accelerations(heavy, state, hand), rel=1e-11, abs=1e-20)
     assert out[2:4] == (0, 0)
@@ -267,10 +263,10 @@ def test_a_level_board_is_one_too_heavy_to_turn(model: Any, state: Any, hand: An
 
 @both
 @given(state=states, hand=hands)
-def test_a_hinged_board_is_one_too_heavy_to_heave(model: Any, state: Any, hand: Any) -> None:
+def test_hinged_board_equals_a_board_of_huge_mass(model: Any, state: Any, hand: Any) -> None:
     hinged, scene = (scene_of(board=board, model=model, balls=(len(state) - 4) // 2) for board in ("hinged", "free"))
-    state = possible(hinged, state)
-    # A spring as stiff as the board is heavy carries its weight.
+    state = constrained(hinged, state)
+    # A spring whose stiffness equals the mass carries the weight.
     heavy = scene._replace(packed=changed(scene.packed, M=1e30, k_s=1e30))
     sunk = (-scene.physics.g, *state[1:])
     assert accelerations(hinged, state, hand)[1] == 0
@@ -280,7 +276,7 @@ def test_a_hinged_board_is_one_too_heavy_to_heave(model: Any, state: Any, hand: 
 @pytest.mark.slow
 @both
 @given(state=st.tuples(*boards, *balls), hand=hands)
-def test_two_balls_in_one_place_are_one_of_twice_the_mass(model: Any, state: Any, hand: Any) -> None:
+def test_two_coincident_balls_equal_one_of_twice_the_mass(model: Any, state: Any, hand: Any) -> None:
     twins, scene = (scene_of(balls=n, model=model, ball_inertia=0.4, ball_height=0.03) for n in (2, 1))
     heavy = scene._replace(packed=changed(scene.packed, m=0.1))
     expected = accelerations(heavy, state, hand)
@@ -290,15 +286,16 @@ def test_two_balls_in_one_place_are_one_of_twice_the_mass(model: Any, state: Any
 
 @both
 @given(state=st.tuples(*boards, *balls, *balls), hand=hands)
-def test_it_does_not_matter_which_ball_is_the_first(model: Any, state: Any, hand: Any) -> None:
+def test_rates_are_independent_of_the_order_of_the_balls(model: Any, state: Any, hand: Any) -> None:
     scene = scene_of(balls=2, model=model, ball_inertia=0.4, ball_height=0.03)
     other = accelerations(scene, (*state[:4], *state[6:], *state[4:6]), hand)
-    assert (*other[:4], *other[6:], *other[4:6]) == accelerations(scene, state, hand)  # sums of two do not mind
+    # A sum of two terms is commutative.
+    assert (*other[:4], *other[6:], *other[4:6]) == accelerations(scene, state, hand)
 
 
 @every
 @given(state=states, hand=hands)
-def test_forces_of_the_couplings_are_those_the_board_moves_by(values: dict[str, Any], state: Any, hand: Any) -> None:
+def test_coupling_forces_account_for_the_board_accelerations(values: dict[str, Any], state: Any, hand: Any) -> None:
     scene = scene_of(**(values | {"balls": 0, "board": "free"}))
     state = state[:4]
     left, right = coupling(state, *drive(hand, scene.record), scene.parts, scene.record)
@@ -313,7 +310,7 @@ def test_forces_of_the_couplings_are_those_the_board_moves_by(values: dict[str, 
 
 
 @given(state=states, restitution=st.floats(0, 1))
-def test_by_the_paper_a_stop_turns_a_ball_back_and_nothing_else(state: Any, restitution: float) -> None:
+def test_stop_in_the_paper_model_reflects_the_ball_alone(state: Any, restitution: float) -> None:
     scene = scene_of(ball_stop=0.1, restitution=restitution, balls=(len(state) - 4) // 2)
     after = stopped(state, scene.parts, scene.record)
     assert after[:4] == state[:4]
@@ -324,7 +321,7 @@ def test_by_the_paper_a_stop_turns_a_ball_back_and_nothing_else(state: Any, rest
         assert after[i + 1] == pytest.approx(expected, rel=1e-14, abs=1e-16)
 
 
-def test_by_lagrange_a_blow_leaves_the_upward_momentum_alone_and_an_elastic_one_the_energy() -> None:
+def test_elastic_lagrangian_impact_conserves_vertical_momentum_and_energy() -> None:
     scene = scene_of(model="lagrangian", ball_stop=0.1, restitution=1.0, ball_height=0.02, ball_inertia=0.4, balls=2)
     state = (0.01, 0.4, 0.3, -2.0, 0.1001, 0.8, -0.05, 0.3)
     after = stopped(state, scene.parts, scene.record)
@@ -356,14 +353,14 @@ def test_no_ball_passes_a_stop(model: Any, restitution: float) -> None:
         assert at_stop.sum() > 10
 
 
-# --- bad numbers -----------------------------------------------------------------------------------------------------
+# --- non-finite values -----------------------------------------------------------------------------------------------
 
 anything = st.floats()
 
 
 @both
 @given(free=st.booleans(), state=st.tuples(*[anything] * 6), left=anything, right=anything)
-def test_any_numbers_go_through_without_an_exception(
+def test_kernels_accept_any_float_and_propagate_non_finite_values(
     model: Any, free: bool, state: Any, left: float, right: float
 ) -> None:
     scene = scene_of(free, model=model, ball_stop=0.1, ball_height=0.02)

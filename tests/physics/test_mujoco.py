@@ -1,8 +1,8 @@
-"""The Lagrangian equations against MuJoCo, which derives its own from a description of the bodies.
+"""The Lagrangian equations, compared with MuJoCo, which derives its own from a description of the bodies.
 
 Each scene is a board on a slide and a hinge, a ball on a slide along the board, and a coupling that is an actuator
-between a site on the board and the world. Both sides take the same Runge-Kutta steps with the hands where they are at
-the stages, so that nothing but the equations can differ.
+between a site on the board and the world. Both simulations take the same Runge-Kutta steps and read the hands at the
+stages, so that only the equations can differ.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,13 +18,13 @@ from netboard.physics.scene.models import stopped
 
 mujoco: Any = pytest.importorskip("mujoco")
 
-TINY = 1e-9  # a body must have some moment of inertia; the board is given that much less [kg m2]
+TINY = 1e-9  # MuJoCo bodies need a moment of inertia; it is taken from the board's [kg m2]
 
 
-def ball_of(i: int, p: float, scene: Scene) -> str:
-    """A ball: a point that slides; what rolling adds to its inertia is armature, as long as it is not above the board.
+def ball_body(i: int, p: float, scene: Scene) -> str:
+    """A ball as a sliding point; rolling adds armature to its joint, as long as it is not above the board.
 
-    A fixed one is a body without a joint, and turns with the board.
+    A fixed ball is a body without a joint that turns with the board.
     """
     k = scene.physics
     if scene.parts.free:
@@ -38,8 +38,8 @@ def ball_of(i: int, p: float, scene: Scene) -> str:
       </body>"""
 
 
-def description(scene: Scene, p: tuple[float, ...], h: float) -> str:
-    """The scene in MuJoCo's language; x to the right, z up, tilt about -y."""
+def scene_xml(scene: Scene, p: tuple[float, ...], h: float) -> str:
+    """The scene in MuJoCo's XML; x to the right, z up, tilt about -y."""
     k, record = scene.physics, scene.record
     sides = (("left", -k.l), ("right", k.l))
     joints = {
@@ -65,7 +65,7 @@ def description(scene: Scene, p: tuple[float, ...], h: float) -> str:
       {"".join(moves)}
       <inertial pos="0 0 0" mass="{k.M}" diaginertia="{turn} {turn} {turn}"/>
       {"".join(f'<site name="{side}" pos="{x} 0 0"/>' for side, x in sides)}
-      {"".join(ball_of(i, place, scene) for i, place in enumerate(p))}
+      {"".join(ball_body(i, place, scene) for i, place in enumerate(p))}
     </body>
   </worldbody>
   <actuator>{actuators}</actuator>
@@ -74,16 +74,16 @@ def description(scene: Scene, p: tuple[float, ...], h: float) -> str:
 
 @pytest.fixture
 def control() -> Iterator[Callable[[Any], None]]:
-    """Sets what is called at every stage, and takes it back."""
+    """Installs a callback for every stage and removes it afterwards."""
     yield mujoco.set_mjcb_control
     mujoco.set_mjcb_control(None)
 
 
-def by_mujoco(
+def mujoco_trajectory(
     scene: Scene, start: tuple[float, ...], h: float, steps: int, control: Callable[[Any], None]
 ) -> NDArray[np.float64]:
     """States at the start and after each step, in our order."""
-    model = mujoco.MjModel.from_xml_string(description(scene, start[4::2], h))
+    model = mujoco.MjModel.from_xml_string(scene_xml(scene, start[4::2], h))
     data = mujoco.MjData(model)
     heave, tilt = [0] if scene.parts.heaves else [], [2] if scene.parts.tilts else []
     places = np.array([*heave, *tilt, *(range(4, scene.length, 2) if scene.parts.free else ())])
@@ -119,7 +119,7 @@ SCENES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("values", SCENES.values(), ids=SCENES.keys())
-def test_the_scene_moves_as_in_mujoco(values: dict[str, Any], control: Callable[[Any], None]) -> None:
+def test_lagrangian_trajectory_agrees_with_mujoco(values: dict[str, Any], control: Callable[[Any], None]) -> None:
     scene = scene_of(model="lagrangian", **values)
     tilted = 0.05 if scene.parts.tilts else 0.0
     start = (0.0, 0.0, tilted, 0.0, *(0.03, -0.1, -0.06, 0.2)[: scene.length - 4])
@@ -127,22 +127,22 @@ def test_the_scene_moves_as_in_mujoco(values: dict[str, Any], control: Callable[
         start = tuple(0.0 if i in (5, 7) else value for i, value in enumerate(start))
     h, steps = 1e-3, 1200
     ours = trajectory(scene, start, waving, h, steps)
-    theirs = by_mujoco(scene, start, h, steps, control)
+    theirs = mujoco_trajectory(scene, start, h, steps, control)
     assert np.abs(ours - theirs)[:, 0::2].max() < 1e-12
     assert np.abs(ours - theirs)[:, 1::2].max() < 1e-11
 
 
-def test_a_blow_at_a_stop_is_what_mujocos_inertia_answers() -> None:
-    """Between ball and board, along the board: it counts for the first ball's slide alone."""
+def test_impact_at_a_stop_agrees_with_the_mujoco_inertia_matrix() -> None:
+    """The impulse acts between ball and board, along the board: in the first ball's slide joint alone."""
     scene = scene_of(model="lagrangian", balls=2, ball_height=0.025, ball_stop=0.3, restitution=0.7)
     state = np.array([0.01, 0.2, 0.3, -1.5, 0.31, 0.9, -0.1, 0.2])
-    model = mujoco.MjModel.from_xml_string(description(scene, (0.0, 0.0), 1e-3))
+    model = mujoco.MjModel.from_xml_string(scene_xml(scene, (0.0, 0.0), 1e-3))
     data = mujoco.MjData(model)
     data.qpos[:] = [0.01, 0.3, 0.3, -0.1]
     mujoco.mj_forward(model, data)
-    answer = np.zeros((1, 4))
-    mujoco.mj_solveM(model, data, answer, np.array([[0.0, 0.0, 1.0, 0.0]]))
+    response = np.zeros((1, 4))
+    mujoco.mj_solveM(model, data, response, np.array([[0.0, 0.0, 1.0, 0.0]]))
     after = stopped(tuple(state.tolist()), scene.parts, scene.record)
-    blow = -1.7 * 0.9 / answer[0, 2]
-    assert after[1::2] == pytest.approx(state[1::2] + blow * answer[0], rel=1e-9)
+    impulse = -1.7 * 0.9 / response[0, 2]
+    assert after[1::2] == pytest.approx(state[1::2] + impulse * response[0], rel=1e-9)
     assert after[0::2] == (0.01, 0.3, 0.3, -0.1)

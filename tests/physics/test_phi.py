@@ -1,4 +1,4 @@
-"""The functions phi of a matrix against fifty-digit arithmetic, however large the matrix."""
+"""The phi functions of matrices of any norm, compared with multiple-precision arithmetic."""
 
 import math
 from decimal import Decimal
@@ -34,7 +34,7 @@ def matrix_of(k: float = 1.0, c: float = 1.0, **values: Any) -> Any:
 
 
 def augmented(b: Any, last: int) -> Any:
-    """The matrix whose exponential has phi_0 ... phi_k of another in its first rows."""
+    """A matrix whose exponential has phi_0 ... phi_k of `b` in its first rows."""
     n = len(b)
     large = np.zeros((n * (last + 1), n * (last + 1)))
     large[:n, :n] = b
@@ -43,7 +43,7 @@ def augmented(b: Any, last: int) -> Any:
 
 
 @pytest.mark.parametrize("values", KINDS.values(), ids=KINDS)
-def test_the_matrix_exponential_of_scipy_agrees(values: dict[str, Any]) -> None:
+def test_phi_agrees_with_the_matrix_exponential_of_scipy(values: dict[str, Any]) -> None:
     a = matrix_of(**values)
     found = np.hstack(list(phi(a, 1e-3, 4)))
     expected = expm(augmented(1e-3 * a, 4))[: len(a)]
@@ -53,7 +53,7 @@ def test_the_matrix_exponential_of_scipy_agrees(values: dict[str, Any]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "c"), STIFF)
 @pytest.mark.parametrize("block", [slice(0, 2), slice(2, 6)], ids=["heave", "tilt"])
-def test_every_element_is_the_nearest_float(k: float, c: float, block: slice) -> None:
+def test_phi_elements_are_correctly_rounded(k: float, c: float, block: slice) -> None:
     b, n = matrix_of(k, c)[block, block], block.stop - block.start
     with mpmath.workdps(60):
         power = mpmath.matrix(augmented(np.zeros((n, n)), 2).tolist())
@@ -66,7 +66,7 @@ def test_every_element_is_the_nearest_float(k: float, c: float, block: slice) ->
 
 
 @pytest.mark.parametrize("x", [-6e4, -625.0, -1.0, -1e-9, 0.0, 1e-9, 1.0, 40.0])
-def test_numbers_of_any_size(x: float) -> None:
+def test_phi_of_scalars_is_accurate_at_any_magnitude(x: float) -> None:
     found = phi(np.array([[x]]), 1.0, 3)[:, 0, 0]
     with mpmath.workdps(60):
         for k in range(4):
@@ -75,7 +75,7 @@ def test_numbers_of_any_size(x: float) -> None:
 
 
 @pytest.mark.parametrize(("k", "c"), STIFF)
-def test_each_follows_from_the_one_before(k: float, c: float) -> None:
+def test_phi_functions_satisfy_their_recurrence(k: float, c: float) -> None:
     a = matrix_of(k, c)
     phis = phi_decimals(a, Decimal("0.001"), 4)
     for number in range(4):
@@ -87,17 +87,17 @@ def test_each_follows_from_the_one_before(k: float, c: float) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_not_finite_gives_no_number(value: float) -> None:
+def test_phi_of_a_non_finite_matrix_is_nan(value: float) -> None:
     assert np.isnan(phi(np.array([[0.0, value], [0.0, 0.0]]), 1e-3, 2)).all()
 
 
 @pytest.mark.parametrize("count", [1, 4, 7, 8, 16])
-def test_the_nodes_are_those_of_gauss(count: int) -> None:
+def test_gauss_nodes_agree_with_numpy(count: int) -> None:
     expected = (1 + np.polynomial.legendre.leggauss(count)[0]) / 2
     assert np.array(gauss_nodes(count), dtype=np.float64) == pytest.approx(expected, rel=1e-14)
 
 
-def test_cardinal_polynomials_are_one_at_a_point_each() -> None:
+def test_each_cardinal_polynomial_is_one_at_its_node_and_zero_at_others() -> None:
     points = gauss_nodes(8)
     for i, polynomial in enumerate(cardinals(points)):
         for j, point in enumerate(points):
@@ -106,18 +106,18 @@ def test_cardinal_polynomials_are_one_at_a_point_each() -> None:
 
 
 @pytest.mark.parametrize("end", ["0.25", "1", "5"])
-def test_integrals_agree_with_quadrature(end: str) -> None:
+def test_integrals_agree_with_numerical_quadrature(end: str) -> None:
     a, h = matrix_of()[2:, 2:], 4e-3
     polynomials = cardinals([Decimal(0), Decimal(-1), Decimal(-2)])
     flow, pushes = integrals(a, h, Decimal(end), polynomials)
     span = float(end) * h
     assert flow == pytest.approx(expm(span * a), rel=1e-12, abs=1e-12)
 
-    def inside(t: float, i: int, j: int, terms: Any) -> float:
+    def integrand(t: float, i: int, j: int, terms: Any) -> float:
         return float(expm((span - t) * a)[i, j] * np.polynomial.polynomial.polyval(t / h, terms))
 
     for polynomial, push in zip(polynomials, pushes, strict=True):
         terms = [float(term) for term in polynomial]
         for i, j in ((0, 1), (1, 1), (3, 1)):
-            value, _ = quad(inside, 0.0, span, (i, j, terms), epsrel=1e-12)
+            value, _ = quad(integrand, 0.0, span, (i, j, terms), epsrel=1e-12)
             assert push[i, j] == pytest.approx(value, rel=1e-10, abs=1e-17)

@@ -1,4 +1,4 @@
-"""The rendered part of the force: printed values, the sum of the parts, and the board at rest."""
+"""Rendered parts of the force: reference values, their sum, and the board at equilibrium."""
 
 import math
 from dataclasses import replace
@@ -40,16 +40,16 @@ def gains(**values: Any) -> tuple[Any, Any]:
     return np.array([left], GAINS)[0], np.array([right], GAINS)[0]
 
 
-def felt(force: str, **values: Any) -> Rendering:
+def rendering_for(force: str, **values: Any) -> Rendering:
     return rendering_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))
 
 
-def on_hand(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
-    """Force on the left hand in the paper's scene, whose coupling pushes with 0.3 N; another's was 0.7 N."""
-    return force_on_hand(0.3, own_z, partner_z, p, values.pop("other", 0.7), LEFT, 0.5, felt(force, **values))
+def left_hand_force(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
+    """Force on the left hand in the paper's scene, with a coupling force of 0.3 N and an unrelated force of 0.7 N."""
+    return force_on_hand(0.3, own_z, partner_z, p, values.pop("other", 0.7), LEFT, 0.5, rendering_for(force, **values))
 
 
-def test_the_papers_scene_has_the_derived_gains() -> None:
+def test_paper_scene_has_the_derived_gains() -> None:
     left, right = gains()
     for hand, sign in ((left, -1), (right, 1)):
         assert hand["weight"] == pytest.approx(0.218, abs=5e-4)
@@ -58,7 +58,7 @@ def test_the_papers_scene_has_the_derived_gains() -> None:
         assert hand["ball"] == pytest.approx(sign * 0.981, abs=5e-4)
 
 
-def test_they_are_the_closed_forms_of_an_even_board() -> None:
+def test_gains_of_an_even_board_match_closed_forms() -> None:
     left, right = gains()
     a, weight = 200 / 540, 0.06 * 9.81
     expected = (a * weight, 140 * a / 2, 140 * a / 2, 0.05 * 9.81 / 0.5)
@@ -66,7 +66,7 @@ def test_they_are_the_closed_forms_of_an_even_board() -> None:
     assert tuple(left) == pytest.approx((*expected[:3], -expected[3]), rel=1e-14)
 
 
-def test_the_forces_are_those_of_the_configuration() -> None:
+def test_force_conditions_match_the_options_of_the_configuration() -> None:
     assert set(FORCES) == set(get_args(get_type_hints(Block)["force"]))
 
 
@@ -81,28 +81,28 @@ def test_the_forces_are_those_of_the_configuration() -> None:
         ("own_only", -(0.218 + 25.93 * 0.01)),
     ],
 )
-def test_each_condition_is_what_it_says(force: str, expected: float) -> None:
-    assert on_hand(force) == pytest.approx(expected, abs=1e-15)
+def test_each_condition_renders_its_part_of_the_force(force: str, expected: float) -> None:
+    assert left_hand_force(force) == pytest.approx(expected, abs=1e-15)
 
 
-def test_a_scale_multiplies_whatever_it_is() -> None:
+def test_force_scale_multiplies_the_force_of_every_condition() -> None:
     for force in FORCES:
-        assert on_hand(force, force_scale=0.5) == 0.5 * on_hand(force)
+        assert left_hand_force(force, force_scale=0.5) == 0.5 * left_hand_force(force)
 
 
-def test_no_force_but_the_partners_knows_of_the_partner_and_it_of_nothing_else() -> None:
-    """The partner moves: what is rendered without the partner is the same to the bit. And the other way round."""
+def test_partner_only_force_depends_on_the_partner_and_no_other_force_does() -> None:
+    """Forces rendered without the partner stay bit-identical when the partner moves, and vice versa."""
     for z in (-0.07, 0.0, 0.03):
         for force in ("environment_only", "own_only", "unrelated", "none"):
-            assert on_hand(force, partner_z=z) == on_hand(force)
-        assert on_hand("own_only", partner_z=z, p=10 * z) == on_hand("own_only")
-        assert on_hand("partner_only", own_z=z, p=10 * z) == on_hand("partner_only")
-    assert on_hand("partner_only", partner_z=0.0) == 0.0
+            assert left_hand_force(force, partner_z=z) == left_hand_force(force)
+        assert left_hand_force("own_only", partner_z=z, p=10 * z) == left_hand_force("own_only")
+        assert left_hand_force("partner_only", own_z=z, p=10 * z) == left_hand_force("partner_only")
+    assert left_hand_force("partner_only", partner_z=0.0) == 0.0
 
 
 @pytest.mark.parametrize("other", [math.nan, math.inf, -math.inf])
-def test_a_recorded_force_that_is_no_number_is_none(other: float) -> None:
-    assert on_hand("unrelated", other=other) == 0.0
+def test_non_finite_recorded_force_is_rendered_as_zero(other: float) -> None:
+    assert left_hand_force("unrelated", other=other) == 0.0
 
 
 scenes = st.fixed_dictionaries(
@@ -122,10 +122,10 @@ heights = st.floats(-0.05, 0.05)
 
 
 @given(scenes, st.floats(0.2, 3.0), st.sampled_from([0.0, 0.03]), heights, heights, st.floats(-0.3, 0.3))
-def test_the_gains_are_the_slopes_of_the_board_at_rest(
+def test_gains_are_the_derivatives_of_the_equilibrium_forces(
     values: dict[str, Any], uneven: float, above: float, left_z: float, right_z: float, p: float
 ) -> None:
-    """Of any scene, with couplings as unlike as may be: near the level board the closed form of all tilts agrees."""
+    """For any scene with unequal couplings, the gains agree with the exact equilibrium near the level board."""
     above = above if values["model"] == "lagrangian" and values["balls"] else 0.0
     scene = scene_of(**values, ball_height=above)
     record = scene.record.copy()
@@ -135,7 +135,7 @@ def test_the_gains_are_the_slopes_of_the_board_at_rest(
     def rest(scale: float) -> Any:
         return equilibrium(scale * left_z, scale * right_z, tuple(scale * at for at in balls), parts, record)
 
-    record["M"] = record["m"] = 0.0  # without weights the board is level, and small hands and loads keep it so
+    record["M"] = record["m"] = 0.0  # without weights, small displacements and loads, the board stays nearly level
     try:
         gains_of(parts, record)
     except ConfigError:
@@ -153,9 +153,7 @@ def test_the_gains_are_the_slopes_of_the_board_at_rest(
 
 
 @given(scenes, st.floats(0.2, 3.0))
-def test_a_library_solves_the_balance_alike_and_mirror_images_agree_to_the_bit(
-    values: dict[str, Any], uneven: float
-) -> None:
+def test_gains_agree_with_a_linear_solver_and_mirror_bit_identically(values: dict[str, Any], uneven: float) -> None:
     scene = scene_of(**(values | {"board": "free", "coupling": "both", "k_s": 140.0}))
     record, mirrored = scene.record.copy(), scene.record.copy()
     record["k_right"] *= uneven
@@ -176,36 +174,36 @@ def test_a_library_solves_the_balance_alike_and_mirror_images_agree_to_the_bit(
 
 
 @pytest.mark.parametrize(("left_z", "right_z", "p"), [(0, 0, 0.15), (0.02, -0.03, -0.1), (-0.05, -0.05, 0.3)])
-def test_the_parts_add_up_to_the_force_of_the_board_at_rest(left_z: float, right_z: float, p: float) -> None:
-    """But for the share of the ball's weight that a tilted board does not carry in the paper's equations."""
+def test_partner_and_environment_parts_add_up_to_the_equilibrium_force(left_z: float, right_z: float, p: float) -> None:
+    """Except for the part of the ball's weight that a tilted board does not carry in the paper's equations."""
     rest = equilibrium(left_z, right_z, (p,), PAPER.parts, PAPER.record)
-    spared = 200 / 540 * 0.05 * 9.81 * math.sin(rest.theta) ** 2
-    assert spared < 2e-3
+    uncarried = 200 / 540 * 0.05 * 9.81 * math.sin(rest.theta) ** 2
+    assert uncarried < 2e-3
     for hand, own, partner, force in zip(
         gains(), (left_z, right_z), (right_z, left_z), (rest.left, rest.right), strict=True
     ):
         parts = [
-            force_on_hand(0.0, own, partner, p, 0.0, hand, 1.0, felt(part))
+            force_on_hand(0.0, own, partner, p, 0.0, hand, 1.0, rendering_for(part))
             for part in ("partner_only", "environment_only")
         ]
-        assert sum(parts) == pytest.approx(-force - spared, abs=1e-14)
+        assert sum(parts) == pytest.approx(-force - uncarried, abs=1e-14)
 
 
-def test_a_hand_that_is_not_coupled_feels_neither_part_and_gives_the_other_none() -> None:
+def test_uncoupled_hand_has_zero_gains_and_adds_no_partner_force() -> None:
     left, right = gains(coupling="left")
     assert tuple(right) == (0.0, 0.0, 0.0, 0.0)
     assert left["partner"] == 0.0
-    # The board hangs on one hand and the spring at its centre: all of the spring is felt there, and the ball's moment.
+    # The board hangs on one hand and the spring at its centre: the hand carries the whole spring and the ball's moment.
     assert left["weight"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_level_board_halves_the_load_and_a_hinged_one_carries_it() -> None:
+def test_hands_share_the_load_of_a_level_board_but_not_of_a_hinged_one() -> None:
     level, hinged = gains(board="level")[0], gains(board="hinged")[1]
     assert tuple(level) == pytest.approx((0.218, 200 - 200 * 200 / 540, -200 * 200 / 540, 0.0), abs=1e-3)
     assert tuple(hinged) == pytest.approx((0.0, 100.0, 100.0, 0.981), abs=1e-9)
 
 
-def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
+def test_carried_ball_loads_the_board_only_after_its_release() -> None:
     packed = pack_rendering(parse('[block]\nforce = "environment_only"\n[physics]\nfixed_ball = "carried"'))[0]
     assert packed["left_fixed"]["weight"] == pytest.approx(0.01 * 9.81 * 200 / 540)
     assert packed["left_fixed"]["ball"] == 0.0
@@ -223,7 +221,7 @@ def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
         {"coupling": "none", "board": "level", "k_s": 0.0},
     ],
 )
-def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None:
+def test_quasi_static_conditions_are_rejected_without_an_equilibrium(values: dict[str, Any]) -> None:
     physics = Physics(**values)
     for force in [name for name, condition in CONDITIONS.items() if condition.quasi_static]:
         with pytest.raises(ConfigError, match="springs hold"):
@@ -231,30 +229,32 @@ def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None
     pack_rendering(Config(physics=physics))
 
 
-def test_a_ball_that_tips_the_board_over_leaves_no_parts() -> None:
+def test_gains_are_rejected_if_the_ball_tips_the_board_over() -> None:
     physics = Physics(model="lagrangian", ball_height=0.2, k_h=0.5)
     with pytest.raises(ConfigError, match="springs hold"):
         gains_of(parts_of(physics, False), pack_scene(physics)[0])
 
 
-def test_nothing_is_compiled_where_nothing_is_felt() -> None:
-    assert felt("none", force_scale=0.5, catch=(3,)) == NO_FORCE
-    assert felt("full", force_scale=0.0) == NO_FORCE
-    assert felt("full") == Rendering(FORCES.index("full"), False, True, True, False)
-    assert felt("partner_only", force_scale=2.0, right="still", catch=(1,)) == Rendering(2, True, True, False, True)
-    assert felt("full", right="robot") == felt("full")
-    assert felt("full", left="still").left is False
+def test_rendering_enables_only_the_parts_that_a_block_needs() -> None:
+    assert rendering_for("none", force_scale=0.5, catch=(3,)) == NO_FORCE
+    assert rendering_for("full", force_scale=0.0) == NO_FORCE
+    assert rendering_for("full") == Rendering(FORCES.index("full"), False, True, True, False)
+    assert rendering_for("partner_only", force_scale=2.0, right="still", catch=(1,)) == Rendering(
+        2, True, True, False, True
+    )
+    assert rendering_for("full", right="robot") == rendering_for("full")
+    assert rendering_for("full", left="still").left is False
 
 
-def test_catch_trials_are_those_named_and_no_others() -> None:
+def test_only_listed_trials_are_catch_trials() -> None:
     numbers = pack_rendering(parse(f"[block]\ncatch = [2, 7, {TRIAL_ENTRIES - 1}]"))[0]
-    catches = felt("full", catch=(2,))
+    catches = rendering_for("full", catch=(2,))
     found = [trial for trial in range(-5, TRIAL_ENTRIES + 5) if is_catch(trial, numbers, catches)]
     assert found == [2, 7, TRIAL_ENTRIES - 1]
-    assert not is_catch(2, numbers, felt("full"))
+    assert not is_catch(2, numbers, rendering_for("full"))
 
 
-def test_each_trial_has_its_own_scale_repeated_from_the_first() -> None:
+def test_trial_scales_repeat_cyclically() -> None:
     block = replace(Config().block, trial_scales=(0.5, 1.5, 0.0))
     numbers, shape = pack_rendering(replace(Config(), block=block))[0], rendering_of(block)
     assert shape.scaled
@@ -262,6 +262,6 @@ def test_each_trial_has_its_own_scale_repeated_from_the_first() -> None:
     assert float(scale_in(0, numbers, shape)) == block.force_scale
 
 
-def test_scales_of_trials_are_felt_though_the_scale_of_the_block_is_nothing() -> None:
+def test_trial_scales_apply_even_if_the_block_scale_is_zero() -> None:
     assert rendering_of(replace(Config().block, force_scale=0.0, trial_scales=(1.0,))).varies
     assert rendering_of(replace(Config().block, force="none")) == NO_FORCE

@@ -1,4 +1,4 @@
-"""A configuration packed as constants and parts for the kernels."""
+"""Packing a configuration into constants and parts for the kernels."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from netboard.base.tables.scene import Physics
 from netboard.physics.scene.parameters import SCENE, pack_scene, parts_of, state_length
 
 
-def test_the_record_holds_the_configuration() -> None:
+def test_packed_record_holds_the_configuration() -> None:
     scene = pack_scene(Physics(b_z=0.1, b_theta=0.2, ball_stop=0.3, restitution=0.4, ball_height=0.05))
     assert scene.shape == (1,)
     assert scene.dtype == SCENE
@@ -36,12 +36,12 @@ def test_the_record_holds_the_configuration() -> None:
     }
 
 
-def test_the_readings_of_the_paper_are_in_the_record() -> None:
+def test_packed_record_reflects_ball_sign_and_fixed_ball_options() -> None:
     scene = pack_scene(Physics(ball_sign="printed", fixed_ball="carried"))[0]
     assert (scene["ball_gravity"], scene["fixed_load"]) == (9.81, 0.0)
 
 
-def test_a_solid_sphere_rolls_with_five_sevenths_of_gravity() -> None:
+def test_solid_sphere_rolls_with_five_sevenths_of_gravity() -> None:
     scene = pack_scene(Physics(ball_inertia=0.4))[0]
     assert (scene["mass_ratio"], scene["ball_gravity"]) == pytest.approx((5 / 7, -9.81 * 5 / 7))
 
@@ -49,7 +49,7 @@ def test_a_solid_sphere_rolls_with_five_sevenths_of_gravity() -> None:
 @pytest.mark.parametrize(
     ("coupling", "left", "right"), [("both", 1, 1), ("left", 1, 0), ("right", 0, 1), ("none", 0, 0)]
 )
-def test_hands_that_are_not_coupled_have_no_springs(coupling: Any, left: int, right: int) -> None:
+def test_uncoupled_hands_have_zero_stiffness_and_damping(coupling: Any, left: int, right: int) -> None:
     physics = Physics(coupling=coupling)
     scene = pack_scene(physics)[0]
     assert (scene["k_left"], scene["c_left"]) == (200.0 * left, 2.0 * left)
@@ -90,10 +90,10 @@ PAPER = {
         ({"ball_stop": 0.3, "balls": 0}, True, {"loaded": False, "free": False}),
     ],
 )
-def test_what_a_scene_has(values: dict[str, Any], free: bool, differences: dict[str, Any]) -> None:
+def test_parts_follow_from_the_configuration(values: dict[str, Any], free: bool, differences: dict[str, Any]) -> None:
     assert parts_of(Physics(**values), free)._asdict() == {**PAPER, **differences}
 
 
 @pytest.mark.parametrize("balls", range(5))
-def test_a_state_has_two_numbers_more_for_each_ball(balls: int) -> None:
+def test_state_length_grows_by_two_per_ball(balls: int) -> None:
     assert state_length(Physics(balls=balls)) == 4 + 2 * balls

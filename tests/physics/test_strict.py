@@ -1,4 +1,4 @@
-"""The kernels give the same bits on any processor, and contain only what a scene needs."""
+"""The kernels give the same bits on any processor and contain only the arithmetic that a scene needs."""
 
 import json
 import os
@@ -24,8 +24,8 @@ BITS = daily.some("bits of scenes", SCENES, 2)
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 
-def elsewhere(**environment: str) -> Any:
-    """What the script prints in a fresh process."""
+def run_script(**environment: str) -> Any:
+    """The output of the script in a new process."""
     done = subprocess.run(
         [sys.executable, str(SCRIPT), *BITS], env=os.environ | environment, capture_output=True, text=True, check=True
     )
@@ -33,31 +33,31 @@ def elsewhere(**environment: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def here() -> dict[str, str]:
+def compiled_digests() -> dict[str, str]:
     return digests(BITS)
 
 
 @pytest.mark.slow
 @pytest.mark.daily(1, of="plain Python")
-def test_plain_python_gives_the_same_bits(here: dict[str, str]) -> None:
-    assert elsewhere(NUMBA_DISABLE_JIT="1") == {"digests": here, "cache": []}
+def test_plain_python_gives_the_same_bits(compiled_digests: dict[str, str]) -> None:
+    assert run_script(NUMBA_DISABLE_JIT="1") == {"digests": compiled_digests, "cache": []}
 
 
 @needs_compiler
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.daily(1, of="processors")
-def test_another_processor_gives_the_same_bits_and_a_second_process_finds_it_compiled(
-    here: dict[str, str], tmp_path: Path
+def test_another_processor_gives_the_same_bits_and_fills_the_disk_cache(
+    compiled_digests: dict[str, str], tmp_path: Path
 ) -> None:
-    """A processor without AVX or fused multiply-add, where this one has them."""
+    """Compile for a processor without AVX or fused multiply-add; a second process uses the disk cache."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    assert elsewhere(**plain) == {"digests": here, "cache": [[0, 1]] * len(BITS)}
-    assert elsewhere(**plain) == {"digests": here, "cache": [[1, 0]] * len(BITS)}
+    assert run_script(**plain) == {"digests": compiled_digests, "cache": [[0, 1]] * len(BITS)}
+    assert run_script(**plain) == {"digests": compiled_digests, "cache": [[1, 0]] * len(BITS)}
 
 
-def compiled(scene: Scene) -> str:
-    """Assembly of a scene's steps compiled anew (what comes from the disk cache cannot be inspected)."""
+def assembly_of(scene: Scene) -> str:
+    """Assembly of a scene's steps, compiled anew because code from the disk cache cannot be inspected."""
     march: Any = make_march(NUMBER["rk4"], scene.parts)
     fresh = numba.njit(error_model="numpy")(march.py_func)
     whole, one = np.ones(1), np.ones(1, np.int64)
@@ -66,14 +66,14 @@ def compiled(scene: Scene) -> str:
     return str(fresh.inspect_asm(fresh.signatures[0]))
 
 
-def arithmetic(assembly: str) -> int:
+def count_arithmetic(assembly: str) -> int:
     """Number of floating-point additions, subtractions and multiplications, on an x86 processor."""
     return len(re.findall(r"^\s+v?(?:add|sub|mul)[sp]d\b", assembly, re.MULTILINE))
 
 
 @needs_compiler
 @pytest.mark.slow
-def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
+def test_assembly_has_no_fused_or_unneeded_arithmetic() -> None:
     scenes = [
         scene_of(balls=2, model="lagrangian", coupling="left", b_p=0.02, rolling_resistance=0.01),
         scene_of(balls=2, model="lagrangian", coupling="left", b_p=0.02),
@@ -86,12 +86,12 @@ def test_nothing_is_fused_and_what_a_scene_does_not_need_is_not_there() -> None:
         scene_of(balls=0, board="hinged"),
         scene_of(balls=0, board="level"),
     ]
-    assemblies = [compiled(scene) for scene in scenes]
+    assemblies = [assembly_of(scene) for scene in scenes]
     assert ["sqrt" in assembly for assembly in assemblies] == [True] + [False] * (len(assemblies) - 1)
     for assembly in assemblies:
         assert not re.search(r"\bv?f(?:n?m)(?:add|sub)|\bfml[as]\b", assembly)
         assert not re.search(r"\bcall\w*\s+\S*(?:sin|cos|pow)", assembly)
     if platform.machine() in {"x86_64", "AMD64"}:
-        counts = [arithmetic(assembly) for assembly in assemblies]
+        counts = [count_arithmetic(assembly) for assembly in assemblies]
         assert counts == sorted(set(counts), reverse=True)
         assert counts[-1] > 0

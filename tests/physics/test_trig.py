@@ -1,4 +1,4 @@
-"""Sine and cosine against fifty-digit arithmetic."""
+"""Sine and cosine, compared with multiple-precision arithmetic."""
 
 import math
 from decimal import Decimal, localcontext
@@ -37,24 +37,24 @@ def errors_in_ulp(x: float) -> list[float]:
     ]
 
 
-def test_within_one_ulp_over_a_turn_both_ways() -> None:
+def test_error_is_below_one_ulp_within_a_turn_in_both_directions() -> None:
     angles = np.random.default_rng(1).uniform(-2 * math.pi, 2 * math.pi, 1000)
     assert max(max(errors_in_ulp(float(x))) for x in angles) < 1.0
 
 
 @pytest.mark.parametrize("quarter", range(-4, 5))
-def test_within_one_ulp_next_to_multiples_of_a_quarter_turn(quarter: int) -> None:
+def test_error_is_below_one_ulp_near_multiples_of_a_quarter_turn(quarter: int) -> None:
     near = quarter * math.pi / 2
     angles = [near, math.nextafter(near, 9), math.nextafter(near, -9), near + 1e-9, near - 1e-5]
     assert max(max(errors_in_ulp(x)) for x in angles if x != 0) < 1.0
 
 
-def test_within_one_ulp_at_tiny_angles_and_at_the_edges_of_the_reduction() -> None:
+def test_error_is_below_one_ulp_at_tiny_angles_and_reduction_boundaries() -> None:
     angles = [1e-300, 1e-8, 1e-3, math.pi / 4, math.nextafter(math.pi / 4, 1), 3 * math.pi / 4]
     assert max(max(errors_in_ulp(x)) for x in angles) < 1.0
 
 
-def test_within_one_ulp_up_to_the_largest_angle() -> None:
+def test_error_is_below_one_ulp_up_to_the_largest_angle() -> None:
     angles = np.random.default_rng(2).uniform(-MAX_ANGLE, MAX_ANGLE, 300)
     assert max(max(errors_in_ulp(float(x))) for x in [*angles, MAX_ANGLE]) < 1.0
 
@@ -67,5 +67,5 @@ def test_sine_is_odd_and_cosine_even_to_the_bit(x: float) -> None:
 
 @pytest.mark.parametrize("x", [math.inf, -math.inf, math.nan, 1e300, -1e300, math.nextafter(MAX_ANGLE, 1e9)])
 @pytest.mark.parametrize("function", [sincos, getattr(sincos, "py_func", sincos)])
-def test_what_cannot_be_reduced_is_nan(x: float, function: object) -> None:
+def test_irreducible_angle_gives_nan(x: float, function: object) -> None:
     assert all(math.isnan(value) for value in function(x))  # type: ignore[operator]

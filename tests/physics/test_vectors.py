@@ -1,4 +1,4 @@
-"""Arithmetic on states: compiled functions equal the plain ones, to the bit."""
+"""Arithmetic on states: compiled functions and plain Python give the same bits."""
 
 import math
 from typing import Any
@@ -23,7 +23,7 @@ from netboard.physics.arithmetic.vectors import (
 )
 
 
-def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
+def all_operations(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
     p, vp = places(x), speeds(x)
     return (
         plus(x, h, y),
@@ -41,21 +41,21 @@ def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
     )
 
 
-compiled = kernel(everything)
+compiled = kernel(all_operations)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [4, 6, 8, 12])
-def test_compiled_and_plain_give_the_same_bits(length: int) -> None:
+def test_compiled_and_plain_python_results_are_bit_identical(length: int) -> None:
     table = np.random.default_rng(length).normal(size=(3, length))
     x, y, w = (tuple(values) for values in table.tolist())
-    assert compiled(x, y, w, 0.37, table) == everything(x, y, w, 0.37, table)
+    assert compiled(x, y, w, 0.37, table) == all_operations(x, y, w, 0.37, table)
 
 
 STATE = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
 
 
-def test_they_do_what_they_say() -> None:
+def test_operations_give_the_expected_values() -> None:
     assert plus(STATE, 2.0, STATE) == tuple(3 * value for value in STATE)
     assert blend(STATE, 2.0, (0.5, 0.25), (STATE, STATE)) == tuple(2.5 * value for value in STATE)
     assert (places(STATE), speeds(STATE)) == ((5, 7), (6, 8))
@@ -68,15 +68,15 @@ def test_they_do_what_they_say() -> None:
     assert row(np.array([[0.0] * 8, STATE]), 1, STATE) == STATE
 
 
-def test_without_balls_there_is_nothing_to_add() -> None:
+def test_operations_without_balls_are_empty() -> None:
     board = STATE[:4]
     assert (places(board), speeds(board)) == ((), ())
     assert (total(()), dot((), ())) == (0, 0)
     assert joined(1.0, 2.0, 3.0, 4.0, (), ()) == board
 
 
-def test_sums_are_from_the_first_to_the_last() -> None:
-    """One order of operations, seen in the rounding."""
+def test_sums_are_evaluated_from_first_to_last() -> None:
+    """The rounding shows the order of operations."""
     values = (1.0, 2.0**-53, 2.0**-53)
     assert total(values) == 1.0
     assert total(values[::-1]) == math.nextafter(1.0, 2.0)

@@ -1,4 +1,4 @@
-"""Scenes of the kernels, and steps along them, for the tests."""
+"""Scenes for the kernels and trajectories through them."""
 
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state
 
 
 class Scene(NamedTuple):
-    """A scene as the kernels take it."""
+    """A scene in the form that the kernels take."""
 
     physics: Physics
     parts: Parts
@@ -24,7 +24,7 @@ class Scene(NamedTuple):
 
     @property
     def record(self) -> Any:
-        """The one record."""
+        """The single packed record."""
         return self.packed[0]
 
 
@@ -35,7 +35,7 @@ def scene_of(free: bool = True, **values: Any) -> Scene:
 
 
 def changed(record: Any, **values: float) -> Any:
-    """A record with other numbers."""
+    """A copy of a record with other values."""
     other = record.copy()
     for name, value in values.items():
         other[name] = value
@@ -54,17 +54,17 @@ def drive(hand: tuple[float, float, float, float], record: Any) -> tuple[float, 
 def trajectory(
     scene: Scene, start: tuple[float, ...], hands: Hands, h: float, steps: int, method: str = "rk4"
 ) -> NDArray[np.float64]:
-    """States at the start and after each step; the method sees the hands where they are at its nodes."""
+    """States at the start and after each step; the method reads the hands at its nodes."""
     nodes = METHODS[NUMBER[method]].nodes
     table = [[drive(hands((i + node) * h), scene.record) for node in nodes] for i in range(steps)]
     grid = make_grid(method, np.full(steps, h), np.ones(steps, np.int64), scene.parts, scene.length, scene.packed)
     return run(method, tuple(float(value) for value in start), np.array(table), grid, scene.parts, scene.packed)
 
 
-def sampled(
+def sampled_trajectory(
     scene: Scene, start: tuple[float, ...], hands: Hands, h: float, steps: int, method: str = "dop853", counts: int = 1
 ) -> NDArray[np.float64]:
-    """The same, of hands that move by the cubic between their samples at the ends of the steps."""
+    """Like `trajectory`, with hands that follow a cubic between their samples at the ends of the steps."""
     record, ends = scene.record, [hands(i * h) for i in range(steps + 1)]
     table = []
     for now, then in pairwise(ends):
@@ -80,6 +80,6 @@ def samples(hands: Hands, times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([hands(float(t)) for t in times])
 
 
-def falling(values: list[float]) -> float:
-    """By which power of the step the values fall; each has half the step of the one before."""
+def convergence_order(values: list[float]) -> float:
+    """Order of convergence of errors, each at half the step of the one before."""
     return float(-np.polyfit(np.arange(len(values)), np.log2(values), 1)[0])

@@ -1,4 +1,4 @@
-"""Any accepted scene with any smooth hands: finite states, mirror symmetry, and balanced energy."""
+"""Random scenes with smoothly moving hands: finite states, mirror symmetry and energy balance."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from independent import Hands
-from trajectories import Scene, sampled, samples, scene_of, trajectory
+from trajectories import Scene, sampled_trajectory, samples, scene_of, trajectory
 
 import daily
 from netboard.base.errors import ConfigError
@@ -20,25 +20,28 @@ TICK = 1e-3
 EXAMPLES = 40 if daily.ALL else 20
 
 
-def log(least: float, most: float) -> st.SearchStrategy[float]:
-    """Numbers of every size."""
+def log_uniform(least: float, most: float) -> st.SearchStrategy[float]:
+    """Draw floats whose logarithm is uniform."""
     return st.floats(math.log(least), math.log(most)).map(math.exp)
 
 
 NUMBERS = {
-    "M": log(1e-3, 10),
-    "m": log(1e-3, 10),
-    "I": log(1e-5, 10),
-    "l": log(0.05, 2),
+    "M": log_uniform(1e-3, 10),
+    "m": log_uniform(1e-3, 10),
+    "I": log_uniform(1e-5, 10),
+    "l": log_uniform(0.05, 2),
     "g": st.floats(0, 30),
-    "k_h": log(1, 10_000),
-    "c_h": log(0.01, 100),
+    "k_h": log_uniform(1, 10_000),
+    "c_h": log_uniform(0.01, 100),
     "k_s": st.floats(0, 10_000),
     "ball_inertia": st.floats(0, 1),
 }
 ROLLING = {"model": "lagrangian", "balls": 2, "coupling": "right"}
 KINDS: list[dict[str, Any]] = [{}, {"board": "level"}, {"model": "lagrangian", "board": "hinged"}, ROLLING]
-OWN: list[dict[str, Any]] = [{"b_theta": log(1e-3, 1), "b_z": log(1e-2, 10)}, {"ball_height": st.floats(0.001, 0.2)}]
+ROLLING_VALUES: list[dict[str, Any]] = [
+    {"b_theta": log_uniform(1e-3, 1), "b_z": log_uniform(1e-2, 10)},
+    {"ball_height": st.floats(0.001, 0.2)},
+]
 
 
 @st.composite
@@ -47,7 +50,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     kind = draw(st.sampled_from(KINDS))
     values = kind | {name: draw(numbers) for name, numbers in NUMBERS.items()}
     if kind is ROLLING:
-        values |= {name: draw(numbers) for own in OWN for name, numbers in own.items()}
+        values |= {name: draw(numbers) for extra in ROLLING_VALUES for name, numbers in extra.items()}
     scene = scene_of(**values)
     try:
         choose(scene.physics, TICK)
@@ -57,8 +60,8 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 
 @st.composite
-def smooth(draw: st.DrawFn) -> Hands:
-    """Hands that each move by a sine, of up to a tenth of the board's arm and 3 Hz; for any arm."""
+def smooth_hands(draw: st.DrawFn) -> Hands:
+    """Hands that each move sinusoidally, by up to 0.1 of the board's arm and up to 3 Hz, for a unit arm."""
     size, hertz, phase = st.floats(0, 0.1), st.floats(0.2, 3), st.floats(0, 6.3)
     waves = [(draw(size), 2 * math.pi * draw(hertz), draw(phase)) for _ in range(2)]
 
@@ -75,17 +78,17 @@ def smooth(draw: st.DrawFn) -> Hands:
 
 
 def scaled(hands: Hands, arm: float, swapped: bool = False) -> Hands:
-    """The hands at an arm's scale, or those of the other side."""
+    """The hands scaled to an arm, optionally with the sides swapped."""
 
-    def there(t: float) -> tuple[float, float, float, float]:
+    def moved(t: float) -> tuple[float, float, float, float]:
         left_z, left_vz, right_z, right_vz = (arm * value for value in hands(t))
         return (right_z, right_vz, left_z, left_vz) if swapped else (left_z, left_vz, right_z, right_vz)
 
-    return there
+    return moved
 
 
-def start_of(scene: Scene) -> tuple[float, ...]:
-    """The board where it rests, if it does, with balls near its centre."""
+def initial_state(scene: Scene) -> tuple[float, ...]:
+    """The board at its equilibrium, if it has one, with balls near its centre."""
     p = (0.02, -0.01)[: scene.physics.balls]
     try:
         rest = equilibrium(0.0, 0.0, p, scene.parts, scene.record)
@@ -103,32 +106,32 @@ def mirror(x: Any) -> Any:
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @settings(max_examples=EXAMPLES)
-@given(scenes(), smooth())
+@given(scenes(), smooth_hands())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
 @pytest.mark.daily(1, of="any scene")
-def test_what_is_accepted_stays_finite_and_mirrors_itself(scene: Scene, hands: Hands) -> None:
+def test_accepted_scene_stays_finite_and_mirror_symmetric(scene: Scene, hands: Hands) -> None:
     physics, choice = scene.physics, choose(scene.physics, TICK)
-    other = {"left": "right", "right": "left"}.get(physics.coupling, physics.coupling)
-    behind = scene_of(**{name: getattr(physics, name) for name in physics.__slots__} | {"coupling": other})
-    start, h, steps = start_of(scene), TICK / choice.substeps, 100 * choice.substeps
+    opposite = {"left": "right", "right": "left"}.get(physics.coupling, physics.coupling)
+    mirrored_scene = scene_of(**{name: getattr(physics, name) for name in physics.__slots__} | {"coupling": opposite})
+    start, h, steps = initial_state(scene), TICK / choice.substeps, 100 * choice.substeps
     path = trajectory(scene, start, scaled(hands, physics.l), h, steps, choice.method)
-    there = trajectory(behind, mirror(start), scaled(hands, physics.l, True), h, steps, choice.method)
+    mirrored_path = trajectory(mirrored_scene, mirror(start), scaled(hands, physics.l, True), h, steps, choice.method)
     assert np.isfinite(path).all()
-    assert (np.array([mirror(x) for x in there]) == path).all()
+    assert (np.array([mirror(x) for x in mirrored_path]) == path).all()
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @settings(max_examples=EXAMPLES)
-@given(scenes(), smooth())
+@given(scenes(), smooth_hands())
 @example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
 @pytest.mark.daily(1, of="any scene")
-def test_whatever_moves_its_energy_balances(scene: Scene, hands: Hands) -> None:
-    """In steps that are short for the scene."""
+def test_energy_change_of_any_scene_equals_the_work_done(scene: Scene, hands: Hands) -> None:
+    """With steps that are short compared with the fastest time constant."""
     fastest = choose(scene.physics, TICK).stiffness / TICK
     h = min(0.1 / fastest, TICK) if fastest > 0 else TICK
     hands = scaled(hands, scene.physics.l)
-    path = sampled(scene, start_of(scene), hands, h, 100)
+    path = sampled_trajectory(scene, initial_state(scene), hands, h, 100)
     times = np.arange(101) * h
     at = samples(hands, times)
     held = stored_along(path, at, scene.parts, scene.packed)

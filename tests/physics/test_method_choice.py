@@ -1,4 +1,4 @@
-"""The choice of an integration method: chosen and refused methods, and stability of the choice."""
+"""The choice of an integration method: chosen and rejected methods, and stability of the choice."""
 
 import math
 import re
@@ -16,7 +16,6 @@ from netboard.physics.stability.method_choice import MAX_SUBSTEPS, Choice, choos
 
 H = 1e-3
 METHODS = ("euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853")
-SCALES = (1, 10, 100, 1000)
 
 
 def scaled(stiffer: float = 1.0, damped: float = 1.0, **values: Any) -> Physics:
@@ -24,14 +23,14 @@ def scaled(stiffer: float = 1.0, damped: float = 1.0, **values: Any) -> Physics:
     return Physics(k_h=200.0 * stiffer, c_h=2.0 * damped, **values)
 
 
-def picked(physics: Physics) -> tuple[str, int]:
-    """What is chosen."""
+def chosen(physics: Physics) -> tuple[str, int]:
+    """The chosen method and number of substeps."""
     choice = choose(physics, H)
     return choice.method, choice.substeps
 
 
 # Substeps of RK4 by scalings of k_h and c_h; 0 is one step of ETDRK4.
-PICKS = {
+SUBSTEPS = {
     (1, 1): 1, (10, 1): 1, (100, 1): 3, (1000, 1): 8,
     (1, 2): 2, (1, 4): 3, (1, 10): 7, (1, 100): 0, (1, 1000): 0,
     (10, 3): 2, (100, 10): 5, (10, 10): 7, (10, 100): 0, (10, 1000): 0,
@@ -39,14 +38,14 @@ PICKS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("scales", PICKS, ids=str)
-def test_the_stiffness_decides(scales: tuple[float, float]) -> None:
-    substeps = PICKS[scales]
-    assert picked(scaled(*scales)) == (("rk4", substeps) if substeps else ("etdrk4", 1))
+@pytest.mark.parametrize("scales", SUBSTEPS, ids=str)
+def test_stiffness_and_damping_determine_method_and_substeps(scales: tuple[float, float]) -> None:
+    substeps = SUBSTEPS[scales]
+    assert chosen(scaled(*scales)) == (("rk4", substeps) if substeps else ("etdrk4", 1))
 
 
-def test_the_papers_scene() -> None:
-    """The fastest pole is that of the turn, 500 /s; the slowest to fade, at 35 degrees, is the other of the two."""
+def test_paper_scene_uses_one_rk4_step_per_tick() -> None:
+    """The fastest pole is rotational, 500 /s; the slowest at a tilt of 35 degrees is the other rotational one."""
     choice = choose(Physics(), H)
     assert choice == Choice("rk4", 1, choice.radius, choice.stiffness, choice.reason)
     assert choice.stiffness == pytest.approx(0.5)
@@ -56,24 +55,24 @@ def test_the_papers_scene() -> None:
 
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("scales", [(1, 1), (1000, 1000), (1000, 0)], ids=str)
-def test_a_level_board_is_solved_exactly(model: Any, scales: tuple[float, float]) -> None:
-    assert picked(scaled(*scales, board="level", model=model)) == ("exact", 1)
+def test_level_board_uses_the_exact_method(model: Any, scales: tuple[float, float]) -> None:
+    assert chosen(scaled(*scales, board="level", model=model)) == ("exact", 1)
 
 
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("board", ["free", "hinged"])
-def test_what_nothing_pulls_back_is_fine(board: Any, model: Any) -> None:
+def test_board_without_restoring_forces_uses_one_rk4_step(board: Any, model: Any) -> None:
     for values in ({"coupling": "none"}, {"k_h": 0.0, "c_h": 0.0}):
         choice = choose(Physics(k_s=0.0, board=board, model=model, **values), H)
         assert (choice.method, choice.substeps, choice.radius) == ("rk4", 1, 1.0)
 
 
-def test_what_is_not_damped_keeps_its_size() -> None:
+def test_undamped_spectral_radius_of_symplectic_methods_is_one() -> None:
     for method in ("verlet", "midpoint", "semi_implicit"):
         assert choose(scaled(1, 0, method=method), H).radius == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_whole_number_of_stiffness_is_not_rounded_up() -> None:
+def test_integer_stiffness_is_not_rounded_up_to_another_substep() -> None:
     """sqrt(2 k l2 / I) = 1000 /s."""
     physics = scaled(16, 0)
     assert choose(physics, 1e-3).stiffness == pytest.approx(1.0, rel=1e-12)
@@ -102,8 +101,8 @@ def test_a_whole_number_of_stiffness_is_not_rounded_up() -> None:
     ],
     ids=str,
 )
-def test_a_method_or_a_number_of_steps_is_taken_at_its_word(physics: Physics, expected: tuple[str, int]) -> None:
-    assert picked(physics) == expected
+def test_configured_method_and_substeps_are_used(physics: Physics, expected: tuple[str, int]) -> None:
+    assert chosen(physics) == expected
 
 
 REFUSED = [
@@ -122,8 +121,8 @@ REFUSED = [
 OFFER = re.compile(r"physics\.(\w+) = (\"?)([\w.+-]+?)\2(?=,| and |$)")
 
 
-def accepted(message: str) -> list[dict[str, Any]]:
-    """What a refusal offers."""
+def offered_changes(message: str) -> list[dict[str, Any]]:
+    """Configuration changes that an error message offers."""
     offers = message.split("; accepted: ")[1].split(", or ")
     found = []
     for offer in offers:
@@ -137,19 +136,19 @@ def accepted(message: str) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("physics", REFUSED, ids=str)
-def test_what_cannot_be_held_is_turned_down_and_what_is_offered_instead_is_accepted(physics: Physics) -> None:
+def test_unstable_configuration_is_rejected_with_valid_alternatives(physics: Physics) -> None:
     with pytest.raises(ConfigError) as refusal:
         choose(physics, H)
     message = str(refusal.value)
     assert message.startswith(f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of")
     assert f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in ticks of 1 ms" in message
-    offers = accepted(message)
+    offers = offered_changes(message)
     assert {"method": "midpoint"}.items() <= {key: v for offer in offers for key, v in offer.items()}.items()
     for offer in offers:
         choose(replace(physics, **offer), H)
 
 
-def test_a_refusal_in_full() -> None:
+def test_rejection_message_in_full() -> None:
     with pytest.raises(ConfigError) as refusal:
         choose(Physics(c_h=10.0, method="rk4", substeps=1), H)
     assert str(refusal.value) == (
@@ -160,13 +159,13 @@ def test_a_refusal_in_full() -> None:
     )
 
 
-def test_a_tilting_board_has_no_exact_step() -> None:
+def test_exact_method_is_rejected_for_a_tilting_board() -> None:
     with pytest.raises(ConfigError, match=r'physics.method = "exact": for physics.board = "level" alone, found "free"'):
         choose(Physics(method="exact"), H)
 
 
-def test_balls_off_the_centre_count_by_lagrange() -> None:
-    """At the centre a ball weighs on the heave; off it, it turns away, and the board is as light as without one."""
+def test_lagrangian_stiffness_depends_on_the_range_of_the_ball() -> None:
+    """A ball at the centre adds its mass to the heave; far from it, the board responds almost as without a ball."""
     physics = scaled(model="lagrangian", I=0.04)
     far, near = (choose(replace(physics, ball_stop=stop), H).stiffness for stop in (2.0, 0.01))
     bare = choose(replace(physics, balls=0), H).stiffness
@@ -174,8 +173,8 @@ def test_balls_off_the_centre_count_by_lagrange() -> None:
     assert near < 0.5 * bare
 
 
-def run(physics: Physics, choice: Choice, seconds: float, free: bool, p: float) -> float:
-    """How far the board gets, between hands that tilt it by 5 degrees, from rest [m]."""
+def largest_displacement(physics: Physics, choice: Choice, seconds: float, free: bool, p: float) -> float:
+    """Largest displacement of the board from rest, with hands that tilt it by 5 degrees [m]."""
     scene = scene_of(free=free, **{key: getattr(physics, key) for key in physics.__dataclass_fields__})
     start = (0.0, 0.0, 0.0, 0.0, *(p, 0.0) * physics.balls)
     steps = round(seconds / H) * choice.substeps
@@ -185,16 +184,16 @@ def run(physics: Physics, choice: Choice, seconds: float, free: bool, p: float) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scales", [(1, 1), (1, 10), (100, 1), (1000, 1), (1, 100), (1000, 1000)], ids=str)
-def test_every_choice_holds_the_full_equations(scales: tuple[float, float]) -> None:
-    """Hands move by 25 mm; a tilt of 0.08 is 20 mm at the control points, and the start throws the board a little."""
+def test_chosen_method_is_stable_for_the_full_equations(scales: tuple[float, float]) -> None:
+    """Hands move by 25 mm; a tilt of 0.08 is 20 mm at the control points, and the start disturbs the board."""
     physics = scaled(*scales)
-    assert run(physics, choose(physics, H), 0.4, True, -0.15) < 0.05
-    assert run(physics, choose(physics, H), 0.4, False, -0.15) < 0.05
+    assert largest_displacement(physics, choose(physics, H), 0.4, True, -0.15) < 0.05
+    assert largest_displacement(physics, choose(physics, H), 0.4, False, -0.15) < 0.05
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_taken_at_its_word_holds_the_full_equations(method: Any) -> None:
+def test_configured_method_is_stable_for_the_full_equations(method: Any) -> None:
     for scales in ((1, 1), (1, 10), (30, 1), (1, 100)):
         physics = scaled(*scales, method=method)
         try:
@@ -204,19 +203,19 @@ def test_every_method_taken_at_its_word_holds_the_full_equations(method: Any) ->
             assert method in ("euler", "semi_implicit", "heun", "rk4", "dop853")
         else:
             assert choice.substeps <= MAX_SUBSTEPS
-            assert run(physics, choice, 0.4, False, 0.1) < 0.05
+            assert largest_displacement(physics, choice, 0.4, False, 0.1) < 0.05
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("p", [0.0, -0.15, 0.3])
-def test_every_choice_by_lagrange_holds_wherever_the_ball_is(p: float) -> None:
-    held = 0
+def test_chosen_method_is_stable_for_the_lagrangian_model_at_any_ball_position(p: float) -> None:
+    stable = 0
     for scales in ((1, 1), (1, 4), (1, 10), (10, 3), (1, 12), (1, 50), (100, 100)):
         physics = scaled(*scales, model="lagrangian")
         try:
             choice = choose(physics, H)
         except ConfigError as refusal:
-            physics = replace(physics, **accepted(str(refusal))[0])
+            physics = replace(physics, **offered_changes(str(refusal))[0])
             choice = choose(physics, H)
-        held += run(physics, choice, 0.3, True, p) < 0.05
-    assert held == 7
+        stable += largest_displacement(physics, choice, 0.3, True, p) < 0.05
+    assert stable == 7

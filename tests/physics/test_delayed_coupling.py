@@ -1,4 +1,4 @@
-"""The exact loop with delay, against independent tables, rules of thumb, and limits."""
+"""The exact delayed loop, compared with independent tables, rules of thumb and limits."""
 
 import math
 from dataclasses import replace
@@ -22,11 +22,11 @@ from netboard.physics.stability.delayed_coupling import (
     loop_matrix,
 )
 
-BARE = Mechanism(0.045, 0.1)
+BARE_STYLUS = Mechanism(0.045, 0.1)
 
 
-def longest_pure(loop: Loop) -> int:
-    """Largest whole delay of the sample alone."""
+def longest_sample_delay(loop: Loop) -> int:
+    """Largest stable delay in ticks when only the samples are delayed."""
     return next(delay for delay in range(80) if not is_stable(delayed(loop, delay, 0))) - 1
 
 
@@ -34,8 +34,8 @@ def longest_pure(loop: Loop) -> int:
     ("delay", "stiffness"),
     [(0, 4202), (1, 1373), (2, 810), (3, 569), (5, 350), (8, 214), (10, 166), (15, 99), (20, 63)],
 )
-def test_the_stiffest_wall_of_a_bare_stylus(delay: int, stiffness: float) -> None:
-    assert largest_stiffness(Loop(BARE, up=delay)) == pytest.approx(stiffness, rel=0.01)
+def test_largest_stable_wall_stiffness_at_each_delay(delay: int, stiffness: float) -> None:
+    assert largest_stiffness(Loop(BARE_STYLUS, up=delay)) == pytest.approx(stiffness, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -50,14 +50,14 @@ def test_the_stiffest_wall_of_a_bare_stylus(delay: int, stiffness: float) -> Non
         (0.5, 5.0, 34, 34, 33, 25),
     ],
 )
-def test_the_longest_delay_of_a_wall(
+def test_largest_stable_delay_at_a_wall(
     mass: float, damping: float, exact: int, difference: int, window: int, undamped: int
 ) -> None:
     loop = Loop(Mechanism(mass, damping))
-    assert longest_pure(loop) == exact
-    assert longest_pure(replace(loop, window=1)) == difference
-    assert longest_pure(replace(loop, window=15)) == window
-    assert longest_pure(replace(loop, c=0.0)) == undamped
+    assert longest_sample_delay(loop) == exact
+    assert longest_sample_delay(replace(loop, window=1)) == difference
+    assert longest_sample_delay(replace(loop, window=15)) == window
+    assert longest_sample_delay(replace(loop, c=0.0)) == undamped
 
 
 @pytest.mark.slow
@@ -72,7 +72,7 @@ def test_the_longest_delay_of_a_wall(
         ((0.2, 2.0), (1.0, 1.0, 400.0), 9, 40),
     ],
 )
-def test_the_longest_delay_with_an_end_that_moves(
+def test_largest_stable_delay_with_a_moving_end(
     stylus: tuple[float, float], end: tuple[float, float, float], server: int, both: int
 ) -> None:
     loop = Loop(Mechanism(*stylus), End(*end))
@@ -82,37 +82,37 @@ def test_the_longest_delay_with_an_end_that_moves(
     assert not is_stable(delayed(far, both + 1, both + 1))
 
 
-def test_a_hand_at_a_fixed_end_is_stable_over_any_delay_in_both() -> None:
-    assert is_stable(Loop(BARE, FIXED, up=60, down=60, at="both", window=1))
+def test_coupling_on_both_sides_of_a_fixed_end_is_stable_at_long_delays() -> None:
+    assert is_stable(Loop(BARE_STYLUS, FIXED, up=60, down=60, at="both", window=1))
 
 
-def test_short_delays_follow_the_linear_rule() -> None:
+def test_largest_stiffness_follows_the_linear_rule_at_short_delays() -> None:
     undamped = Loop(Mechanism(0.045, 0.5), c=0.0)
     for delay in (0, 1, 2):
         rule = ruled_stiffness(undamped.mechanism, 0.0, delay * 1e-3)
         assert largest_stiffness(delayed(undamped, delay, 0)) == pytest.approx(rule, rel=0.02)
 
 
-def test_what_is_passive_is_stable() -> None:
+def test_passive_stiffness_is_stable() -> None:
     mechanism = Mechanism(0.045, 1.0)
     passive = passive_stiffness(mechanism, 0.4)
     assert passive == pytest.approx(1200.0)
     assert is_stable(Loop(mechanism, k=passive, c=0.4))
-    assert passive_stiffness(BARE, 2.0) == 0.0
+    assert passive_stiffness(BARE_STYLUS, 2.0) == 0.0
 
 
-def test_many_steps_of_the_virtual_device_come_near_the_exact_motion() -> None:
+def test_virtual_device_with_many_substeps_approaches_the_exact_motion() -> None:
     exact = loop_matrix(Loop(Mechanism(0.2, 2.0, 150.0), up=1))
     found = loop_matrix(Loop(Mechanism(0.2, 2.0, 150.0, substeps=1000), up=1))
     np.testing.assert_allclose(found, exact, atol=2e-4)
 
 
-def test_a_sample_of_now_is_not_moved_on() -> None:
-    moving = Loop(BARE, End(0.005, 0.0, 70.0), window=1)
+def test_undelayed_sample_is_not_extrapolated() -> None:
+    moving = Loop(BARE_STYLUS, End(0.005, 0.0, 70.0), window=1)
     assert growth(moving) == pytest.approx(growth(replace(moving, reach=0.1)))
 
 
-def test_only_a_sample_that_is_held_is_late() -> None:
+def test_only_zero_order_hold_lags_at_constant_velocity() -> None:
     rate, up = 0.1, 4
     ages = np.arange(1, up + 2) * 1e-3
     samples = np.column_stack([-rate * ages, np.full(up + 1, rate)]).ravel()
@@ -123,14 +123,14 @@ def test_only_a_sample_that_is_held_is_late() -> None:
         assert after[1] - rate == pytest.approx(100.0 * rate * late / 0.045 * 1e-3, abs=1e-12)
 
 
-def test_the_round_trip_is_that_of_both_ways() -> None:
-    loop = Loop(BARE)
+def test_largest_round_trip_is_capped_and_negative_if_never_stable() -> None:
+    loop = Loop(BARE_STYLUS)
     assert largest_round_trip(loop) == 8
-    assert largest_round_trip(Loop(BARE, k=1e6, c=0.0)) == -1
+    assert largest_round_trip(Loop(BARE_STYLUS, k=1e6, c=0.0)) == -1
     assert largest_round_trip(loop, most=4) == 4
 
 
-def test_the_board_of_the_paper_is_light() -> None:
+def test_loop_ends_follow_from_the_board_configuration() -> None:
     ends = ends_of(Physics())
     assert ends["heave"] == End(0.005, 0.0, 70.0)
     assert ends["tilt"].mass == pytest.approx(0.0032)
