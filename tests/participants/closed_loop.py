@@ -1,7 +1,7 @@
-"""A block without network or clock: simulated participants, devices, safety chain and stage, in one thread.
+"""A block without network or clock: simulated participants, devices, safety chain and stage in one thread.
 
-The delays of the real system are put in by hand: a stylus reading is used, and a force rendered, one tick later; views
-leave at 120 Hz and are seen 5 ms later. As in the real system nothing is felt before the block starts, and it starts
+The delays of the real system are imitated: a stylus reading is used, and a force rendered, one tick later; views are
+sent at 120 Hz and seen 5 ms later. As in the real system, no force is rendered before the block starts, and it starts
 when both devices are armed.
 """
 
@@ -26,7 +26,7 @@ VIEW_DELAY = 0.005
 
 
 @dataclass
-class Played:
+class BlockResult:
     completions: list[float]
     failures: int
     seconds: float
@@ -52,10 +52,10 @@ def make_controllers(config: Config) -> list[tuple[tuple[Side, ...], Controller]
     ]
 
 
-def play(config: Config, most_seconds: float) -> Played:
+def play(config: Config, max_seconds: float) -> BlockResult:
     stage = make_stage(config)
     state = stage.initial()
-    rows = np.zeros(int(most_seconds * 1000), TICK)
+    rows = np.zeros(int(max_seconds * 1000), TICK)
     row = rows[0]
     devices = {side: VirtualTouch(side, config) for side in SIDES}
     infos = {side: devices[side].open() for side in SIDES}
@@ -66,7 +66,7 @@ def play(config: Config, most_seconds: float) -> Played:
     views: deque[tuple[float, dict[str, object]]] = deque()
     glimpses: dict[Side, Glimpse] = {}
     readings = {}
-    played = Played([], 0, 0.0, 0.0, 0.0, Safeguard(0), np.zeros(0, TICK))
+    result = BlockResult([], 0, 0.0, 0.0, 0.0, Safeguard(0), np.zeros(0, TICK))
     next_view = 0.0
     for tick in range(len(rows)):
         now_ns = 1_000_000_000 + tick * TICK_NS
@@ -78,13 +78,16 @@ def play(config: Config, most_seconds: float) -> Played:
         for side in SIDES:
             device, chain = devices[side], chains[side]
             reading = device.read(now_ns)
-            wanted = (*lateral_force(reading, config.fixture), float(last[f"{side}_force"]) if last["phase"] else 0.0)
-            limited = chain.step(now_ns, wanted, now_ns - TICK_NS, (reading.vx, reading.vy, reading.vz))
+            requested = (
+                *lateral_force(reading, config.fixture),
+                float(last[f"{side}_force"]) if last["phase"] else 0.0,
+            )
+            limited = chain.step(now_ns, requested, now_ns - TICK_NS, (reading.vx, reading.vy, reading.vz))
             device.write(limited.fx, limited.fy, limited.fz)
-            played.largest_force = max(played.largest_force, float(np.hypot(limited.fy, limited.fz)))
-            played.lateral = max(played.lateral, abs(reading.x), abs(reading.y))
+            result.largest_force = max(result.largest_force, float(np.hypot(limited.fy, limited.fz)))
+            result.lateral = max(result.lateral, abs(reading.x), abs(reading.y))
             if last["phase"]:
-                played.safeguards |= limited.safeguards
+                result.safeguards |= limited.safeguards
             used = readings.get(side, reading)
             row[f"{side}_live"], row[f"{side}_stamp_ns"] = 1, used.stamp_ns
             row[f"{side}_sent_z"], row[f"{side}_sent_vz"] = used.z, used.vz
@@ -102,13 +105,13 @@ def play(config: Config, most_seconds: float) -> Played:
                 devices[move.side].command((move,))
         stage.advance(state, rows, tick)
         if row["event"] == Cause.HELD:
-            played.completions.append(float(state["completion"][0]))
+            result.completions.append(float(state["completion"][0]))
         if state["phase"][0] == Phase.FINISHED:
             break
-    played.failures = int(state["failures"][0])
-    played.rows = rows[: tick + 1]
-    played.seconds = (tick + 1) * 1e-3
-    return played
+    result.failures = int(state["failures"][0])
+    result.rows = rows[: tick + 1]
+    result.seconds = (tick + 1) * 1e-3
+    return result
 
 
 def glimpse_of(when: float, shown: dict[str, object], sides: tuple[Side, ...], config: Config) -> Glimpse:

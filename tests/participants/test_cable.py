@@ -1,4 +1,4 @@
-"""Compliant cables against closed forms: static stretch, dynamics, and stability."""
+"""Compliant cables, compared with closed forms: static stretch, dynamics and stability."""
 
 from dataclasses import replace
 
@@ -26,34 +26,34 @@ def constants(device: VirtualDevice, held: bool = False) -> np.ndarray:
     return pack_cables(resolved(device), pack_arm(PERSON, device, held), STEP)
 
 
-def test_rigid_cables_are_none() -> None:
+def test_rigid_cables_do_not_stretch() -> None:
     hand = make(VirtualDevice())
     hand.advance(100, 0.0, (0.0, 0.0, 1.0))
     assert hand.tip == hand.position
 
 
-def test_the_bare_device_swings_at_the_root_of_stiffness_over_reduced_mass() -> None:
-    own = resolved(FREE)
-    reduced = own.mass * own.tip_share * (1.0 - own.tip_share)
-    turn = np.sqrt(own.cable_stiffness / reduced)
+def test_undamped_device_oscillates_at_its_natural_frequency() -> None:
+    model = resolved(FREE)
+    reduced = model.mass * model.tip_share * (1.0 - model.tip_share)
+    omega = np.sqrt(model.cable_stiffness / reduced)
     cables, x, v, tip, rate = constants(FREE)[0], 0.0, 0.0, 0.001, 0.0
-    apart = []
+    stretches = []
     for _ in range(400):
         x, v, tip, rate = stretch(x, v, tip, rate, 0.0, 0.0, 0.0, cables)
-        apart.append(tip - x)
-    # The implicit midpoint rule keeps the size and turns a little too slowly: by (turn STEP)^2 / 12.
-    slowed = 2.0 / STEP * np.arctan(0.5 * turn * STEP)
-    assert np.abs(np.array(apart) - 0.001 * np.cos(slowed * STEP * np.arange(1, 401))).max() < 1e-9
-    assert slowed == pytest.approx(turn, rel=1e-3)
+        stretches.append(tip - x)
+    # The implicit midpoint rule keeps the amplitude but lowers the frequency by the fraction (omega STEP)^2 / 12.
+    discrete_omega = 2.0 / STEP * np.arctan(0.5 * omega * STEP)
+    assert np.abs(np.array(stretches) - 0.001 * np.cos(discrete_omega * STEP * np.arange(1, 401))).max() < 1e-9
+    assert discrete_omega == pytest.approx(omega, rel=1e-3)
 
 
-def test_without_damping_energy_is_kept_for_ever() -> None:
-    cables, own = constants(FREE)[0], resolved(FREE)
+def test_undamped_cables_conserve_energy() -> None:
+    cables, model = constants(FREE)[0], resolved(FREE)
     x, v, tip, rate = 0.0, 0.02, 0.001, -0.01
-    half = 0.5 * own.mass / 2.0
+    half = 0.5 * model.mass / 2.0
 
     def energy() -> float:
-        return half * (v * v + rate * rate) + 0.5 * own.cable_stiffness * (tip - x) ** 2
+        return half * (v * v + rate * rate) + 0.5 * model.cable_stiffness * (tip - x) ** 2
 
     before = energy()
     for _ in range(100_000):
@@ -61,23 +61,23 @@ def test_without_damping_energy_is_kept_for_ever() -> None:
     assert energy() == pytest.approx(before, rel=1e-8)
 
 
-def test_damping_of_the_cables_is_that_of_the_closed_form() -> None:
+def test_cable_damping_matches_the_closed_form() -> None:
     device = replace(FREE, cable_damping="model")
-    own = resolved(device)
-    reduced = own.mass * own.tip_share * (1.0 - own.tip_share)
-    decay = own.cable_damping / (2.0 * reduced)
-    turn = np.sqrt(own.cable_stiffness / reduced - decay**2)
+    model = resolved(device)
+    reduced = model.mass * model.tip_share * (1.0 - model.tip_share)
+    decay = model.cable_damping / (2.0 * reduced)
+    omega = np.sqrt(model.cable_stiffness / reduced - decay**2)
     cables, x, v, tip, rate = constants(device)[0], 0.0, 0.0, 0.001, 0.0
-    apart = []
+    stretches = []
     for _ in range(200):
         x, v, tip, rate = stretch(x, v, tip, rate, 0.0, 0.0, 0.0, cables)
-        apart.append(tip - x)
+        stretches.append(tip - x)
     t = STEP * np.arange(1, 201)
-    theory = 0.001 * np.exp(-decay * t) * (np.cos(turn * t) + decay / turn * np.sin(turn * t))
-    assert np.abs(np.array(apart) - theory).max() < 0.001 * 6e-3
+    theory = 0.001 * np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
+    assert np.abs(np.array(stretches) - theory).max() < 0.001 * 6e-3
 
 
-def test_a_pushed_stylus_that_nobody_holds_hangs_back_by_its_share_of_the_force() -> None:
+def test_pushed_free_stylus_lags_by_the_cable_stretch() -> None:
     hand = make(replace(FREE, cable_damping="model"), held=False)
     hand.advance(4000, 0.0, (0.0, 0.0, 0.01))
     assert hand.position[2] - hand.tip[2] == pytest.approx(0.01 * 0.5 / 1000.0, rel=1e-6)
@@ -85,7 +85,7 @@ def test_a_pushed_stylus_that_nobody_holds_hangs_back_by_its_share_of_the_force(
     assert middle == pytest.approx(0.5 * 0.01 / 0.045 * 1.0, rel=1e-3)
 
 
-def test_what_friction_holds_is_at_rest_to_the_bit_while_the_tip_gives() -> None:
+def test_device_held_by_friction_stays_exactly_at_rest_while_the_tip_yields() -> None:
     device = VirtualDevice(cable_stiffness="model")
     hand = make(device)
     moves = [Submovement("left", 0.0, 0.3, 0.0015)]  # 0.2 N, with 0.21 N of skill only while it moves
@@ -100,7 +100,7 @@ def test_what_friction_holds_is_at_rest_to_the_bit_while_the_tip_gives() -> None
     assert hand.tip[2] - hand.position[2] == pytest.approx(load / 1020.0, rel=1e-6)
 
 
-def test_at_the_stop_only_the_cables_give() -> None:
+def test_only_the_cables_stretch_at_the_mechanical_stop() -> None:
     hand = make(VirtualDevice(cable_stiffness=1000.0))
     hand.plan([Submovement("left", 0.0, 0.3, 0.09)])
     for k in range(40):
@@ -110,7 +110,7 @@ def test_at_the_stop_only_the_cables_give() -> None:
     assert hand.tip[2] == pytest.approx(0.075 + load / 1000.0, rel=1e-6)
 
 
-def test_very_stiff_cables_are_as_good_as_rigid_ones() -> None:
+def test_very_stiff_cables_approximate_rigid_ones() -> None:
     stiff, rigid = make(VirtualDevice(cable_stiffness=100_000.0)), make(VirtualDevice())
     for hand in (stiff, rigid):
         hand.plan([Submovement("left", 0.0, 0.3, 0.02)])
@@ -121,7 +121,7 @@ def test_very_stiff_cables_are_as_good_as_rigid_ones() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_every_model_holds(model: DeviceModel) -> None:
+def test_free_oscillation_of_every_model_decays(model: DeviceModel) -> None:
     cables = pack_cables(model, pack_arm(PERSON, VirtualDevice(mass=model.mass), held=False), STEP)[0]
     x, v, tip, rate = 0.0, 0.0, 0.001, 0.0
     for _ in range(40_000):
@@ -131,7 +131,7 @@ def test_every_model_holds(model: DeviceModel) -> None:
 
 @settings(max_examples=60)
 @given(st.floats(1e-4, 5.0), st.floats(1.0, 100_000.0), st.floats(0.0, 1000.0), st.floats(0.01, 0.99), st.booleans())
-def test_no_device_that_can_be_configured_is_unstable(
+def test_every_configurable_device_is_stable(
     mass: float, stiffness: float, damping: float, share: float, held: bool
 ) -> None:
     device = VirtualDevice(
@@ -140,7 +140,7 @@ def test_no_device_that_can_be_configured_is_unstable(
     hand = make(device, held)
     hand.advance(200, 0.0, (0.0, 0.0, 1e-3))
     hand.advance(40_000, 0.05, NO_FORCE)
-    places = np.array([hand.position, hand.tip])
-    assert np.isfinite(places).all()
-    assert np.abs(places).max() < 10.0
+    positions = np.array([hand.position, hand.tip])
+    assert np.isfinite(positions).all()
+    assert np.abs(positions).max() < 10.0
     assert np.abs(hand.velocity).max() < 5.0

@@ -1,4 +1,4 @@
-"""The hand against closed forms: statics, the damped oscillator, Coulomb decay, coloured noise."""
+"""The hand, compared with closed forms: statics, damped oscillator, Coulomb decay and coloured noise."""
 
 from dataclasses import replace
 
@@ -31,14 +31,14 @@ def heights(hand: Hand, steps: int, force: float = 0.0, every: int = 1) -> np.nd
     return np.array(found)
 
 
-def test_a_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
+def test_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
     hand = make()
     hand.advance(8000, 0.0, (0.0, 0.0, 0.3))
     assert hand.position[2] == pytest.approx(0.3 / PERSON.arm_stiffness, rel=1e-6)
 
 
-def test_released_hand_swings_like_a_damped_oscillator() -> None:
-    """The scheme is of first order; at 0.25 ms its error is below the encoder's step, which is what matters."""
+def test_released_hand_follows_a_damped_oscillator() -> None:
+    """The scheme is of first order; at 0.25 ms its error is below the encoder's resolution."""
     hand = make()
     hand.state["z"] = 0.01
     m, k = PERSON.arm_mass + TOUCH.mass, PERSON.arm_stiffness
@@ -58,13 +58,13 @@ def test_friction_holds_a_resting_hand_exactly() -> None:
     assert hand.position[2] > 0.0
 
 
-def test_friction_takes_four_breadths_of_its_dead_band_from_each_swing() -> None:
-    """Without damping the amplitude falls by ``4 F / K`` a period (Coulomb damping), and then the hand sticks."""
+def test_coulomb_friction_lowers_the_amplitude_linearly() -> None:
+    """Without damping the amplitude falls by ``4 F / K`` per period, and then the hand sticks."""
     friction = 0.03
     hand = make(replace(PERSON, arm_damping=0.0), VirtualDevice(friction=friction, damping=0.0))
     hand.state["z"] = 0.01
-    course = heights(hand, 12_000)
-    peaks = course[1:-1][(course[1:-1] > course[:-2]) & (course[1:-1] >= course[2:])]
+    trajectory = heights(hand, 12_000)
+    peaks = trajectory[1:-1][(trajectory[1:-1] > trajectory[:-2]) & (trajectory[1:-1] >= trajectory[2:])]
     fall = 4 * friction / PERSON.arm_stiffness
     steps = -np.diff(np.concatenate(([0.01], peaks[peaks > fall])))
     assert len(steps) >= 7
@@ -73,7 +73,7 @@ def test_friction_takes_four_breadths_of_its_dead_band_from_each_swing() -> None
     assert hand.velocity[2] == 0.0
 
 
-def test_a_stylus_nobody_holds_falls_freely_under_the_motors() -> None:
+def test_free_stylus_accelerates_under_the_motor_force() -> None:
     device = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0)
     hand = make(device=device, held=False)
     hand.advance(400, 0.0, (0.0, 0.0, 0.05))
@@ -81,15 +81,15 @@ def test_a_stylus_nobody_holds_falls_freely_under_the_motors() -> None:
     assert hand.position[2] == pytest.approx(0.05 / TOUCH.mass * 0.1**2 / 2, rel=5e-3)
 
 
-def test_the_mechanical_stop_ends_every_movement() -> None:
+def test_mechanical_stop_ends_every_movement() -> None:
     hand = make(held=False)
     hand.advance(8000, 0.0, (3.0, -3.0, 3.0))
     assert hand.position == (TOUCH.workspace, -TOUCH.workspace, TOUCH.workspace)
     assert hand.velocity == (0.0, 0.0, 0.0)
 
 
-def test_a_hand_at_its_stop_does_not_aim_ever_farther_beyond_it() -> None:
-    """However often it was sent up, one movement from the stop to the middle brings it there."""
+def test_aim_beyond_the_stop_does_not_accumulate() -> None:
+    """After any number of upward movements, one movement from the stop to the middle reaches the middle."""
     hand = make()
     for k in range(20):
         hand.plan([Submovement("left", 0.5 * k, 0.3, 0.05)])
@@ -100,7 +100,7 @@ def test_a_hand_at_its_stop_does_not_aim_ever_farther_beyond_it() -> None:
     assert hand.position[2] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_submovements_add_up_and_are_carried_out() -> None:
+def test_submovements_are_superimposed_and_completed() -> None:
     hand = make()
     hand.plan([Submovement("left", 0.0, 0.3, 0.02), Submovement("left", 0.1, 0.3, -0.005)])
     hand.advance(8000, 0.0, NO_FORCE)
@@ -108,16 +108,16 @@ def test_submovements_add_up_and_are_carried_out() -> None:
     assert hand.state["moves"][0] == 0
 
 
-def test_the_middle_of_a_movement_comes_late_by_the_muscles_and_the_arm() -> None:
+def test_movement_lags_by_the_delays_of_muscles_and_arm() -> None:
     hand = make()
     hand.plan([Submovement("left", 0.0, 0.6, 0.02)])
-    course = heights(hand, 8000)
-    late = STEP * (1 + np.argmax(course >= 0.01)) - 0.3
+    trajectory = heights(hand, 8000)
+    late = STEP * (1 + np.argmax(trajectory >= 0.01)) - 0.3
     assert late == pytest.approx(2 * PERSON.muscle_lag + PERSON.arm_damping / PERSON.arm_stiffness, abs=0.015)
 
 
-def test_practice_makes_up_for_most_of_the_friction() -> None:
-    """The arm ends nearer to where it was meant to go than the dead band of the friction alone would have it."""
+def test_friction_skill_compensates_most_of_the_friction() -> None:
+    """The final error of the arm is smaller than the dead band of the friction."""
     device = VirtualDevice()
     hand = make(device=device)
     hand.plan([Submovement("left", 0.0, 0.4, 0.02)])
@@ -125,7 +125,7 @@ def test_practice_makes_up_for_most_of_the_friction() -> None:
     assert abs(hand.position[2] - 0.02) < 0.7 * TOUCH.friction / PERSON.arm_stiffness
 
 
-def test_force_noise_has_the_strength_asked_for() -> None:
+def test_force_noise_has_the_configured_standard_deviation() -> None:
     hand = make(Participant(force_noise=0.02), seed=3)
     samples = []
     for _ in range(4000):
@@ -135,12 +135,12 @@ def test_force_noise_has_the_strength_asked_for() -> None:
     assert np.mean(samples) == pytest.approx(0.0, abs=0.002)
 
 
-def test_the_stylus_is_held_a_little_beside_the_line() -> None:
-    places = np.array([make(seed=seed).position[:2] for seed in range(400)])
-    assert places.std() == pytest.approx(LATERAL_SD, rel=0.1)
+def test_lateral_offset_has_its_standard_deviation() -> None:
+    offsets = np.array([make(seed=seed).position[:2] for seed in range(400)])
+    assert offsets.std() == pytest.approx(LATERAL_SD, rel=0.1)
 
 
-def test_the_same_seed_gives_the_same_bits_however_time_is_cut() -> None:
+def test_same_seed_gives_identical_states_for_any_partition_of_time() -> None:
     whole, parts = make(Participant(), seed=5), make(Participant(), seed=5)
     whole.advance(400, 0.0, (0.1, 0.2, 0.5))
     for k in range(100):
@@ -148,7 +148,7 @@ def test_the_same_seed_gives_the_same_bits_however_time_is_cut() -> None:
     assert whole.state.tobytes() == parts.state.tobytes()
 
 
-def test_too_many_plans_are_refused() -> None:
+def test_plan_beyond_the_capacity_is_rejected() -> None:
     hand = make()
     hand.plan(Submovement("left", 9.0, 0.3, 0.0) for _ in range(CAPACITY))
     with pytest.raises(ValueError, match="at most"):
@@ -163,40 +163,41 @@ def equilibria(hand: Hand, steps: int, force: float) -> np.ndarray:
     return np.array(found)
 
 
-def test_reflexes_yield_to_a_step_of_force_as_a_band_pass_does() -> None:
+def test_reflex_response_to_a_force_step_is_a_band_pass() -> None:
     """``G/K T s / (1 + T s) / (1 + tau s)^2``, after the delay."""
-    course = equilibria(make(YIELDING), 4000, 0.3)
+    trajectory = equilibria(make(YIELDING), 4000, 0.3)
     late = round(YIELDING.reflex_delay / STEP)
-    assert not course[:late].any()
+    assert not trajectory[:late].any()
     adapting, muscle = [YIELDING.reflex_time, 1.0], [YIELDING.muscle_lag, 1.0]
     system = lti([YIELDING.reflex_time, 0.0], np.polymul(adapting, np.polymul(muscle, muscle)))
     _, theory = step(system, T=STEP * np.arange(4000 - late))
     gain = YIELDING.reflex_gain * 0.3 / YIELDING.arm_stiffness
-    np.testing.assert_allclose(course[late:], gain * theory, atol=0.02 * gain)  # the reflexes act once a millisecond
+    # The reflexes act once per millisecond.
+    np.testing.assert_allclose(trajectory[late:], gain * theory, atol=0.02 * gain)
 
 
-def test_reflexes_free_a_hand_from_the_friction_that_holds_it() -> None:
-    """A force below the device's friction moves nobody who does not react to it."""
+def test_reflexes_move_a_hand_held_by_friction() -> None:
+    """A force below the device's friction moves the hand only by reflex."""
     device = VirtualDevice(friction=0.26)
     stiff, yielding = make(device=device), make(YIELDING, device)
     assert not heights(stiff, 2000, 0.2).any()
     assert heights(yielding, 2000, 0.2).max() > 0.2 / YIELDING.arm_stiffness / 4
 
 
-def test_a_force_that_lasts_is_expected_in_the_end() -> None:
+def test_reflex_response_to_a_sustained_force_decays_to_zero() -> None:
     assert equilibria(make(YIELDING), 12_000, 0.3)[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_load_that_lasts_is_carried_at_the_height_that_was_meant() -> None:
+def test_load_skill_compensates_a_sustained_load() -> None:
     hand = make(replace(PERSON, load_skill=1.0))
-    course = heights(hand, 12_000, 0.3)
-    assert course.max() > 0.5 * 0.3 / PERSON.arm_stiffness
-    assert course[-1] == pytest.approx(0.0, abs=1e-5)
+    trajectory = heights(hand, 12_000, 0.3)
+    assert trajectory.max() > 0.5 * 0.3 / PERSON.arm_stiffness
+    assert trajectory[-1] == pytest.approx(0.0, abs=1e-5)
     half = make(replace(PERSON, load_skill=0.5))
     assert heights(half, 12_000, 0.3)[-1] == pytest.approx(0.15 / PERSON.arm_stiffness, rel=1e-2)
 
 
-def test_compensation_at_rest_leaves_the_rest_of_the_friction() -> None:
+def test_compensation_at_rest_leaves_the_uncompensated_friction() -> None:
     hand = make(replace(PERSON, friction_skill=0.8, rest_skill=1.0), VirtualDevice(friction=0.26))
     hand.advance(8000, 0.0, (0.0, 0.0, 0.0519))
     assert hand.position[2] == 0.0
@@ -208,7 +209,7 @@ def stiffness(hand: Hand) -> float:
     return float(hand.state["stiffness"][0])
 
 
-def test_a_hand_stiffens_until_its_error_is_the_ratio_of_decay_and_gain() -> None:
+def test_impedance_adapts_until_the_error_equals_decay_over_gain() -> None:
     """With ``e = F/K``, ``dK/dt = alpha F/K - gamma`` has its equilibrium at ``K = alpha F / gamma``."""
     hand = make(replace(PERSON, impedance_gain=2e5, impedance_decay=200.0))
     hand.advance(60_000, 0.0, (0.0, 0.0, 0.3))
@@ -216,10 +217,10 @@ def test_a_hand_stiffens_until_its_error_is_the_ratio_of_decay_and_gain() -> Non
     assert hand.position[2] == pytest.approx(200.0 / 2e5, rel=1e-3)
 
 
-def test_a_hand_on_its_aim_relaxes_at_a_constant_rate_down_to_the_relaxed_arm() -> None:
+def test_stiffness_decays_at_a_constant_rate_to_the_relaxed_arm() -> None:
     hand = make(replace(PERSON, impedance_gain=2e5, impedance_decay=200.0))
     hand.advance(60_000, 0.0, (0.0, 0.0, 0.3))
-    hand.advance(2000, 15.0, NO_FORCE)  # until it is back on its aim
+    hand.advance(2000, 15.0, NO_FORCE)  # until the hand is back at its target
     before = stiffness(hand)
     hand.advance(1000, 15.5, NO_FORCE)
     assert before - stiffness(hand) == pytest.approx(200.0 * 0.25, rel=1e-2)
@@ -227,19 +228,19 @@ def test_a_hand_on_its_aim_relaxes_at_a_constant_rate_down_to_the_relaxed_arm() 
     assert stiffness(hand) == PERSON.arm_stiffness
 
 
-def test_no_hand_is_stiffer_than_its_limit() -> None:
+def test_stiffness_is_bounded_by_its_limit() -> None:
     hand = make(replace(PERSON, impedance_gain=1e6, impedance_limit=2.0))
     hand.advance(8000, 0.0, (0.0, 0.0, 3.0))
     assert stiffness(hand) == 2.0 * PERSON.arm_stiffness
 
 
-def test_a_constant_stiffness_is_the_default() -> None:
+def test_stiffness_is_constant_by_default() -> None:
     hand = make()
     hand.advance(8000, 0.0, (0.0, 0.0, 3.0))
     assert stiffness(hand) == PERSON.arm_stiffness
 
 
-def test_compliant_cables_refuse_a_stiffness_that_changes() -> None:
+def test_variable_stiffness_is_rejected_with_compliant_cables() -> None:
     device = VirtualDevice(cable_stiffness=2000.0)
     with pytest.raises(ConfigError, match="impedance_gain: found 100, expected 0: with compliant cables"):
         make_hand(replace(PERSON, impedance_gain=100.0), device, np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""The partner's height inferred from one's own force, against the statics of the scene."""
+"""The partner's height inferred from the felt force, compared with the statics of the scene."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ height = st.floats(-0.02, 0.02)
 
 
 @given(height, height, st.floats(-0.3, 0.3))
-def test_the_force_at_rest_gives_the_partner_away(left: float, right: float, p: float) -> None:
+def test_equilibrium_force_determines_the_partner_height(left: float, right: float, p: float) -> None:
     rest = equilibrium(left, right, (p,), parts_of(PHYSICS), SCENE)
     assert partner_height(-rest.left, left, p, SIGN["left"], KNOWN) == pytest.approx(right, abs=2e-4)
     assert partner_height(-rest.right, right, p, SIGN["right"], KNOWN) == pytest.approx(left, abs=2e-4)
 
 
-def test_ten_millimetres_of_the_partner_are_a_quarter_of_a_newton() -> None:
+def test_ten_millimetres_of_partner_height_change_the_force_by_0_26_newtons() -> None:
     """dF/dz of the partner is 25.93 N/m."""
     lower = partner_height(-0.3, 0.0, 0.0, SIGN["left"], KNOWN)
     higher = partner_height(-0.3 - 0.2593, 0.0, 0.0, SIGN["left"], KNOWN)
@@ -35,14 +35,14 @@ def test_ten_millimetres_of_the_partner_are_a_quarter_of_a_newton() -> None:
 
 
 @given(height, height)
-def test_the_tilt_shows_where_the_partner_is(left: float, right: float) -> None:
+def test_tilt_determines_the_partner_height(left: float, right: float) -> None:
     theta = (right - left) / (2 * PHYSICS.l)
     assert partner_seen(left, theta, SIGN["left"], PHYSICS.l) == pytest.approx(right, abs=1e-12)
     assert partner_seen(right, theta, SIGN["right"], PHYSICS.l) == pytest.approx(left, abs=1e-12)
 
 
-def test_the_weight_of_touch_minimises_the_variance() -> None:
-    """The best linear mix of a noisy view from the past and a noisier or finer touch, by brute force."""
+def test_haptic_weight_minimises_the_variance() -> None:
+    """The best linear combination of a noisy delayed view and a noisy touch, found by brute force."""
     seen, drift, apart, felt = 0.002, 1.4e-4, 0.105, 0.003
     rng = np.random.default_rng(1)
     truth = rng.normal(0.0, np.sqrt(drift * apart), 200_000)
@@ -53,5 +53,5 @@ def test_the_weight_of_touch_minimises_the_variance() -> None:
 
 
 @pytest.mark.parametrize(("seen", "felt", "weight"), [(0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.01, 0.0, 1.0)])
-def test_who_is_sure_needs_no_other_sense(seen: float, felt: float, weight: float) -> None:
+def test_noise_free_sense_gets_the_full_weight(seen: float, felt: float, weight: float) -> None:
     assert haptic_weight(seen, 0.0, 0.1, felt) == weight

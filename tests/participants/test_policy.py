@@ -1,4 +1,4 @@
-"""The identity of a policy in the recording: the same text and SHA-256 wherever it runs."""
+"""Identity of a policy in the recording: the same text and SHA-256 hash in every process."""
 
 import hashlib
 import json
@@ -18,28 +18,28 @@ from netboard.recording.files.reader import Recording
 PERSON = Participant(kp=2.0)
 
 
-def test_the_identity_is_the_kind_and_the_parameters_with_their_sum() -> None:
-    said = identity_of("anything", PERSON)
-    assert Participant(**json.loads(said["policy_parameters"])) == PERSON
-    assert said["policy_sha256"] == hashlib.sha256(said["policy_parameters"].encode()).hexdigest()
-    assert said["policy_sha256"] != identity_of("anything", replace(PERSON, kd=2.0))["policy_sha256"]
+def test_identity_holds_the_policy_and_its_parameters_with_their_hash() -> None:
+    identity = identity_of("anything", PERSON)
+    assert Participant(**json.loads(identity["policy_parameters"])) == PERSON
+    assert identity["policy_sha256"] == hashlib.sha256(identity["policy_parameters"].encode()).hexdigest()
+    assert identity["policy_sha256"] != identity_of("anything", replace(PERSON, kd=2.0))["policy_sha256"]
     assert identity_of("held still") == {"policy": "held still"}
 
 
-def test_live_in_the_server_and_rehearsed_it_is_the_same_policy(tmp_path: Path) -> None:
+def test_policy_identity_agrees_between_server_and_rehearsal(tmp_path: Path) -> None:
     config = Config(participant=PERSON)
     config = replace(config, block=replace(config.block, right="robot", trials=1))
     controller: Policy = Controller(PERSON, config.physics, config.task, ("left",), np.random.default_rng(1))
     robot = Robot(config, "right")
-    sheet = rehearse(Job(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
-    with Recording(Path(sheet.recording)) as recording:
-        said = recording.metadata
+    result = rehearse(Job(config, {"A": PERSON, "B": PERSON}, "0" * 32, tmp_path, begun_ns=1))
+    with Recording(Path(result.recording)) as recording:
+        metadata = recording.metadata
     assert controller.interval == DECISION_INTERVAL
-    assert controller.identity == robot.identity == {name: said[f"A_{name}"] for name in robot.identity}
-    assert json.loads(said["A_policy_parameters"]) == asdict(PERSON)
+    assert controller.identity == robot.identity == {name: metadata[f"A_{name}"] for name in robot.identity}
+    assert json.loads(metadata["A_policy_parameters"]) == asdict(PERSON)
 
 
-def test_a_hand_that_is_held_still_has_no_parameters() -> None:
+def test_policy_of_a_still_hand_has_no_parameters() -> None:
     config = Config()
     assert Robot(replace(config, block=replace(config.block, right="still")), "right").identity == {
         "policy": "held still"

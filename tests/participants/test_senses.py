@@ -1,4 +1,4 @@
-"""Perception: no input younger than the delay, and noise with its deviation and correlation time."""
+"""Perception: no input newer than the delay, and noise with a set deviation and correlation time."""
 
 from math import isnan, nan
 
@@ -25,7 +25,7 @@ def glimpse(time: float, p: float | None = 0.0, phase: str = "running") -> NDArr
     return shown
 
 
-def watching(positions: list[tuple[float, float | None]], phase: str = "running") -> NDArray[np.void]:
+def senses_after(positions: list[tuple[float, float | None]], phase: str = "running") -> NDArray[np.void]:
     senses = np.zeros(1, SENSES)
     for time, p in positions:
         store(senses[0], time, glimpse(time, p, phase)[0], nan)
@@ -37,31 +37,31 @@ def seen_at(senses: NDArray[np.void], until: float) -> np.void | None:
     return percept[0] if perceive(senses[0], until, percept[0]) else None
 
 
-def test_nothing_is_seen_before_it_was_shown() -> None:
-    senses = watching([(0.0, 0.1)])
+def test_view_is_not_perceived_before_it_is_shown() -> None:
+    senses = senses_after([(0.0, 0.1)])
     assert seen_at(senses, -1e-6) is None
     seen = seen_at(senses, 1e-6)
     assert seen is not None
     assert seen["p"] == 0.1
     assert seen["left"] == 0.0
-    assert isnan(seen["right"]), "it is hidden"
+    assert isnan(seen["right"]), "the partner's stylus is hidden"
 
 
-def test_what_is_seen_is_the_newest_that_is_old_enough() -> None:
-    senses = watching([(0.01 * k, 0.001 * k) for k in range(60)])
+def test_newest_view_older_than_the_delay_is_perceived() -> None:
+    senses = senses_after([(0.01 * k, 0.001 * k) for k in range(60)])
     seen = seen_at(senses, 0.415)
     assert seen is not None
     assert seen["time"] == pytest.approx(0.41)
 
 
-def test_the_velocity_of_a_steady_ball_is_right() -> None:
-    seen = seen_at(watching([(k / 120, 0.2 * k / 120) for k in range(60)]), 0.4)
+def test_velocity_of_a_ball_at_constant_speed_is_estimated_exactly() -> None:
+    seen = seen_at(senses_after([(k / 120, 0.2 * k / 120) for k in range(60)]), 0.4)
     assert seen is not None
     assert seen["v"] == pytest.approx(0.2, rel=1e-9)
 
 
-def test_a_fixed_ball_has_no_velocity_and_its_jump_is_not_taken_for_one() -> None:
-    senses = watching([(0.00, 0.1), (0.01, 0.2)], phase="levelling")
+def test_fixed_ball_has_zero_velocity_despite_a_position_jump() -> None:
+    senses = senses_after([(0.00, 0.1), (0.01, 0.2)], phase="levelling")
     store(senses[0], 0.02, glimpse(0.02, 0.2)[0], nan)
     fixed, released = seen_at(senses, 0.01), seen_at(senses, 0.02)
     assert fixed is not None
@@ -69,14 +69,14 @@ def test_a_fixed_ball_has_no_velocity_and_its_jump_is_not_taken_for_one() -> Non
     assert (fixed["v"], released["v"]) == (0.0, 0.0)
 
 
-def test_a_board_without_a_ball_can_be_seen() -> None:
-    seen = seen_at(watching([(0.0, None)]), 1.0)
+def test_board_without_a_ball_is_perceived() -> None:
+    seen = seen_at(senses_after([(0.0, None)]), 1.0)
     assert seen is not None
     assert (seen["p"], seen["v"]) == (0.0, 0.0)
 
 
-def test_only_the_last_second_is_remembered_but_always_the_newest_view() -> None:
-    senses = watching([(0.01 * k, 0.0) for k in range(400)])
+def test_memory_keeps_the_last_second_and_always_the_newest_view() -> None:
+    senses = senses_after([(0.01 * k, 0.0) for k in range(400)])
     assert senses["seen_count"][0] == 101
     assert seen_at(senses, 2.98) is None
     for k in range(400, 600):
@@ -86,7 +86,7 @@ def test_only_the_last_second_is_remembered_but_always_the_newest_view() -> None
     assert seen_at(senses, 6.0) is not None
 
 
-def test_forces_are_felt_late_and_forgotten_where_none_is_rendered() -> None:
+def test_force_is_perceived_after_the_delay_and_cleared_when_none_is_rendered() -> None:
     senses, nothing = np.zeros(1, SENSES), np.zeros(1, SEEN)
     write_glimpse(None, nothing)
     store(senses[0], 0.00, nothing[0], 0.5)
@@ -99,7 +99,7 @@ def test_forces_are_felt_late_and_forgotten_where_none_is_rendered() -> None:
     assert seen_at(senses, 1.0) is None
 
 
-def test_noise_has_its_deviation_and_its_correlation_time() -> None:
+def test_noise_has_the_set_deviation_and_correlation_time() -> None:
     rng, value = np.random.default_rng(2), 0.3
     values = np.array([value := ou_step(value, 0.3, 0.2, 0.05, rng.standard_normal()) for _ in range(40_000)])
     assert values.std() == pytest.approx(0.3, rel=0.03)
@@ -107,8 +107,8 @@ def test_noise_has_its_deviation_and_its_correlation_time() -> None:
     assert after == pytest.approx(np.exp(-1.0), abs=0.03)
 
 
-def test_noise_reaches_what_is_seen() -> None:
-    senses = watching([(0.0, 0.1)])
+def test_noise_is_added_to_the_perceived_state() -> None:
+    senses = senses_after([(0.0, 0.1)])
     senses["noise_theta"], senses["noise_p"], senses["noise_v"] = 0.002, 0.003, 0.01
     seen = seen_at(senses, 1.0)
     assert seen is not None
