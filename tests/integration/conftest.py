@@ -1,15 +1,15 @@
-"""Shared fixtures of the tests with clients in another language."""
+"""Shared fixtures of the tests with JavaScript clients."""
 
 import shutil
 from pathlib import Path
 
 import pytest
-from foreign_clients import fetched
+from foreign_clients import install_clients
 
 
 @pytest.fixture(scope="session")
-def clients() -> Path:
-    """Folder with the clients in JavaScript."""
+def javascript_clients() -> Path:
+    """Folder with the JavaScript clients and their packages."""
     if shutil.which("node") is None or shutil.which("npm") is None:
-        pytest.skip("the clients in JavaScript need node and npm (on Debian or Ubuntu: apt-get install nodejs npm)")
-    return fetched()
+        pytest.skip("the JavaScript clients need node and npm (on Debian or Ubuntu: apt-get install nodejs npm)")
+    return install_clients()

@@ -9,14 +9,14 @@ SOURCE = Path(__file__).parent / "foreign"
 
 
 def run(command: list[str], folder: Path) -> str:
-    """What a command says that succeeds."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=180, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """Run a command that must succeed, and return its output."""
+    completed = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=180, check=False)
+    assert completed.returncode == 0, completed.stderr
+    return completed.stdout
 
 
-def fetched() -> Path:
-    """Folder with the clients and the packages they need; these are fetched when the lock file has changed."""
+def install_clients() -> Path:
+    """Folder with the clients and their packages, which are installed when the lock file has changed."""
     folder = ROOT / "build" / "foreign"
     lock, mark = SOURCE / "package-lock.json", folder / "fetched.json"
     shutil.copytree(SOURCE, folder, dirs_exist_ok=True)

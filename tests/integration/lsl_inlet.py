@@ -1,6 +1,6 @@
-"""A recorder of Lab Streaming Layer streams as a process, which ends after a number of markers.
+"""Process that records Lab Streaming Layer streams and ends after a number of markers.
 
-Usage: lsl_inlet.py NAME FILE MARKER TIMES SECONDS; writes samples, stamps and the streams' own words to FILE.
+Usage: lsl_inlet.py NAME FILE MARKER TIMES SECONDS; writes samples, time stamps and stream metadata to FILE.
 """
 
 import sys
@@ -10,11 +10,11 @@ import numpy as np
 import pylsl
 
 STREAMS = ("ticks", "markers", "events")
-AT_ONCE = 1000
+CHUNK_SIZE = 1000
 
 
 def main(name: str, file: str, last: str, times: int, seconds: float) -> int:
-    """Record."""
+    """Record the streams."""
     until = time.monotonic() + seconds
     inlets = {}
     for stream in STREAMS:
@@ -32,7 +32,7 @@ def main(name: str, file: str, last: str, times: int, seconds: float) -> int:
     ended, newest = False, time.monotonic()
     while time.monotonic() < until and not (ended and time.monotonic() - newest > 1.0):
         for stream, inlet in inlets.items():
-            samples, when = inlet.pull_chunk(0.0, AT_ONCE)
+            samples, when = inlet.pull_chunk(0.0, CHUNK_SIZE)
             values[stream] += samples
             stamps[stream] += when
             newest = time.monotonic() if samples else newest

@@ -1,6 +1,6 @@
 """Real processes with wrong, fast, slow and stepped clocks, and an asymmetric link.
 
-All run on one machine, so that the truth is known: its own clock, and how the others differ from it.
+All processes run on one machine, so that the true offset of each clock is known.
 """
 
 import signal
@@ -26,11 +26,11 @@ pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pyte
 PACE = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=50")
 STEP_NS = 40_000_000
 SETTLED_NS = 2_500_000_000
-"""A step that could hide in the delay is forgotten after so long, and a new estimate recorded [ns]."""
+"""Time until a step has left the window of the estimator and a new estimate is recorded [ns]."""
 
 
-def skewed(folder: Path, clocks: dict[Side, SkewedClock], port: int) -> dict[str, Way]:
-    """Ways of agents that run under these clocks."""
+def skewed_agents(folder: Path, clocks: dict[Side, SkewedClock], port: int) -> dict[str, Way]:
+    """How to start agents that run with these clocks."""
     script = str(Path(__file__).with_name("skewed.py"))
     return {
         f"{side} agent": Way(
@@ -45,19 +45,19 @@ def skewed(folder: Path, clocks: dict[Side, SkewedClock], port: int) -> dict[str
     }
 
 
-def clocks_in(path: Path, peer: str) -> list[ClockRecord]:
+def clock_records(path: Path, peer: str) -> list[ClockRecord]:
     with Recording(path) as recording:
         return [clock for clock in recording.clocks() if clock.peer == peer]
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> None:
+def test_offset_and_drift_of_skewed_clocks_lie_within_their_bounds(tmp_path: Path) -> None:
     since_ns, port = now_ns(), free_port()
     clocks: dict[Side, SkewedClock] = {
         "left": SkewedClock(-7_000_000_000, 50.0, since_ns),
         "right": SkewedClock(10**15, -45.0, since_ns),
     }
-    with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=skewed(tmp_path, clocks, port)) as rig:
+    with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=skewed_agents(tmp_path, clocks, port)) as rig:
         rig.start_all()
         running = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > running.tick + 2500)
@@ -70,32 +70,32 @@ def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> N
         (path,) = rig.finish()
     before_ns, after_ns = map(int, (tmp_path / "right.steps").read_text().split())
     for side, clock in clocks.items():
-        found = clocks_in(path, f"agent.{side}")
+        found = clock_records(path, f"agent.{side}")
         for record in found:
             stepped_by = STEP_NS if side == "right" and record.t3_ns > after_ns else 0
-            known = side == "left" or not before_ns <= record.t3_ns <= after_ns + SETTLED_NS
+            settled = side == "left" or not before_ns <= record.t3_ns <= after_ns + SETTLED_NS
             truth = clock.offset(record.t3_ns) + stepped_by
-            assert not known or abs(record.offset_ns - truth) <= record.bound_ns, record
+            assert not settled or abs(record.offset_ns - truth) <= record.bound_ns, record
         assert len(found) >= 8
         assert abs(found[-1].offset_ns - clock.offset(found[-1].t3_ns) - (STEP_NS if side == "right" else 0)) < 10**6
         drifts = np.array([record.drift_ppm for record in found])
-        told = drifts[np.isfinite(drifts)]
-        assert np.all(np.abs(told - clock.ppm) <= 10.0)  # which is what "known" means
-    for record in clocks_in(path, "logger"):
+        finite_drifts = drifts[np.isfinite(drifts)]
+        assert np.all(np.abs(finite_drifts - clock.ppm) <= 10.0)  # a drift is reported only once it is known this well
+    for record in clock_records(path, "logger"):
         assert abs(record.offset_ns) <= record.bound_ns
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_a_device_whose_clock_is_not_known_well_enough_is_not_armed(tmp_path: Path) -> None:
+def test_device_is_not_armed_while_its_clock_bound_is_too_wide(tmp_path: Path) -> None:
     port = free_port()
     with between(("127.0.0.1", port)) as relay:
         relay.weather(up=Weather(delay=0.005))
         ways = {"left agent": Way("127.0.0.1", relay.port)}
         with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=ways) as rig:
             rig.start_all()
-            told = rig.until(lambda s: any("the left agent's clock" in lack for lack in s.waiting_for))
-            assert "to 0.5 ms" in " ".join(told.waiting_for)
-            waited = rig.until(lambda s: s.tick > told.tick + 3000)
+            blocked = rig.until(lambda s: any("the left agent's clock" in lack for lack in s.waiting_for))
+            assert "to 0.5 ms" in " ".join(blocked.waiting_for)
+            waited = rig.until(lambda s: s.tick > blocked.tick + 3000)
             assert any("the left agent's clock" in lack for lack in waited.waiting_for)
             assert waited.phase == "idle"
             (bound,) = [link[5] for link in waited.links if link[0] == "agent.left"]
@@ -108,6 +108,6 @@ def test_a_device_whose_clock_is_not_known_well_enough_is_not_armed(tmp_path: Pa
     armed = ticks["left_safeguards"] & Safeguard.ARMED != 0
     assert not armed[ticks["tick"] <= waited.tick].any()
     assert armed.any()
-    found = clocks_in(path, "agent.left")
+    found = clock_records(path, "agent.left")
     assert all(abs(record.offset_ns) <= record.bound_ns for record in found)
     assert max(record.bound_ns for record in found) > 2_500_000

@@ -1,4 +1,4 @@
-"""The lossless log of a real session whose disk fails, or whose logger is absent for long."""
+"""Lossless recording of a real session whose disk fails or whose logger is absent for a long time."""
 
 import os
 import shutil
@@ -15,7 +15,7 @@ from netboard.recording.recovery.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
-AT_ONCE = (
+QUICK_TRIALS = (
     "task.level_time=0.05",
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
@@ -23,22 +23,22 @@ AT_ONCE = (
     "network.log_ring_s=1",
     "network.sample_timeout_ms=1000",
 )
-"""A ball that is released at once, a ring that is soon too short, and no pause because this machine is slow."""
+"""The ball is released at once, the ring buffer soon overflows, and a slow machine does not pause the trial."""
 
 FREE_BYTES = 230_000_000
-SOMEBODY_BYTES = 40_000_000
-"""Together with this, less is free than a recording needs."""
+FILLER_BYTES = 40_000_000
+"""Size of a file that leaves less free space than a recording needs."""
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    with Rig(tmp_path, AT_ONCE) as rig:
+    with Rig(tmp_path, QUICK_TRIALS) as rig:
         yield rig
 
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """The folder of the recordings, on a file system of its own that is small."""
+    """The folder of the recordings, on a small file system of its own."""
     folder = tmp_path / "recordings"
     folder.mkdir()
     mount = shutil.which("mount")
@@ -53,8 +53,8 @@ def disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", folder], check=True)
 
 
-def check_whole(account: Account) -> None:
-    """Every tick is there up to the end, every pause has its cause, and nothing else is missing."""
+def check_complete(account: Account) -> None:
+    """Check that every tick up to the end is present and every pause has its cause."""
     assert account.sound, account
     assert (account.lost, account.lost_records) == ((), ()), account
     assert len(account.present) == 1
@@ -63,16 +63,16 @@ def check_whole(account: Account) -> None:
 
 
 def recorded(status: Status) -> bool:
-    """Whether a trial is on and the logger has told of a file on its disk: before, it has not made its folder."""
+    """Whether a trial runs and the logger has reported a file on its disk, so that its folder exists."""
     return status.phase == "running" and any(size > 0 for _, _, size, _ in status.recordings)
 
 
 @pytest.mark.daily(1, of="longest")
-def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_nothing(rig: Rig, disk: Path) -> None:
+def test_full_disk_ends_the_recording_and_pauses_the_trial_without_data_loss(rig: Rig, disk: Path) -> None:
     rig.start_all()
     rig.until(recorded)
-    with (disk / "somebody").open("wb") as file:
-        file.write(bytes(SOMEBODY_BYTES))
+    with (disk / "filler").open("wb") as file:
+        file.write(bytes(FILLER_BYTES))
     assert rig.wait("logger") == 1
     assert "free: the recording had to end" in rig.said("logger")
     paused = rig.until(lambda s: s.phase == "paused")
@@ -84,7 +84,7 @@ def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_noth
     first = rig.finish()
     assert not list(disk.glob("*.part"))
     account = account_of([*first, *elsewhere.glob("*.mcap")])
-    check_whole(account)
+    check_complete(account)
     assert account.complete
     assert account.pauses
     (left, *_) = [event for event in account.events if event.name == "logger_left"]
@@ -92,7 +92,7 @@ def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_noth
 
 
 @pytest.mark.daily(1, of="longest")
-def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig) -> None:
+def test_deleted_folder_ends_the_recording_without_data_loss(rig: Rig) -> None:
     rig.start_all()
     rig.until(recorded)
     shutil.rmtree(rig.folder / "recordings")
@@ -102,12 +102,12 @@ def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig)
     rig.start("logger", "logger", "--once")
     rig.until(lambda s: s.phase == "running")
     account = account_of(rig.finish())
-    check_whole(account)
+    check_complete(account)
     assert len(account.parts) == 2
 
 
 @pytest.mark.daily(1, of="longest")
-def test_what_is_made_while_no_logger_is_there_is_spilled_and_not_lost(rig: Rig) -> None:
+def test_records_without_a_logger_are_spilled_and_recovered(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
     rig.kill("logger")
@@ -124,5 +124,5 @@ def test_what_is_made_while_no_logger_is_there_is_spilled_and_not_lost(rig: Rig)
     assert len(unfinished) == 2
     reports = (report for path in (*unfinished, spill) for report in recover_any(path))
     account = account_of([report.output for report in reports])
-    check_whole(account)
+    check_complete(account)
     assert account.present[0].last >= last.tick > status.tick + 2000

@@ -1,7 +1,7 @@
-"""The short form of the fault benchmark: some cases on real processes, with all their checks.
+"""The quick form of the fault benchmark: some cases on real processes, with all their checks.
 
-Cases that do not need a site of their own are played in one, one after the other, with the agents' lines through
-relays: so few processes are started.
+Cases that do not need their own set-up run one after the other in a shared one, with the agents connected through
+relays, so that few processes are started.
 """
 
 from dataclasses import replace
@@ -22,13 +22,13 @@ WITH_RELAYS = (
     *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "device-gone", "logger-killed"),
     "emergency-stop",
 )
-BY_THEMSELVES = ("server-stopped-1s", "server-killed", "directory-removed")
-RELAYED_DAILY, BY_THEMSELVES_DAILY = 4, 1
-"""Cases that are played in a day [1]."""
+STANDALONE = ("server-stopped-1s", "server-killed", "directory-removed")
+RELAYED_DAILY, STANDALONE_DAILY = 4, 1
+"""Number of cases that run per day [1]."""
 
 
-def all_hold(cases: list[Case], folder: Path) -> None:
-    """Play cases once, and show what does not hold."""
+def check_cases(cases: list[Case], folder: Path) -> None:
+    """Run cases once, and fail with the checks that do not hold."""
     outcomes = list(play_all(cases, folder / "played", True, lambda _: None))
     assert [outcome.refusal for outcome in outcomes] == [""] * len(cases)
     failed = {
@@ -39,10 +39,10 @@ def all_hold(cases: list[Case], folder: Path) -> None:
     assert failed == {}
 
 
-def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
+def test_faults_of_links_agents_peers_and_devices_are_handled(tmp_path: Path) -> None:
     names = daily.some("faults", WITH_RELAYS, RELAYED_DAILY)
-    all_hold([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
+    check_cases([replace(case, setup=RELAYED) for case in choose(names, quick=True)], tmp_path)
 
 
-def test_a_server_that_stands_still_or_is_killed_and_a_recording_that_is_deleted(tmp_path: Path) -> None:
-    all_hold(choose(daily.some("faults by themselves", BY_THEMSELVES, BY_THEMSELVES_DAILY), quick=True), tmp_path)
+def test_stopped_or_killed_server_and_deleted_recording_are_handled(tmp_path: Path) -> None:
+    check_cases(choose(daily.some("faults by themselves", STANDALONE, STANDALONE_DAILY), quick=True), tmp_path)

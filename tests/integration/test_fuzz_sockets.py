@@ -29,8 +29,8 @@ def failed_claims(parts: list[Part]) -> list[str]:
 def test_malformed_messages_do_not_disturb_a_server_in_a_trial(tmp_path: Path) -> None:
     parts = list(server_parts(tmp_path / "server", MESSAGES, ignore_progress, quiet=0.5))
     assert failed_claims(parts) == []
-    said = (tmp_path / "server" / "server.log").read_text(encoding="utf-8")
-    assert all(line.isprintable() for line in said.splitlines())  # although some peer names are not printable
+    log = (tmp_path / "server" / "server.log").read_text(encoding="utf-8")
+    assert all(line.isprintable() for line in log.splitlines())  # although some peer names are not printable
     sent = {row[0]: row[1] for row in parts[0].rows}
     assert set(sent) == {"motion", "log", "control", "view.left", "view.right"}
     assert all(int(number) >= MESSAGES - 5 for number in sent.values())

@@ -1,4 +1,4 @@
-"""The short form of the loop benchmarks: real processes, measured, with tables and files."""
+"""The quick form of the loop benchmarks on real processes, with tables and files."""
 
 import json
 from importlib.util import find_spec
@@ -18,7 +18,7 @@ def parts_of(file: Path) -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> None:
+def test_loop_benchmark_measures_the_loop_and_its_baselines(tmp_path: Path) -> None:
     folder, file = tmp_path / "found", tmp_path / "found.json"
     assert loop(Setting(quick=True), 1.0, (), folder, file, skips=False, force=False) == 0
     assert file.read_text() == (folder / "results.json").read_text()
@@ -40,7 +40,7 @@ def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> Non
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
+def test_lightweight_peers_run_a_trial_on_a_real_server(tmp_path: Path) -> None:
     with Crowd(tmp_path) as crowd:
         served = crowd.serve(Setting().config, 1, Company(displays=True), 1.0)
     assert {name for name, count in served.counts.items() if count > 0} >= {"forces", "views", "records", "batches"}
@@ -50,7 +50,7 @@ def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_a_soak_loses_nothing(tmp_path: Path) -> None:
+def test_soak_benchmark_loses_no_records(tmp_path: Path) -> None:
     folder = tmp_path / "soaked"
     assert soak(Setting(), 0.05, 1, folder, None, force=False) == 0
     parts = parts_of(folder / "results.json")

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from test_closed import rig_with_keys
+from test_authentication import rig_with_keys
 
 from netboard.benchmarks.faults.rigs import Rig
 from netboard.network.protocol.records import kind_of_peer
@@ -17,24 +17,24 @@ from netboard.recording.recovery.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
-AT_ONCE = (
+QUICK_TRIALS = (
     "task.level_time=0.05",
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
     "block.trials=50",
     "network.sample_timeout_ms=1000",
 )
-"""A ball that is released at once, and no pause because this machine is slow."""
+"""The ball is released at once, and a slow machine does not pause the trial."""
 
 
 @pytest.fixture
 def open_rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
     with ExitStack() as stack:
-        yield lambda *settings: stack.enter_context(Rig(tmp_path, (*AT_ONCE, *settings)))
+        yield lambda *settings: stack.enter_context(Rig(tmp_path, (*QUICK_TRIALS, *settings)))
 
 
 def damage_in(rig: Rig) -> dict[str, list[str]]:
-    """What is called damaged in each recording of a rig, those that were cut short being recovered first."""
+    """The damage found in each recording of a rig, after recovery of interrupted recordings."""
     folder = Path(rig.config.recording.directory)
     for part in folder.glob("*.part"):
         recover_any(part)
@@ -44,7 +44,7 @@ def damage_in(rig: Rig) -> dict[str, list[str]]:
 
 
 def peers_of(paths: Sequence[Path]) -> set[str]:
-    """Names of the connections of which probes were recorded."""
+    """Names of the connections with recorded clock probes."""
     peers: set[str] = set()
     for path in paths:
         with Recording(path) as recording:
@@ -52,40 +52,40 @@ def peers_of(paths: Sequence[Path]) -> set[str]:
     return peers
 
 
-def run_on(rig: Rig, ticks: int) -> None:
-    """Let so many ticks go by, and a trial be on after them."""
+def advance(rig: Rig, ticks: int) -> None:
+    """Wait for a number of ticks in which a trial runs at the start and the end."""
     now = rig.until(lambda status: status.phase == "running").tick
     rig.until(lambda status: status.tick > now + ticks and status.phase == "running")
 
 
-def insist(rig: Rig, command: str) -> None:
-    """Give a command until it is accepted: just then a trial may have been paused, or over."""
+def command_until_accepted(rig: Rig, command: str) -> None:
+    """Repeat a command until it is accepted, because the trial may just be paused or over."""
     rig.until(lambda status: rig.operator.do(command).accepted)
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_everybody_twice_and_again(open_rig: Callable[..., Rig]) -> None:
+def test_duplicate_and_reconnecting_peers_leave_undamaged_recordings(open_rig: Callable[..., Rig]) -> None:
     rig = open_rig()
     rig.start_all(displays=True)
     rig.start("second left display", "display", "--station", "left")
     rig.start("second console", "console", "--offscreen")
     both = ["console", "console", "display.left", "display.left", "display.right"]
     rig.until(lambda status: sorted(link[0] for link in status.links if link[0][:3] in {"con", "dis"}) == both)
-    run_on(rig, 4000)
+    advance(rig, 4000)
     rig.stop("right display", signal.SIGTERM)
     rig.start("right display", "display", "--station", "right")
-    insist(rig, "pause")
-    insist(rig, "resume")
-    run_on(rig, 2000)
-    insist(rig, "abort")
+    command_until_accepted(rig, "pause")
+    command_until_accepted(rig, "resume")
+    advance(rig, 2000)
+    command_until_accepted(rig, "abort")
     rig.kill("left agent")
     rig.until(lambda status: status.phase == "paused")
     rig.start_agent("left")
-    run_on(rig, 2000)
+    advance(rig, 2000)
     rig.kill("logger")
     rig.start("logger", "logger", "--once")
     rig.until(lambda status: any("part2" in file and size > 0 for file, _, size, _ in status.recordings))
-    run_on(rig, 2000)
+    advance(rig, 2000)
     rig.finish()
     damage = damage_in(rig)
     assert len(damage) == 2
@@ -95,31 +95,33 @@ def test_everybody_twice_and_again(open_rig: Callable[..., Rig]) -> None:
     assert {kind_of_peer(peer) for peer in peers} >= {"agent.right", "console"}
 
 
-OTHERS = {
+CONFIGURATIONS = {
     "forces computed at both ends": ("physics.coupling_at=both",),
     "a simulated partner": ("block.right=robot",),
     "one hand": ("block.right=still", "block.force=none"),
 }
 
 
-@pytest.mark.parametrize("settings", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("settings", CONFIGURATIONS.values(), ids=CONFIGURATIONS)
 @pytest.mark.daily(1, of="whole sessions")
-def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings: tuple[str, ...]) -> None:
+def test_other_configurations_stopped_in_a_trial_leave_undamaged_recordings(
+    open_rig: Callable[..., Rig], settings: tuple[str, ...]
+) -> None:
     rig = open_rig(*settings)
     rig.start_all()
     rig.until(lambda status: status.phase == "running")
-    run_on(rig, 1000)
+    advance(rig, 1000)
     rig.finish()
     damage = damage_in(rig)
     assert all(not found for found in damage.values()), damage
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_with_keys(tmp_path: Path) -> None:
+def test_session_with_keys_leaves_undamaged_recordings(tmp_path: Path) -> None:
     with rig_with_keys(tmp_path) as rig:
         rig.start_all(displays=True)
         rig.until(lambda status: status.phase == "running")
-        run_on(rig, 2000)
+        advance(rig, 2000)
         rig.finish()
         damage = damage_in(rig)
         assert all(not found for found in damage.values()), damage

@@ -1,4 +1,4 @@
-"""Real processes on real sockets: a session from start to verified recording, and its faults."""
+"""Real processes on real sockets: a session from start to verified recording, and faults in it."""
 
 import json
 import signal
@@ -22,13 +22,13 @@ from netboard.task.trials.state_machine import Cause, Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
-SOON_LEVEL = (
+QUICK_TRIALS = (
     "task.level_time=0.05",
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
     "network.sample_timeout_ms=1000",
 )
-"""A ball that is released almost at once, for tests that need a running trial, and no pause by a slow machine."""
+"""The ball is released almost at once, and a slow machine does not pause the trial."""
 
 
 @pytest.fixture
@@ -38,12 +38,12 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def rig(folder: Path) -> Iterator[Rig]:
-    with Rig(folder, (*SOON_LEVEL, "block.trials=50")) as rig:
+    with Rig(folder, (*QUICK_TRIALS, "block.trials=50")) as rig:
         yield rig
 
 
 def verified(path: Path) -> np.ndarray:
-    """Ticks of a recording that verifies to the bit."""
+    """Ticks of a recording that a replay reproduces bit by bit."""
     with Recording(path) as recording:
         ticks = recording.ticks()
         verdict = verify_recording(recording)
@@ -51,7 +51,7 @@ def verified(path: Path) -> np.ndarray:
     return ticks
 
 
-def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
+def test_session_is_recorded_completely_and_verifies(rig: Rig) -> None:
     rig.start_all(displays=True)
     rig.until(lambda s: s.phase == "running")
     status = rig.until(lambda s: {"display.left", "display.right", "logger"} <= set(s.peers) and s.tick > 4000)
@@ -79,7 +79,7 @@ def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
 
 
 @pytest.mark.daily(3, of="processes")
-def test_clocks_of_processes_on_one_machine_agree_within_their_bound(rig: Rig) -> None:
+def test_clocks_of_processes_on_one_machine_agree_within_their_bounds(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.tick > 5000 and s.phase != "idle")
     (path,) = rig.finish()
@@ -90,7 +90,7 @@ def test_clocks_of_processes_on_one_machine_agree_within_their_bound(rig: Rig) -
 
 
 @pytest.mark.daily(3, of="processes")
-def test_services_start_in_any_order_and_say_whom_they_wait_for(rig: Rig) -> None:
+def test_services_start_in_any_order_and_report_what_they_wait_for(rig: Rig) -> None:
     rig.start("right agent", "agent", "--side", "right")
     rig.start("server", "server")
     status = rig.until(lambda s: "the left agent" in s.waiting_for and "agent.right" in s.peers)
@@ -106,7 +106,7 @@ def test_services_start_in_any_order_and_say_whom_they_wait_for(rig: Rig) -> Non
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_killed_agent_pauses_the_trial_and_a_new_one_goes_on_with_it(rig: Rig) -> None:
+def test_killed_agent_pauses_the_trial_and_a_new_agent_resumes_it(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
     rig.kill("left agent")
@@ -125,7 +125,7 @@ def test_a_killed_agent_pauses_the_trial_and_a_new_one_goes_on_with_it(rig: Rig)
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
+def test_killed_logger_loses_no_ticks_buffered_by_the_server(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
     rig.kill("logger")
@@ -145,8 +145,8 @@ def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
 
 
 @pytest.mark.daily(3, of="processes")
-def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
-    with Rig(folder, (*SOON_LEVEL, "block.trials=50", "block.force=none")) as rig:
+def test_block_without_haptics_renders_no_force(folder: Path) -> None:
+    with Rig(folder, (*QUICK_TRIALS, "block.trials=50", "block.force=none")) as rig:
         rig.start_all()
         running = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > running.tick + 500)
@@ -160,7 +160,7 @@ def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.daily(1)
-def test_every_service_alone_waits_and_stops_cleanly(rig: Rig, number: signal.Signals) -> None:
+def test_services_stop_cleanly_while_waiting_for_peers(rig: Rig, number: signal.Signals) -> None:
     rig.start("logger", "logger")
     rig.start("left agent", "agent", "--side", "left")
     rig.start("left display", "display", "--station", "left")
@@ -174,7 +174,7 @@ def test_every_service_alone_waits_and_stops_cleanly(rig: Rig, number: signal.Si
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
+def test_second_server_on_the_same_ports_exits_with_an_error(rig: Rig) -> None:
     rig.start("server", "server")
     rig.until(lambda s: True)
     second = rig.start("second server", "server")
@@ -183,12 +183,12 @@ def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> None:
+def test_suspended_agent_pauses_the_trial_and_continues_by_itself(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
     rig.send_signal("left agent", signal.SIGSTOP)
     rig.until(lambda s: s.phase == "paused")
-    time.sleep(6)  # as long as would abort it with ZeroMQ's heartbeats on
+    time.sleep(6)  # long enough for ZeroMQ's heartbeats to drop the connection, if they were enabled
     rig.send_signal("left agent", signal.SIGCONT)
     rig.until(lambda s: s.phase == "running")
     (path,) = rig.finish()
@@ -198,7 +198,7 @@ def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> 
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> None:
+def test_suspended_server_records_the_stall_and_aborts_the_attempt(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
     rig.send_signal("server", signal.SIGSTOP)
@@ -214,7 +214,7 @@ def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> Non
 
 
 @pytest.mark.daily(3, of="processes")
-def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> None:
+def test_server_waits_at_the_end_for_a_suspended_logger(rig: Rig) -> None:
     rig.start_all()
     status = rig.until(lambda s: s.phase == "running")
     rig.send_signal("logger", signal.SIGSTOP)
@@ -230,7 +230,7 @@ def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> N
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Rig) -> None:
+def test_server_without_its_logger_reports_unsaved_records_and_fails(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase == "running")
     rig.kill("logger")
@@ -239,33 +239,35 @@ def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Ri
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
+def test_flood_of_invalid_messages_does_not_delay_the_ticks(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
     where = channels.addresses(rig.config.network)
     flood = sockets.motion_agent(rig.context, where.reach(channels.MOTION), "flood")
     began = time.monotonic()
     while rig.until(lambda s: True).tick <= before.tick + 1000:
-        spell = time.monotonic() + 0.1
-        while time.monotonic() < spell:
+        burst_end = time.monotonic() + 0.1
+        while time.monotonic() < burst_end:
             sockets.send(flood, b"nonsense")
     flood.close()
     rig.until(lambda s: s.phase == "running")
     (path,) = rig.finish()
-    seconds = time.monotonic() - began  # the server may still have been reading nonsense after the flood ended
+    seconds = time.monotonic() - began  # the server may still read invalid messages after the flood
     verified(path)
     with Recording(path) as recording:
         refused = [event for event in recording.events() if event.name == "refused"]
     kinds = {(event.details["peer"], event.details["reason"]) for event in refused}
-    assert 1 <= len(refused) <= len(kinds) * (seconds + 2), "each kind is told at most once a second, and at the end"
+    assert 1 <= len(refused) <= len(kinds) * (seconds + 2), (
+        "each kind is recorded at most once a second, and at the end"
+    )
     assert all(event.details["channel"] == "motion" for event in refused)
 
 
 @pytest.mark.daily(3, of="processes")
-def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_other(folder: Path) -> None:
+def test_fault_of_one_dyad_does_not_affect_another_on_the_same_server(folder: Path) -> None:
     (folder / "a").mkdir()
     (folder / "b").mkdir()
-    settings = (*SOON_LEVEL, "block.trials=50", "realtime.scheduling=false")
+    settings = (*QUICK_TRIALS, "block.trials=50", "realtime.scheduling=false")
     with Rig(folder / "a", settings) as one, Rig(folder / "b", settings) as other:
         one.start("server", "server", "-c", str(other.file))
         for rig in (one, other):
@@ -275,10 +277,10 @@ def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_oth
             rig.until(lambda s: s.phase == "running")
         one.kill("left agent")
         assert "left agent" in one.until(lambda s: s.phase == "paused").notice
-        there = other.until(lambda s: s.phase in ("running", "levelling"))
+        status = other.until(lambda s: s.phase in ("running", "levelling"))
         one.start_agent("left")
         one.until(lambda s: s.phase == "running")
-        other.until(lambda s: s.tick > there.tick + 500)
+        other.until(lambda s: s.tick > status.tick + 500)
         one.operator.command("end")
         assert one.wait("logger") == 0, one.said("logger")
         after = other.until(lambda s: True)
@@ -295,7 +297,7 @@ def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_oth
 
 
 @pytest.mark.daily(3, of="processes")
-def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None:
+def test_idle_server_keeps_every_tick_of_one_millisecond(folder: Path) -> None:
     with Rig(folder, ("network.require_logger=false",)) as rig:
         rig.start("server", "server")
         first = rig.until(lambda s: s.tick > 500)
@@ -310,9 +312,9 @@ def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None
 
 
 @pytest.mark.daily(3, of="processes")
-def test_a_coupling_computed_in_both_is_felt_recorded_and_verified(folder: Path) -> None:
-    far = ("block.trials=50", "physics.coupling_at=both", "safety.passivity=true")
-    with Rig(folder, (*SOON_LEVEL, *far)) as rig:
+def test_coupling_computed_at_both_ends_is_rendered_and_verifies(folder: Path) -> None:
+    settings = ("block.trials=50", "physics.coupling_at=both", "safety.passivity=true")
+    with Rig(folder, (*QUICK_TRIALS, *settings)) as rig:
         rig.start_all()
         status = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > status.tick + 1500)
@@ -321,22 +323,22 @@ def test_a_coupling_computed_in_both_is_felt_recorded_and_verified(folder: Path)
     with Recording(path) as recording:
         (limit,) = {event.details["limit"] for event in recording.events() if event.name == "delay_limit"}
     assert limit.endswith(" ms")
-    felt = ticks[(ticks["phase"] == Phase.RUNNING) & ((ticks["left_safeguards"] & Safeguard.ARMED.value) != 0)]
+    armed = ticks[(ticks["phase"] == Phase.RUNNING) & ((ticks["left_safeguards"] & Safeguard.ARMED.value) != 0)]
     for side in ("left", "right"):
-        late = felt[f"{side}_rendered"][20:] - felt[f"{side}_force"][:-20]
-        assert np.nan_to_num(felt[f"{side}_rendered"]).any()
-        assert np.nanmedian(np.abs(late)) < 0.1  # both computed the same spring, each from what it knew
+        late = armed[f"{side}_rendered"][20:] - armed[f"{side}_force"][:-20]
+        assert np.nan_to_num(armed[f"{side}_rendered"]).any()
+        assert np.nanmedian(np.abs(late)) < 0.1  # both ends compute the same spring from their own data
 
 
 def shell(rig: Rig, *words: str) -> str:
-    """What a command of an operator says; an error if it fails."""
+    """Run an operator's command, and return its output, or an error text if it fails."""
     command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(rig.folder / "rig.toml")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.stdout if done.returncode == 0 else f"error {done.returncode}: {done.stderr}"
 
 
 @pytest.mark.daily(3, of="processes")
-def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -> None:
+def test_operator_pauses_and_emergency_stops_a_session_from_a_shell(rig: Rig) -> None:
     rig.start_all()
     rig.until(lambda s: s.phase in ("levelling", "running"))
     assert json.loads(shell(rig, "control", "pause", "--json"))["status"]["phase"] == "paused"
@@ -357,8 +359,8 @@ def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -
         armed = (stopped[f"{side}_safeguards"] & Safeguard.ARMED.value) != 0
         seqs = stopped[f"{side}_seq"]
         disarmed = seqs[np.argmin(armed)]
-        assert disarmed <= seqs[0] + 250, "in the agent's own time it is heard of at once"
-        held = stopped[seqs > disarmed + 30]  # the force has faded
-        assert len(held) > 100
-        assert not np.nan_to_num(held[f"{side}_rendered"]).any()
-        assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()
+        assert disarmed <= seqs[0] + 250, "the agent disarms within 250 of its own samples"
+        faded = stopped[seqs > disarmed + 30]  # the force has faded
+        assert len(faded) > 100
+        assert not np.nan_to_num(faded[f"{side}_rendered"]).any()
+        assert not (faded[f"{side}_safeguards"] & Safeguard.ARMED.value).any()

@@ -1,4 +1,4 @@
-"""A recorded session is replayed to real displays, consoles and clients as if live."""
+"""A replay server sends a recorded session to real displays, consoles and clients as if it were live."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from netboard.stage.view import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
-SOON_LEVEL = (
+QUICK_TRIALS = (
     "task.level_time=0.05",
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
@@ -31,21 +31,21 @@ SOON_LEVEL = (
 )
 
 
-Seen = dict[Side, list[View]]
-"""The views that each station was sent."""
+SentViews = dict[Side, list[View]]
+"""The views sent to each station."""
 
 
-def anything(seen: Seen) -> bool:
+def any_views(seen: SentViews) -> bool:
     return all(seen.values())
 
 
-def enough(seen: Seen) -> bool:
-    """Whether what was seen is worth comparing: a second of views, and some of a ball that rolls."""
+def enough_views(seen: SentViews) -> bool:
+    """Whether there are enough views to compare: about a second, including views of a rolling ball."""
     return min(map(len, seen.values())) > 100 and any(view.phase == "running" for view in seen["left"])
 
 
-class Eyes:
-    """Both stations, as far as one loop can look at them."""
+class ViewCollector:
+    """The view subscribers of both stations, polled in one loop."""
 
     def __init__(self, rig: Rig) -> None:
         self._ends = {}
@@ -53,11 +53,11 @@ class Eyes:
             where = keys.reach(rig.config.network, f"display.{side}")
             self._ends[side] = sockets.view_subscriber(rig.context, where.reach(channels.VIEW[side]))
 
-    def see(self, seconds: float, what: Callable[[Seen], bool] = anything) -> Seen:
-        """What is sent from now on, for some time from when both have seen something, and until all has been seen."""
-        seen: Seen = {side: [] for side in SIDES}
+    def collect(self, seconds: float, condition: Callable[[SentViews], bool] = any_views) -> SentViews:
+        """Views sent from now on, for a duration after the first views of both, and until a condition holds."""
+        seen: SentViews = {side: [] for side in SIDES}
         since_ns, until, rounds = now_ns(), time.monotonic() + TIMEOUT, round(seconds * 1000)
-        while rounds > 0 or not what(seen):
+        while rounds > 0 or not condition(seen):
             assert time.monotonic() < until, "nothing is sent"
             for side, end in self._ends.items():
                 if poller.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
@@ -73,19 +73,22 @@ class Eyes:
 
 
 def watch(
-    rig: Rig, seconds: float, begin: Callable[[], None] = lambda: None, what: Callable[[Seen], bool] = anything
-) -> Seen:
-    """What both stations are sent for some time from when something begins, which they are there to see."""
-    eyes = Eyes(rig)
-    eyes.see(0.001)
+    rig: Rig,
+    seconds: float,
+    begin: Callable[[], None] = lambda: None,
+    condition: Callable[[SentViews], bool] = any_views,
+) -> SentViews:
+    """Views sent to both stations for a duration after a call of `begin`, made once both are connected."""
+    collector = ViewCollector(rig)
+    collector.collect(0.001)
     begin()
-    seen = eyes.see(seconds, what)
-    eyes.close()
+    seen = collector.collect(seconds, condition)
+    collector.close()
     return seen
 
 
-def differing(recording: LoadedRecording, seen: Seen) -> list[tuple[View, View]]:
-    """Views that are not what is recorded of their tick, with what is."""
+def differing(recording: LoadedRecording, seen: SentViews) -> list[tuple[View, View]]:
+    """Views that differ from the recorded view of their tick, each with the recorded one."""
     numbers = recording.ticks["tick"]
     pairs = [
         (view, recording.view(int(np.searchsorted(numbers, view.tick)), side, view.sent_ns, view.seq))
@@ -96,23 +99,23 @@ def differing(recording: LoadedRecording, seen: Seen) -> list[tuple[View, View]]
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
-    """A recording, and what was seen while it was made."""
-    with Rig(tmp_path_factory.mktemp("live"), (*SOON_LEVEL, "block.trials=50")) as rig:
+def live(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SentViews]:
+    """A recording, and the views sent while it was made."""
+    with Rig(tmp_path_factory.mktemp("live"), (*QUICK_TRIALS, "block.trials=50")) as rig:
         rig.start_all()
         rig.until(lambda status: status.phase == "levelling")
-        seen = watch(rig, 1.0, what=enough)
+        seen = watch(rig, 1.0, condition=enough_views)
         rig.until(lambda status: status.successes >= 1 and status.phase == "running")
         (path,) = rig.finish()
     return path, seen
 
 
 @pytest.fixture(scope="module")
-def recording(live: tuple[Path, Seen]) -> LoadedRecording:
+def recording(live: tuple[Path, SentViews]) -> LoadedRecording:
     return load(live[0])
 
 
-def served(folder: Path, path: Path, *settings: str) -> Rig:
+def serve_recording(folder: Path, path: Path, *settings: str) -> Rig:
     """A rig whose server is a replay."""
     rig = Rig(folder, settings)
     rig.start("server", "replay", str(path), "--serve")
@@ -120,24 +123,24 @@ def served(folder: Path, path: Path, *settings: str) -> Rig:
 
 
 @pytest.fixture(scope="module")
-def rig(live: tuple[Path, Seen], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """A replay behind a authenticator with keys."""
+def rig(live: tuple[Path, SentViews], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """A replay server with keys."""
     folder = tmp_path_factory.mktemp("served")
     keys.init(folder / "keys")
     for role, side in (("display", "left"), ("display", "right"), ("agent", "left"), ("console", "")):
         keys.add(folder / "keys", role, side, folder / "keys")  # type: ignore[arg-type]
-    with served(folder, live[0], "network.curve=on", f"network.keys={folder / 'keys'}") as rig:
+    with serve_recording(folder, live[0], "network.curve=on", f"network.keys={folder / 'keys'}") as rig:
         rig.until(lambda status: True)
         yield rig
 
 
 def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
-    """A command from a shell."""
+    """Run a command from a shell."""
     command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(rig.file)]
     return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=TIMEOUT, check=False)
 
 
-def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen], recording: LoadedRecording) -> None:
+def test_recording_reproduces_the_views_sent_live(live: tuple[Path, SentViews], recording: LoadedRecording) -> None:
     _, seen = live
     assert min(map(len, seen.values())) > 100
     assert any(view.phase == "running" for view in seen["left"])
@@ -145,7 +148,7 @@ def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, Seen],
 
 
 @pytest.mark.daily(1, of="replay served")
-def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, recording: LoadedRecording) -> None:
+def test_replay_sends_the_recorded_views_at_any_speed(rig: Rig, recording: LoadedRecording) -> None:
     for speed in ("1", "0.25", "8"):
 
         def begin(speed: str = speed) -> None:
@@ -163,20 +166,20 @@ def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, recording: Load
 
 
 @pytest.mark.daily(1, of="replay served")
-def test_it_is_steered_from_a_shell(rig: Rig, recording: LoadedRecording) -> None:
+def test_replay_is_controlled_from_a_shell(rig: Rig, recording: LoadedRecording) -> None:
     assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
     done = run(rig, "control", "seek", "trial", "2", "--json")
-    told = json.loads(done.stdout)
-    assert told["accepted"]
-    assert told["status"]["trial"] == 2
-    tick = told["status"]["tick"]
+    reply = json.loads(done.stdout)
+    assert reply["accepted"]
+    assert reply["status"]["trial"] == 2
+    tick = reply["status"]["tick"]
     began = recording.trial(2)
     assert began is not None
     assert tick == recording.ticks["tick"][recording.at(began[0])] + 1
     stepped = json.loads(run(rig, "control", "step", "back", "7", "--json").stdout)
     assert stepped["status"]["tick"] == tick - 7
     watched = watch(rig, 0.3)
-    assert {view.tick for views in watched.values() for view in views} == {tick - 8}, "it stands still"
+    assert {view.tick for views in watched.values() for view in views} == {tick - 8}, "the replay is paused"
     status = json.loads(run(rig, "status", "--json").stdout)
     assert status["notice"].startswith(f"replay of {recording.name}: paused at ")
     assert not status["armed"]
@@ -186,7 +189,7 @@ def test_it_is_steered_from_a_shell(rig: Rig, recording: LoadedRecording) -> Non
 
 
 @pytest.mark.daily(1, of="replay served")
-def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
+def test_display_shows_a_replay_and_agent_is_refused(rig: Rig) -> None:
     picture = rig.folder / "left.png"
     rig.start("left display", "display", "--station", "left", "--screenshot", str(picture))
     rig.start_agent("left")
@@ -198,34 +201,34 @@ def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
     assert rig.stop("left agent") == 0
 
 
-def test_it_ends_when_it_is_told_to(rig: Rig) -> None:
+def test_replay_server_exits_when_the_operator_ends_it(rig: Rig) -> None:
     rig.ask_to_end()
     assert rig.wait("server") == 0
 
 
 @pytest.mark.daily(1, of="replay served")
-def test_a_foreign_display_cannot_tell_it_from_a_live_server(
-    live: tuple[Path, Seen], clients: Path, tmp_path: Path
+def test_foreign_display_shows_a_replay_like_a_live_session(
+    live: tuple[Path, SentViews], javascript_clients: Path, tmp_path: Path
 ) -> None:
-    with served(tmp_path, live[0]) as rig:
+    with serve_recording(tmp_path, live[0]) as rig:
         rig.until(lambda status: True)
-        with (tmp_path / "foreign.log").open("wb") as said:
+        with (tmp_path / "foreign.log").open("wb") as log:
             command = ["node", "display.mjs", "left", rig.config.network.host, str(rig.config.network.port)]
-            rig.running["foreign"] = subprocess.Popen(command, cwd=clients, stdout=said, stderr=said)
+            rig.running["foreign"] = subprocess.Popen(command, cwd=javascript_clients, stdout=log, stderr=log)
         rig.until(lambda status: "display.left" in status.peers)
         rig.do("play")
 
-        def said() -> list[dict[str, object]]:
+        def display_output() -> list[dict[str, object]]:
             whole, _, _ = rig.said("foreign").rpartition("\n")
             return [json.loads(line) for line in whole.splitlines()]
 
-        rig.until(lambda status: any(" running " in str(line.get("picture")) for line in said()))
-        assert {line["partner_seen"] for line in said() if "picture" in line} == {0}
+        rig.until(lambda status: any(" running " in str(line.get("picture")) for line in display_output()))
+        assert {line["partner_seen"] for line in display_output() if "picture" in line} == {0}
         assert rig.stop("server") == 0
 
 
 @pytest.mark.daily(1, of="replay served")
-def test_keys_of_its_terminal_steer_it(live: tuple[Path, Seen], tmp_path: Path) -> None:
+def test_terminal_keys_control_a_replay(live: tuple[Path, SentViews], tmp_path: Path) -> None:
     keyboard, terminal = os.openpty()
     with Rig(tmp_path) as rig:
         command = [

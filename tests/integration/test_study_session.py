@@ -1,4 +1,4 @@
-"""A session of a study on real processes: form, blocks, files; and its server killed repeatedly."""
+"""A session of a study on real processes: form, blocks and files, and a server that is killed repeatedly."""
 
 import json
 import random
@@ -41,15 +41,15 @@ QUICK = (
 
 PILOT = ("session.pilot=true",)
 STUDY = ("--study", "paper", "--dyad", "3")
-KILLS, DONE_EVERY = (50, 10) if daily.ALL else (3, 2)
-"""One life in so many goes on until one more trial is done: however slow the machine is, the session gets on [1]."""
+KILLS, SUCCESS_EVERY = (50, 10) if daily.ALL else (3, 2)
+"""Number of kills, and how often the server first completes a trial, so that it progresses on a slow machine [1]."""
 FROM_START, FROM_ANSWER = 2.0, 2.5
-"""The other servers are killed after so long at the most, counted from their start or first answer by chance [s]."""
+"""Longest random times before the other kills, from the start or the first answer of the server [s]."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def kernels() -> None:
-    """Whatever a session needs is compiled before its processes start: that may take longer than anybody waits."""
+    """Compile the kernels before the processes start, because compiling may take longer than their timeouts."""
     plan = plan_of(paper_study(), 1, 3)
     config = seated(parse("", "rig", (*QUICK, *PILOT)), plan)
     BlockSequence([config_of(config, plan.sessions[0], number) for number in range(1, 19)])
@@ -67,8 +67,8 @@ def entries_of(rig: Rig) -> tuple[Any, ...]:
 FORM = {"participant_a": "P07", "participant_b": "P08", "seat_a": "left"}
 
 
-def opened(rig: Rig) -> Operator:
-    """A session whose form is filled in, armed and ready to start."""
+def open_session(rig: Rig) -> Operator:
+    """Start a session, fill in its form, arm the devices and return its operator."""
     rig.start("logger", "logger", "--once")
     rig.start("server", "server", *STUDY)
     rig.start_stations()
@@ -80,17 +80,17 @@ def opened(rig: Rig) -> Operator:
     return operator
 
 
-def going(rig: Rig, what: Callable[[Status], bool]) -> Status:
-    """Wait for something that happens in trials; a machine that stands still pauses them, and the operator goes on."""
+def wait_and_resume(rig: Rig, condition: Callable[[Status], bool]) -> Status:
+    """Wait for a condition, and resume trials that a slow machine has paused."""
     while True:
-        status = rig.until(lambda s: what(s) or (s.phase == "paused" and not s.waiting_for))
-        if what(status):
+        status = rig.until(lambda s: condition(s) or (s.phase == "paused" and not s.waiting_for))
+        if condition(status):
             return status
         rig.operator.do("resume")
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(tmp_path: Path) -> None:
+def test_block_requires_a_completed_form_and_armed_devices(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
         rig.start("logger", "logger", "--once")
         rig.start("server", "server", *STUDY)
@@ -116,18 +116,18 @@ def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(t
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) -> None:
+def test_operator_commands_control_the_blocks_of_a_session(tmp_path: Path) -> None:
     with Rig(tmp_path, QUICK) as rig:
-        operator = opened(rig)
+        operator = open_session(rig)
         assert operator.do("start").accepted
-        status = going(rig, lambda s: s.successes >= 1 and bool(s.recordings) and s.recordings[0][2] > 0)
+        status = wait_and_resume(rig, lambda s: s.successes >= 1 and bool(s.recordings) and s.recordings[0][2] > 0)
         assert "block01" in status.recordings[0][0]
         assert operator.do("repeat", "1").reason == "trial 1 is repeated at the end of the block"
         assert rig.until(lambda s: s.trials == 61).block == 1
         assert operator.do("veto", "1").accepted
         assert rig.until(lambda s: s.trials == 60).block == 1
         assert operator.do("note", '{"text": "sneezed", "tick": 7}').accepted
-        going(rig, lambda s: s.phase in ("levelling", "running", "holding"))
+        wait_and_resume(rig, lambda s: s.phase in ("levelling", "running", "holding"))
         rig.until(lambda s: operator.do("pause").accepted or s.phase == "paused")  # not in the tick between trials
         rig.until(lambda s: s.phase == "paused")
         assert operator.do("skip").accepted
@@ -136,7 +136,7 @@ def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) ->
         assert status.label == "bimanual B, haptics off"
         rig.until(lambda s: not s.waiting_for)
         assert operator.do("start").accepted
-        going(rig, lambda s: s.successes >= 1)
+        wait_and_resume(rig, lambda s: s.successes >= 1)
         first, second = rig.finish()
         outcomes = Counter(entry.outcome for entry in entries_of(rig) if isinstance(entry, AttemptEnded))
     assert outcomes["success"] >= 2
@@ -150,12 +150,12 @@ def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) ->
         assert events[0].name == "block_began"
         assert path.name.endswith(f"block{number:02d}.mcap")
     with Recording(first) as recording:
-        told = [event.details for event in recording.events() if event.name == "command"]
-    assert {"repeat", "veto", "note", "pause", "skip", "next", "start"} <= {command["name"] for command in told}
+        commands = [event.details for event in recording.events() if event.name == "command"]
+    assert {"repeat", "veto", "note", "pause", "skip", "next", "start"} <= {command["name"] for command in commands}
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
+def test_session_started_before_is_not_restarted(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
         rig.start("server", "server", *STUDY)
@@ -170,18 +170,20 @@ def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_what_is_to_be_asked_after_a_block_is_said_and_recorded(tmp_path: Path) -> None:
-    asked = "workload: hand out the form"
-    with Rig(tmp_path, (*QUICK, "block.trials=1", f'block.questionnaires="{asked}"')) as rig:
+def test_questionnaire_after_a_block_is_announced_and_recorded(tmp_path: Path) -> None:
+    questionnaire = "workload: hand out the form"
+    with Rig(tmp_path, (*QUICK, "block.trials=1", f'block.questionnaires="{questionnaire}"')) as rig:
         rig.start_all()
-        assert rig.until(lambda s: s.phase == "finished").notice == f"ask now: {asked}"
+        assert rig.until(lambda s: s.phase == "finished").notice == f"ask now: {questionnaire}"
         (path,) = rig.finish()
     with Recording(path) as recording:
-        assert [event.details for event in recording.events() if event.name == "questionnaire"] == [{"text": asked}]
+        assert [event.details for event in recording.events() if event.name == "questionnaire"] == [
+            {"text": questionnaire}
+        ]
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_a_block_is_given_up_while_nobody_holds_a_device(tmp_path: Path) -> None:
+def test_operator_skips_to_the_next_block_without_agents(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
         rig.start("server", "server", *STUDY)
@@ -191,10 +193,10 @@ def test_a_block_is_given_up_while_nobody_holds_a_device(tmp_path: Path) -> None
             rig.until(lambda s, block=block: s.block == block and s.phase == "idle")  # type: ignore[misc]
 
 
-def live(rig: Rig, number: int, chance: random.Random) -> None:
-    """Let a server live for a moment, and kill it wherever it is then."""
-    if number % DONE_EVERY == 0:
-        one_more_is_done(rig)
+def run_and_kill(rig: Rig, number: int, chance: random.Random) -> None:
+    """Let a server run for a random time, and kill it."""
+    if number % SUCCESS_EVERY == 0:
+        wait_for_another_success(rig)
     elif chance.random() < 0.5:
         rig.until(lambda s: True)
         time.sleep(chance.uniform(0.0, FROM_ANSWER))
@@ -204,14 +206,14 @@ def live(rig: Rig, number: int, chance: random.Random) -> None:
     rig.kill("server")
 
 
-def one_more_is_done(rig: Rig) -> None:
-    """Wait for the server to tell of one more success than the journal has now."""
+def wait_for_another_success(rig: Rig) -> None:
+    """Wait until the server reports one more success than the journal has now."""
     done = len({(entry.block, entry.trial) for entry in entries_of(rig) if is_success(entry)})
     rig.until(lambda s: len({row[:2] for row in attempts(rig) if row[3] == "success"}) > done)
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_a_server_killed_again_and_again_goes_on_with_the_same_plan_and_the_right_counts(tmp_path: Path) -> None:
+def test_repeatedly_killed_server_resumes_the_plan_with_correct_counts(tmp_path: Path) -> None:
     chance = daily.chance("kills")
     with Rig(tmp_path, (*QUICK, *PILOT, "network.require_logger=false")) as rig:
         rig.start_stations()
@@ -221,18 +223,18 @@ def test_a_server_killed_again_and_again_goes_on_with_the_same_plan_and_the_righ
         for kill in range(KILLS - 1):
             before = entries_of(rig)
             rig.start("server", "server", *STUDY, "--autostart", "--trials", "2", "--resume", "--yes")
-            live(rig, kill, chance)
+            run_and_kill(rig, kill, chance)
             after = entries_of(rig)
             assert after[: len(before)] == before, f"kill {kill}"
-            assert_goes_on(before, after)
+            check_resumption(before, after)
         rig.start("server", "server", *STUDY, "--autostart", "--trials", "2", "--resume", "--yes")
-        one_more_is_done(rig)
+        wait_for_another_success(rig)
         found = entries_of(rig)
-    assert_one_plan(found)
+    check_plan(found)
 
 
 def attempts(rig: Rig) -> list[Any]:
-    """What the server tells of all attempts, those before it was killed too."""
+    """All attempts that the server reports, including those before it was killed."""
     rig.operator.poll()
     return rig.operator.attempts
 
@@ -241,25 +243,25 @@ def is_success(entry: Any) -> bool:
     return isinstance(entry, AttemptEnded) and entry.outcome == "success"
 
 
-def assert_goes_on(before: tuple[Any, ...], after: tuple[Any, ...]) -> None:
-    """What a resumed server begins with is what follows from the lines before it, counted here by hand."""
+def check_resumption(before: tuple[Any, ...], after: tuple[Any, ...]) -> None:
+    """Check that a resumed server begins with the block, trial and attempt that follow from the earlier entries."""
     began = next((entry for entry in after[len(before) :] if isinstance(entry, BlockBegan)), None)
     if began is None:
-        return  # killed before it came so far
+        return  # killed before it began a block
     done = Counter(entry.block for entry in before if is_success(entry))
     block = next(number for number in range(1, 19) if done[number] < 2)
     trial = done[block] + 1
-    tried = [
+    earlier_attempts = [
         entry.attempt
         for entry in before
         if isinstance(entry, AttemptBegan) and entry.block == block and entry.trial == trial
     ]
     assert (began.block, began.trial) == (block, trial)
-    assert began.attempt == max(tried, default=0) + 1
+    assert began.attempt == max(earlier_attempts, default=0) + 1
 
 
-def assert_one_plan(entries: tuple[Any, ...]) -> None:
-    """Nothing was done twice or left out, and no number was given twice."""
+def check_plan(entries: tuple[Any, ...]) -> None:
+    """Check that no trial was completed twice or left out, and that no attempt number was reused."""
     successes = [(entry.block, entry.trial) for entry in entries if is_success(entry)]
     assert len(set(successes)) == len(successes)
     assert successes == sorted(successes)
@@ -269,11 +271,11 @@ def assert_one_plan(entries: tuple[Any, ...]) -> None:
         assert len(trials) == 2 or block == max(successes)[0]
     begun = [(entry.block, entry.trial, entry.attempt) for entry in entries if isinstance(entry, AttemptBegan)]
     assert len(set(begun)) == len(begun)
-    assert max(successes)[0] > 1, "a session in which nothing was done proves nothing"
+    assert max(successes)[0] > 1, "the session made too little progress to test anything"
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_the_blocks_of_a_killed_session_are_those_of_the_plan(tmp_path: Path) -> None:
+def test_blocks_of_a_killed_session_match_the_plan(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
         rig.start_stations()
@@ -292,15 +294,15 @@ def test_the_blocks_of_a_killed_session_are_those_of_the_plan(tmp_path: Path) ->
                 configs[path.name] = parse(recording.config_text)
     plan = plan_of(paper_study(), 1, 3)
     base = replace(seated(rig.config, plan), session=replace(Session(), pilot=True, study="paper", dyad="D03"))
-    wanted = {number: config_of(base, plan.sessions[0], number).block for number in (1, 2)}
+    expected = {number: config_of(base, plan.sessions[0], number).block for number in (1, 2)}
     assert len(configs) == 3
     for config in configs.values():
-        block = wanted[config.block.number]
+        block = expected[config.block.number]
         assert replace(config.block, trials=60, blocks=18, station=block.station) == block
 
 
 @pytest.mark.daily(1, of="whole sessions")
-def test_who_does_not_agree_resumes_nothing(tmp_path: Path) -> None:
+def test_resume_without_confirmation_is_refused(tmp_path: Path) -> None:
     with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
         rig.start("logger", "logger")
         rig.start("server", "server", *STUDY)

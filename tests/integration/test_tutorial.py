@@ -1,4 +1,4 @@
-"""The tutorial runs from the first cell to the last."""
+"""The tutorial notebook runs from the first cell to the last."""
 
 import os
 import sys
@@ -19,13 +19,15 @@ pytestmark = [
 
 
 @pytest.mark.daily(1, of="longest")
-def test_the_tutorial_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tutorial_notebook_runs_completely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    run = nbformat.read(TUTORIAL, 4)
-    NotebookClient(run, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
-    texts = "".join(one.get("text", "") for cell in run.cells for one in cell.get("outputs", ()))
+    notebook = nbformat.read(TUTORIAL, 4)
+    NotebookClient(
+        notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    texts = "".join(output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", ()))
     assert "20 recordings: 20 complete" in texts
     assert "60 trials count" in texts
     assert texts.count("report.html and") == 2

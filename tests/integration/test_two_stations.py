@@ -1,6 +1,6 @@
-"""The example of deploy/ as it stands: two stations and a server, each with an address of its own, keys on.
+"""The example of deploy/ unchanged: two stations and a server, each with its own address, and keys on.
 
-The machines are network namespaces, joined by a bridge in the server's; all that is made is gone with them.
+The machines are network namespaces, connected by a bridge in the server's namespace and removed after the test.
 """
 
 import os
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pyte
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "two-stations" / "netboard.toml"
 ADDRESSES = {"server": "10.77.0.1", "left": "10.77.0.2", "right": "10.77.0.3"}
-QUICKLY = (
+QUICK_TRIALS = (
     "block.trials=1",
     "task.hold_time=0.3",
     "task.level_time=0.05",
@@ -37,14 +37,14 @@ TIMEOUT = 180.0
 
 
 def ip(*words: str) -> None:
-    """Run ``ip``; raises with what it said if it fails."""
+    """Run ``ip``, and raise `OSError` with its output if it fails."""
     done = subprocess.run(["ip", *words], capture_output=True, text=True, check=False)
     if done.returncode:
         raise OSError(f"ip {' '.join(words)}: {done.stderr.strip()}")
 
 
 class Machines:
-    """Three machines on one network, and what runs on them."""
+    """Three machines on one network, and their processes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -52,7 +52,7 @@ class Machines:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def connect(self) -> None:
-        """Make them and their network."""
+        """Create the machines and their network."""
         for machine, name in self._names.items():
             ip("netns", "add", name)
             ip("-n", name, "link", "set", "lo", "up")
@@ -68,8 +68,8 @@ class Machines:
             ip("-n", station, "addr", "add", f"{ADDRESSES[side]}/24", "dev", "eth0")
             ip("-n", station, "link", "set", "eth0", "up")
 
-    def bring_keys(self) -> None:
-        """Make the keys at the server, and bring each station its own."""
+    def install_keys(self) -> None:
+        """Create the keys on the server, and copy each station's keys to it."""
         home = self.folder / "server" / "keys"
         keys.init(home)
         keys.add(home, "logger", "", home)
@@ -79,37 +79,37 @@ class Machines:
 
     def up(self, machine: str, *options: str) -> None:
         """Run ``netboard up`` on a machine."""
-        settings = [word for setting in QUICKLY for word in ("--set", setting)]
+        settings = [word for setting in QUICK_TRIALS for word in ("--set", setting)]
         command = [sys.executable, "-m", "netboard.services.cli", "up", *options, str(EXAMPLE), *settings]
-        with (self.folder / f"{machine}.log").open("wb") as said:
+        with (self.folder / f"{machine}.log").open("wb") as log:
             self._running[machine] = subprocess.Popen(
                 ["ip", "netns", "exec", self._names[machine], *command],
                 cwd=self.folder / machine,
-                stdout=said,
-                stderr=said,
+                stdout=log,
+                stderr=log,
                 env=os.environ | {"QT_QPA_PLATFORM": "offscreen"},
             )
 
-    def said(self, *machines: str) -> str:
-        """What has been said on machines."""
+    def output_of(self, *machines: str) -> str:
+        """The output of the processes on these machines."""
         return "".join((self.folder / f"{machine}.log").read_text(errors="replace") for machine in machines)
 
     def until(self, pattern: str) -> None:
-        """Wait for the server to say something."""
+        """Wait until a pattern appears in the server's output."""
         end = time.monotonic() + TIMEOUT
-        while not re.search(pattern, self.said("server")):
-            assert time.monotonic() < end, f"no {pattern} within {TIMEOUT:.0f} s\n{self.said(*self._running)}"
-            assert all(process.poll() is None for process in self._running.values()), self.said(*self._running)
+        while not re.search(pattern, self.output_of("server")):
+            assert time.monotonic() < end, f"no {pattern} within {TIMEOUT:.0f} s\n{self.output_of(*self._running)}"
+            assert all(process.poll() is None for process in self._running.values()), self.output_of(*self._running)
             time.sleep(0.1)
 
     def down(self, machine: str) -> int:
-        """Stop what runs on a machine; its exit code."""
+        """Stop the process on a machine, and return its exit code."""
         process = self._running.pop(machine)
         process.send_signal(signal.SIGTERM)
         return process.wait(TIMEOUT)
 
     def destroy(self) -> None:
-        """End everything, whatever has happened."""
+        """Kill all processes and remove the machines."""
         for process in self._running.values():
             process.kill()
             process.wait()
@@ -124,14 +124,14 @@ class Machines:
 def machines(tmp_path: Path) -> Iterator[Machines]:
     if shutil.which("ip") is None:
         pytest.skip("network namespaces need the command ip (package iproute2)")
-    made = Machines(tmp_path)
+    created = Machines(tmp_path)
     try:
-        made.connect()
+        created.connect()
     except OSError as error:
-        made.destroy()
+        created.destroy()
         pytest.skip(f"network namespaces are not permitted here: {error}")
-    yield made
-    made.destroy()
+    yield created
+    created.destroy()
 
 
 def names_of(events: Sequence[object]) -> set[str]:
@@ -139,15 +139,15 @@ def names_of(events: Sequence[object]) -> set[str]:
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_the_example_plays_a_block_between_three_machines(machines: Machines) -> None:
-    machines.bring_keys()
+def test_two_station_example_completes_a_block_on_three_machines(machines: Machines) -> None:
+    machines.install_keys()
     for side in SIDES:
         machines.up(side, "--station", side)
     machines.up("server", "--server")
     machines.until(r"to=finished")
-    assert machines.down("server") == 0, machines.said("server")
+    assert machines.down("server") == 0, machines.output_of("server")
     for side in SIDES:
-        assert machines.down(side) == 0, machines.said(side)
+        assert machines.down(side) == 0, machines.output_of(side)
 
     (path,) = (machines.folder / "server" / "recordings").glob("*.mcap")
     with Recording(path) as recording:
@@ -159,9 +159,9 @@ def test_the_example_plays_a_block_between_three_machines(machines: Machines) ->
     assert np.any(ticks["phase"] == Phase.RUNNING)
     assert {"held", "session_ended"} <= names_of(events)
     assert (network.curve, network.host) == ("on", ADDRESSES["server"])
-    seen = {clock.peer for clock in clocks}
-    assert {f"{role}.{side}" for role in ("agent", "display") for side in SIDES} <= seen
-    # They are one machine after all, so the true offset is 0.
+    peers = {clock.peer for clock in clocks}
+    assert {f"{role}.{side}" for role in ("agent", "display") for side in SIDES} <= peers
+    # All machines share one clock, so the true offset is 0.
     assert [clock for clock in clocks if clock.bound_ns > 0 and abs(clock.offset_ns) > clock.bound_ns] == []
     for side in SIDES:
         best = min(clock.bound_ns for clock in clocks if clock.peer == f"agent.{side}")

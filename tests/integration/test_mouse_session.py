@@ -1,8 +1,8 @@
-"""A played session: real processes, a simulated partner on the right, and a scripted mouse on the left.
+"""A session on real processes with a simulated partner on the right and a scripted mouse on the left.
 
-The left display lives in this process, without a screen. The script looks at the views that the station is sent, as its
-player would, and moves the mouse over the window by Qt's own events. It is a plain controller of the ball: it turns the
-board by its own end against the ball's way and speed, and brings the board back to the middle.
+The left display runs in this process, off screen. The script reads the views sent to the station, as a player would,
+and moves the mouse over the window with Qt events. It is a simple controller of the ball: it tilts the board against
+the ball's position error and velocity, and returns the board to the middle.
 """
 
 import math
@@ -29,7 +29,7 @@ from netboard.task.trials.state_machine import Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
-PATIENT = (
+EASY_TRIALS = (
     "task.level_time=0.05",
     "task.level_angle_deg=5.0",
     "task.level_rate_deg_s=30.0",
@@ -37,19 +37,19 @@ PATIENT = (
     "physics.ball_stop=0.3",
     "network.sample_timeout_ms=1000",
 )
-"""A ball that cannot fall off, and a machine that may be busy: what is tested is the way, not the script's skill."""
+"""The ball cannot fall off and a busy machine does not pause the trial: the script's skill is not tested."""
 TIMEOUT = 240.0
-"""On a busy machine, with all kernels to be compiled first, a game is over by then [s]."""
-LOOK_MS = 8
+"""Timeout for a game on a busy machine that compiles all kernels first [s]."""
+POLL_MS = 8
 MAX_TILT = math.radians(2.5)
-TURN, CENTRE = 5.0, 1.0
-"""How fast the script takes back an error of the tilt, and of the height [1/s]."""
-SEEN = 0.06
-"""The ball's speed is judged over this time [s]."""
+TILT_GAIN, HEIGHT_GAIN = 5.0, 1.0
+"""Gains of the script for tilt and height errors [1/s]."""
+VELOCITY_WINDOW = 0.06
+"""Window over which the ball's velocity is estimated [s]."""
 
 
-class Script:
-    """Where the mouse goes, by what is seen."""
+class MouseScript:
+    """Controller of the mouse position from the views."""
 
     def __init__(self, config: Config) -> None:
         self.height = 0.0
@@ -57,18 +57,18 @@ class Script:
         self._ball: list[tuple[int, float]] = []
 
     def poll(self, view: View, dt: float) -> float:
-        """Height to point at after a while with a view [m]."""
+        """Height to point at, after a time with this view [m]."""
         lever = self._config.physics.l
-        wanted = self._wanted_tilt(view) if view.phase in ("running", "holding") else 0.0
+        target_tilt = self._target_tilt(view) if view.phase in ("running", "holding") else 0.0
         if view.phase in ("levelling", "running", "holding"):
-            self.height += dt * (TURN * lever * (view.theta - wanted) - CENTRE * view.z)
+            self.height += dt * (TILT_GAIN * lever * (view.theta - target_tilt) - HEIGHT_GAIN * view.z)
             self.height = min(max(self.height, -0.05), 0.05)
         return self.height
 
-    def _wanted_tilt(self, view: View) -> float:
+    def _target_tilt(self, view: View) -> float:
         """Tilt that brings the ball to rest in the target, + = right end up [rad]."""
         assert view.p is not None
-        self._ball = [seen for seen in self._ball if 0 <= view.tick - seen[0] <= SEEN * 1e3]
+        self._ball = [seen for seen in self._ball if 0 <= view.tick - seen[0] <= VELOCITY_WINDOW * 1e3]
         self._ball.append((view.tick, view.p))
         (first, before), (last, now) = self._ball[0], self._ball[-1]
         speed = (now - before) / max(last - first, 1) * 1e3
@@ -77,7 +77,7 @@ class Script:
 
 
 class Game:
-    """The left display of a rig, and the script that plays in it."""
+    """The left display of a rig and the script that plays on it."""
 
     def __init__(self, rig: Rig) -> None:
         from netboard.windows.participant.client import DisplayClient
@@ -91,38 +91,38 @@ class Game:
         player = Playing("left", rig.config, rig.context, self.window)
         self.client = DisplayClient("left", rig.config, rig.context, self.window, player)
         where = channels.addresses(rig.config.network)
-        self.eye = sockets.view_subscriber(rig.context, where.reach(channels.VIEW_LEFT))
-        self.script = Script(rig.config)
-        self.seen: View | None = None
+        self.view_socket = sockets.view_subscriber(rig.context, where.reach(channels.VIEW_LEFT))
+        self.script = MouseScript(rig.config)
+        self.view: View | None = None
         self.labels: set[str] = set()
 
     def play(self) -> Status:
-        """Play until the block is over; the last status."""
-        end, asked = time.monotonic() + TIMEOUT, 0.0
+        """Play until the block is over, and return the last status."""
+        end, last_request = time.monotonic() + TIMEOUT, 0.0
         while time.monotonic() < end:
-            self._turn()
-            if time.monotonic() - asked > 0.5:
-                asked = time.monotonic()
+            self._step()
+            if time.monotonic() - last_request > 0.5:
+                last_request = time.monotonic()
                 status = self.rig.operator.ask(0.005)
                 if status is not None and status.phase == "finished":
                     return status
-        raise AssertionError(f"{self.rig.operator.status}; {self.seen}")
+        raise AssertionError(f"{self.rig.operator.status}; {self.view}")
 
-    def _turn(self) -> None:
-        """Let Qt work for a moment, then look and move the mouse."""
+    def _step(self) -> None:
+        """Run Qt's event loop briefly, then read the view and move the mouse."""
         from PySide6.QtCore import QEventLoop, QTimer
 
         loop = QEventLoop()
-        QTimer.singleShot(LOOK_MS, loop.quit)
+        QTimer.singleShot(POLL_MS, loop.quit)
         loop.exec()
-        frame = sockets.receive(self.eye)
+        frame = sockets.receive(self.view_socket)
         if frame is None:
             return
         view = decode(frame)
         assert isinstance(view, View)
         assert view.right is None
-        dt = 0.0 if self.seen is None else min(max(view.tick - self.seen.tick, 0), 50) * 1e-3
-        self.seen = view
+        dt = 0.0 if self.view is None else min(max(view.tick - self.view.tick, 0), 50) * 1e-3
+        self.view = view
         self._point(self.script.poll(view, dt))
         grip = self.window.board.picture.grip
         self.labels |= {grip.label} if grip.label else set()
@@ -142,23 +142,23 @@ class Game:
     def close(self) -> None:
         self.client.close()
         self.window.close()
-        self.eye.close()
+        self.view_socket.close()
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_a_script_with_a_mouse_plays_two_trials_with_a_simulated_partner(
+def test_scripted_mouse_completes_two_trials_with_a_simulated_partner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("PySide6.QtWidgets", reason="Qt's libraries cannot be loaded here", exc_type=ImportError)
     monkeypatch.setenv("QT_QPA_PLATFORM", os.environ.get("QT_QPA_PLATFORM", "offscreen"))
-    with Rig(tmp_path, (*PATIENT, "agents.left.device=mouse", "block.trials=2")) as rig:
+    with Rig(tmp_path, (*EASY_TRIALS, "agents.left.device=mouse", "block.trials=2")) as rig:
         rig.start_all()
         game = Game(rig)
         status = game.play()
         game.close()
         (path,) = rig.finish()
     assert status.successes == 2
-    assert game.labels, "the player has seen what the hand feels"
+    assert game.labels, "the display has shown the force on the hand"
     with Recording(path) as recording:
         ticks = recording.ticks()
         assert verify_recording(recording).identical
@@ -171,23 +171,23 @@ def test_a_script_with_a_mouse_plays_two_trials_with_a_simulated_partner(
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_whoever_plays_may_leave_with_ctrl_c_and_the_recording_is_whole(tmp_path: Path) -> None:
+def test_ctrl_c_in_a_played_demo_leaves_a_complete_recording(tmp_path: Path) -> None:
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "NO_COLOR": "1", STOP_WITH_PARENT: "1"}
     command = [sys.executable, "-m", "netboard.services.cli", "demo", "--play", "left", "--directory", str(tmp_path)]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
     ) as demo:
         end = time.monotonic() + TIMEOUT
-        said = ""
-        while not ("agent_joined side=left" in said and "logger_joined" in said):
+        output = ""
+        while not ("agent_joined side=left" in output and "logger_joined" in output):
             assert demo.poll() is None
             assert time.monotonic() < end
             time.sleep(0.1)
-            said = "".join(log.read_text() for log in tmp_path.glob("demo_*/server.log"))
+            output = "".join(log.read_text() for log in tmp_path.glob("demo_*/server.log"))
         demo.send_signal(signal.SIGINT)
-        said, _ = demo.communicate(timeout=TIMEOUT)
-    assert demo.returncode == 0, said
-    assert "identical to the bit" in said
+        output, _ = demo.communicate(timeout=TIMEOUT)
+    assert demo.returncode == 0, output
+    assert "identical to the bit" in output
     (path,) = tmp_path.glob("*.mcap")
     with Recording(path) as recording:
         assert [event.name for event in recording.events()][-1] == "session_ended"

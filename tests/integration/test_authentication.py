@@ -1,6 +1,6 @@
 """A server with keys refuses every kind of unauthorised peer, and reports and records it.
 
-One session is played; the attempts are made while a trial runs in it, and the tests look at what came of them.
+All attempts are made during a trial of one session; the tests examine their results.
 """
 
 import contextlib
@@ -31,16 +31,16 @@ from netboard.stage.view import View
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console")
-GREETING, FIRST_WORD, COOKIE = 64, 202, 170
-"""Sizes of what is said first in a handshake with keys, by ZeroMQ's RFCs 23 and 26 [bytes]."""
-TO_COMPILE = 180.0
-"""A server on a busy machine that has to compile its kernels first is there by then [s]."""
+GREETING, HELLO_SIZE, COOKIE = 64, 202, 170
+"""Sizes of the first messages of a CURVE handshake, by ZeroMQ's RFCs 23 and 26 [bytes]."""
+COMPILE_TIMEOUT = 180.0
+"""Timeout for a server that has to compile its kernels first on a busy machine [s]."""
 EAVESDROP_S = 0.5
-"""So long it is listened for what must not come [s]."""
+"""Duration of listening for messages that must not arrive [s]."""
 
 
 def rig_with_keys(folder: Path, *settings: str) -> Rig:
-    """A rig whose keys are all in one folder, as on one machine."""
+    """A rig with all keys in one folder, as on one machine."""
     keys.init(folder / "keys")
     for role, _, side in (peer.partition(".") for peer in PEERS):
         keys.add(folder / "keys", role, side, folder / "keys")  # type: ignore[arg-type]
@@ -53,53 +53,53 @@ def hello(role: str, side: str) -> Hello:
 
 
 def stylus(seq: int) -> Stylus:
-    """A sample far from where any hand is."""
+    """A sample far from both hands."""
     now = time.monotonic_ns()
     return Stylus(seq, now, 0.0, 0.0, 0.123, 0.0, 0.0, 0.0, 0, 1, 0.0, -1, 0, 0, now, 0)
 
 
 @dataclass
 class Intruder:
-    """Somebody at a channel: what was said, and what came back."""
+    """A peer at a channel, with its received messages and the number of frames it sent."""
 
     rig: Rig
     socket: sockets.Socket
-    heard: list[Message] = field(default_factory=list)
+    received: list[Message] = field(default_factory=list)
     sent: int = 0
 
-    def listen(self) -> None:
+    def receive(self) -> None:
         while (frame := sockets.receive(self.socket)) is not None:
-            self.heard.append(decode(frame))
+            self.received.append(decode(frame))
 
-    def say_until(self, what: Callable[[], bool], *messages: Message) -> None:
-        """Say something again and again until it has had an effect."""
+    def send_until(self, condition: Callable[[], bool], *messages: Message) -> None:
+        """Send messages repeatedly until a condition holds."""
         end = time.monotonic() + TIMEOUT
-        while not what():
+        while not condition():
             assert time.monotonic() < end, self.rig.said("server")
             for message in messages:
                 self.sent += sockets.send(self.socket, encode(message))
             time.sleep(0.01)
-            self.listen()
+            self.receive()
 
-    def until_told(self, reason: str, *messages: Message) -> None:
-        """Until the server has said why not, be it let in or not."""
-        self.say_until(lambda: reason in self.rig.said("server"), *messages)
+    def until_logged(self, reason: str, *messages: Message) -> None:
+        """Send until the server has logged the reason of the refusal."""
+        self.send_until(lambda: reason in self.rig.said("server"), *messages)
 
     def until_refused(self, reason: str, *messages: Message) -> None:
-        """Until the server has answered why not; what of it comes first may be refused for another reason."""
+        """Send until the server has answered with this reason; earlier refusals may have another reason."""
 
         def answered() -> bool:
-            return any(isinstance(message, Refusal) and reason in message.reason for message in self.heard)
+            return any(isinstance(message, Refusal) and reason in message.reason for message in self.received)
 
-        self.say_until(answered, *messages)
+        self.send_until(answered, *messages)
 
-    def until_heard(self, kind: type, *messages: Message) -> None:
-        """Until an answer of a kind has come."""
-        self.say_until(lambda: any(isinstance(message, kind) for message in self.heard), *messages)
+    def until_received(self, kind: type, *messages: Message) -> None:
+        """Send until an answer of a kind has arrived."""
+        self.send_until(lambda: any(isinstance(message, kind) for message in self.received), *messages)
 
 
 class Attempts:
-    """All that is tried on one rig, each attempt by its name."""
+    """The attempts on one rig, one method each."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
@@ -107,7 +107,7 @@ class Attempts:
         self.server_key = keys.credentials(self.folder, "console").server
 
     def at(self, channel: int, lock: authenticator.Credentials | None, name: str) -> Intruder:
-        """Somebody with some key, or none, at a channel."""
+        """A peer with these credentials, or none, at a channel."""
         endpoint = channels.addresses(self.rig.config.network, lock).reach(channel)
         makers = {channels.MOTION: sockets.motion_agent, channels.LOG: sockets.log_client}
         if channel in channels.VIEW.values():
@@ -115,170 +115,172 @@ class Attempts:
         make = makers.get(channel, sockets.control_client)
         return Intruder(self.rig, make(self.rig.context, endpoint, name))
 
-    def own(self, peer: str) -> authenticator.Credentials:
+    def credentials_of(self, peer: str) -> authenticator.Credentials:
         return keys.credentials(self.folder, peer)
 
-    def stranger(self) -> authenticator.Credentials:
-        """A key of one's own making, and the right one of the server, which is no secret."""
+    def unknown_credentials(self) -> authenticator.Credentials:
+        """A self-made key pair, with the correct public key of the server."""
         return authenticator.Credentials(*authenticator.new_keys(), self.server_key)
 
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
-        who.until_told(
+        who.until_logged(
             "channel=motion reason=it has no key, or closed the connection", hello("agent", "left"), stylus(0)
         )
         return who
 
     def wrong_server(self) -> Intruder:
-        """Who does not know the server's key cannot be sure to whom he speaks, and is not heard."""
-        lock = replace(self.own("agent.left"), server=authenticator.new_keys()[0])
+        """A peer with a wrong public key of the server cannot complete the handshake."""
+        lock = replace(self.credentials_of("agent.left"), server=authenticator.new_keys()[0])
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
-        who.until_told("channel=motion reason=it has a wrong server key", hello("agent", "left"))
+        who.until_logged("channel=motion reason=it has a wrong server key", hello("agent", "left"))
         return who
 
     def wrong_key(self) -> Intruder:
-        lock = self.stranger()
+        lock = self.unknown_credentials()
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
-        told = f"channel=motion address=127.0.0.1 key={keys.fingerprint(lock.public)} reason=its key is not known here"
-        who.until_told(told, hello("agent", "left"), stylus(0))
+        reason = (
+            f"channel=motion address=127.0.0.1 key={keys.fingerprint(lock.public)} reason=its key is not known here"
+        )
+        who.until_logged(reason, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_role(self) -> Intruder:
-        who = self.at(channels.MOTION, self.own("display.left"), "agent.left@intruder")
-        told = "reason=the key of display.left is not for this channel"
-        who.until_told(told, hello("agent", "left"), stylus(0))
+        who = self.at(channels.MOTION, self.credentials_of("display.left"), "agent.left@intruder")
+        reason = "reason=the key of display.left is not for this channel"
+        who.until_logged(reason, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_log(self) -> Intruder:
-        who = self.at(channels.LOG, self.own("agent.left"), "logger@intruder")
-        who.until_told("channel=log address=127.0.0.1", hello("logger", ""))
+        who = self.at(channels.LOG, self.credentials_of("agent.left"), "logger@intruder")
+        who.until_logged("channel=log address=127.0.0.1", hello("logger", ""))
         return who
 
     def wrong_side(self) -> Intruder:
-        """A display says that it is the other station's."""
-        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@intruder")
+        """A display claims to be the other station's."""
+        who = self.at(channels.CONTROL, self.credentials_of("display.left"), "display.left@intruder")
         who.until_refused("the key of display.left is not that of display.right", hello("display", "right"))
         return who
 
-    def wrong_rank(self) -> Intruder:
-        """A display says that it is the operator."""
-        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@upstart")
+    def false_console(self) -> Intruder:
+        """A display claims to be the operator's console."""
+        who = self.at(channels.CONTROL, self.credentials_of("display.left"), "display.left@impostor")
         who.until_refused("the key of display.left is not that of console", hello("console", ""))
-        who.until_heard(Refusal, Command("end", "", 1))
+        who.until_received(Refusal, Command("end", "", 1))
         return who
 
     def wrong_hand(self) -> Intruder:
-        """An agent says that it is the other hand's, and moves it."""
-        who = self.at(channels.MOTION, self.own("agent.right"), "agent.right@intruder")
+        """An agent claims the other hand, and sends samples of it."""
+        who = self.at(channels.MOTION, self.credentials_of("agent.right"), "agent.right@intruder")
         reason = "the key of agent.right is not that of agent.left"
         who.until_refused(reason, hello("agent", "left"), stylus(10_000_000))
         return who
 
     def wrong_name(self) -> Intruder:
-        """An agent speaks in the other one's name."""
-        who = self.at(channels.MOTION, self.own("agent.right"), "agent.left@intruder")
-        who.until_told("reason=it calls itself agent.left@intruder", hello("agent", "left"), stylus(10_000_000))
+        """An agent uses the other agent's name."""
+        who = self.at(channels.MOTION, self.credentials_of("agent.right"), "agent.left@intruder")
+        who.until_logged("reason=it calls itself agent.left@intruder", hello("agent", "left"), stylus(10_000_000))
         return who
 
     def commands(self) -> Intruder:
-        """A display that has been welcomed gives commands."""
-        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@rebel")
-        who.until_heard(Welcome, hello("display", "left"))
+        """An accepted display sends commands."""
+        who = self.at(channels.CONTROL, self.credentials_of("display.left"), "display.left@rebel")
+        who.until_received(Welcome, hello("display", "left"))
         for name in ("pause", "stop", "end"):
-            who.heard.clear()
-            who.until_heard(Refusal, Command(name, "", 1))
+            who.received.clear()
+            who.until_received(Refusal, Command(name, "", 1))
         who.until_refused("a display may not send StatusRequest", StatusRequest())
-        who.heard.clear()
+        who.received.clear()
         who.until_refused("the left display may not report for the right station", Frames("right", ((1, 1, 1),), 0))
         return who
 
     def other_view(self) -> Intruder:
-        who = self.at(channels.VIEW_RIGHT, self.own("display.left"), "")
-        who.until_told("channel=view.right address=127.0.0.1")
+        who = self.at(channels.VIEW_RIGHT, self.credentials_of("display.left"), "")
+        who.until_logged("channel=view.right address=127.0.0.1")
         return self.eavesdrop(who)
 
     def own_view(self) -> Intruder:
-        """For comparison: what comes at once to the key that may."""
-        who = self.at(channels.VIEW_RIGHT, self.own("display.right"), "")
-        who.until_heard(View)
+        """For comparison: the view that the authorised key receives."""
+        who = self.at(channels.VIEW_RIGHT, self.credentials_of("display.right"), "")
+        who.until_received(View)
         return who
 
     def revoked(self) -> Intruder:
-        """A key that was good is revoked while the server runs, by the command."""
-        lock = self.own("display.right")
+        """A valid key is revoked by the command while the server runs."""
+        lock = self.credentials_of("display.right")
         before = self.at(channels.CONTROL, lock, "display.right@early")
-        before.until_heard(Welcome, hello("display", "right"))
+        before.until_received(Welcome, hello("display", "right"))
         done = CliRunner().invoke(app, ["keys", "revoke", "display.right", "-c", str(self.rig.file)])
         assert done.exit_code == 0, done.output
         who = self.at(channels.CONTROL, lock, "display.right@late")
-        who.until_told("reason=the key of display.right has been revoked", hello("display", "right"))
+        who.until_logged("reason=the key of display.right has been revoked", hello("display", "right"))
         return who
 
     def replay(self) -> Intruder:
-        """The bytes of a whole session of an agent, recorded on the wire, are sent again."""
+        """The bytes of an agent's whole session, captured on the wire, are sent again."""
         network = self.rig.config.network
-        with wiretap(network.port + channels.MOTION) as (port, said):
+        with wiretap(network.port + channels.MOTION) as (port, captured):
             taps = replace(network, port=port)
-            endpoint = channels.addresses(taps, self.own("agent.left")).reach(channels.MOTION)
+            endpoint = channels.addresses(taps, self.credentials_of("agent.left")).reach(channels.MOTION)
             agent = Intruder(self.rig, sockets.motion_agent(self.rig.context, endpoint, "agent.left@taped"))
-            agent.until_heard(Refusal, hello("agent", "left"), stylus(0))
+            agent.until_received(Refusal, hello("agent", "left"), stylus(0))
             agent.socket.close()
-        assert len(said) > 500
-        with net.create_connection(("127.0.0.1", network.port + channels.MOTION)) as again:
-            again.settimeout(TIMEOUT)
-            again.sendall(said[:GREETING])
-            greeting = read(again, GREETING)
-            again.sendall(said[GREETING : GREETING + FIRST_WORD])
-            cookie = read(again, COOKIE)
-            again.sendall(said[GREETING + FIRST_WORD :])
-            self.answered = greeting, cookie, read(again, 65_536)
-        self.replayed = bytes(said)
+        assert len(captured) > 500
+        with net.create_connection(("127.0.0.1", network.port + channels.MOTION)) as replay_socket:
+            replay_socket.settimeout(TIMEOUT)
+            replay_socket.sendall(captured[:GREETING])
+            greeting = read(replay_socket, GREETING)
+            replay_socket.sendall(captured[GREETING : GREETING + HELLO_SIZE])
+            cookie = read(replay_socket, COOKIE)
+            replay_socket.sendall(captured[GREETING + HELLO_SIZE :])
+            self.answered = greeting, cookie, read(replay_socket, 65_536)
+        self.replayed = bytes(captured)
         return agent
 
     def eavesdrop(self, who: Intruder) -> Intruder:
         until = time.monotonic() + EAVESDROP_S
         while time.monotonic() < until:
             poller.wait_readable(who.socket, EAVESDROP_S)
-            who.listen()
+            who.receive()
         return who
 
 
 def read(end: net.socket, size: int) -> bytes:
-    """So many bytes, or what there is before the other end hangs up."""
-    got = b""
+    """Read a number of bytes, or fewer if the other end closes the connection."""
+    data = b""
     with contextlib.suppress(ConnectionResetError):
-        while len(got) < size and (some := end.recv(size - len(got))):
-            got += some
-    return got
+        while len(data) < size and (chunk := end.recv(size - len(data))):
+            data += chunk
+    return data
 
 
 @contextlib.contextmanager
 def wiretap(port: int) -> Iterator[tuple[int, bytearray]]:
-    """Stand between a peer and a server, and keep what the peer says."""
-    said = bytearray()
-    with net.create_server(("127.0.0.1", 0)) as door:
+    """Relay between a peer and the server, and capture what the peer sends."""
+    captured = bytearray()
+    with net.create_server(("127.0.0.1", 0)) as listener:
         ends: list[net.socket] = []
 
-        def carry(source: net.socket, sink: net.socket, keep: bytearray | None) -> None:
+        def forward(source: net.socket, sink: net.socket, capture: bytearray | None) -> None:
             with contextlib.suppress(OSError):
-                while some := source.recv(65_536):
-                    if keep is not None:
-                        keep += some
-                    sink.sendall(some)
+                while chunk := source.recv(65_536):
+                    if capture is not None:
+                        capture += chunk
+                    sink.sendall(chunk)
 
-        def stand_between() -> None:
-            peer, _ = door.accept()
+        def relay() -> None:
+            peer, _ = listener.accept()
             server = net.create_connection(("127.0.0.1", port))
             ends.extend((peer, server))
-            back = threading.Thread(target=carry, args=(server, peer, None))
+            back = threading.Thread(target=forward, args=(server, peer, None))
             back.start()
-            carry(peer, server, said)
+            forward(peer, server, captured)
             server.shutdown(net.SHUT_RDWR)
             back.join()
 
-        thread = threading.Thread(target=stand_between)
+        thread = threading.Thread(target=relay)
         thread.start()
-        yield door.getsockname()[1], said
+        yield listener.getsockname()[1], captured
         thread.join(TIMEOUT)
         for end in ends:
             end.close()
@@ -286,7 +288,7 @@ def wiretap(port: int) -> Iterator[tuple[int, bytearray]]:
 
 @dataclass
 class Evidence:
-    """What came of it all."""
+    """Results of the attempts and state of the session before and after them."""
 
     found: dict[str, Intruder]
     attempts: Attempts
@@ -303,7 +305,7 @@ ORDER = (
     "wrong_role",
     "wrong_log",
     "wrong_side",
-    "wrong_rank",
+    "false_console",
     "wrong_hand",
     "wrong_name",
     "commands",
@@ -318,7 +320,7 @@ ORDER = (
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
     with rig_with_keys(tmp_path_factory.mktemp("closed"), "block.trials=500") as rig:
         rig.start_all()
-        before = rig.until(lambda s: s.phase == "running", TO_COMPILE)
+        before = rig.until(lambda s: s.phase == "running", COMPILE_TIMEOUT)
         attempts = Attempts(rig)
         found = {name: getattr(attempts, name)() for name in ORDER}
         tick = rig.until(lambda s: True).tick
@@ -332,34 +334,36 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
 
 
 @pytest.mark.parametrize("name", ["no_key", "wrong_server", "wrong_key", "wrong_role", "wrong_log", "revoked"])
-def test_who_is_not_let_in_gets_no_word_through_and_hears_none(evidence: Evidence, name: str) -> None:
+def test_unauthenticated_peer_neither_sends_nor_receives_a_message(evidence: Evidence, name: str) -> None:
     who = evidence.found[name]
     assert who.sent == 0
-    assert who.heard == []
+    assert who.received == []
 
 
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
         ("wrong_side", "the key of display.left is not that of display.right"),
-        ("wrong_rank", "the key of display.left is not that of console"),
+        ("false_console", "the key of display.left is not that of console"),
         ("wrong_hand", "the key of agent.right is not that of agent.left"),
         ("commands", "the left display may not report for the right station"),
     ],
 )
-def test_who_is_let_in_and_goes_too_far_is_told_so(evidence: Evidence, name: str, reason: str) -> None:
-    heard = evidence.found[name].heard
-    assert any(isinstance(message, Refusal) and reason in message.reason for message in heard)
-    assert not any(isinstance(message, Welcome | Status) for message in heard)
+def test_authenticated_peer_is_refused_beyond_its_rights_with_a_reason(
+    evidence: Evidence, name: str, reason: str
+) -> None:
+    received = evidence.found[name].received
+    assert any(isinstance(message, Refusal) and reason in message.reason for message in received)
+    assert not any(isinstance(message, Welcome | Status) for message in received)
 
 
-def test_the_view_of_the_other_station_stays_dark(evidence: Evidence) -> None:
-    assert evidence.found["other_view"].heard == []
-    assert {message.station for message in evidence.found["own_view"].heard} == {"right"}
+def test_display_key_cannot_receive_the_other_station_view(evidence: Evidence) -> None:
+    assert evidence.found["other_view"].received == []
+    assert {message.station for message in evidence.found["own_view"].received} == {"right"}
 
 
-def test_a_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
-    """The server answers with its greeting and a cookie that it makes anew each time, and then hangs up."""
+def test_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
+    """The server answers with its greeting and a fresh cookie, and then closes the connection."""
     greeting, cookie, rest = evidence.attempts.answered
     assert b"CURVE" in greeting
     assert b"WELCOME" in cookie
@@ -382,9 +386,7 @@ def test_a_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
         ("control", "the key of display.right has been revoked", True),
     ],
 )
-def test_every_refused_handshake_is_in_the_recording(
-    evidence: Evidence, channel: str, reason: str, *, key_is_known: bool
-) -> None:
+def test_refused_handshakes_are_recorded(evidence: Evidence, channel: str, reason: str, *, key_is_known: bool) -> None:
     (first, *_) = [it for it in evidence.reasons if it.get("channel") == channel and reason in it["reason"]]
     if key_is_known:
         assert first["address"] == "127.0.0.1"
@@ -402,11 +404,11 @@ def test_every_refused_handshake_is_in_the_recording(
         "the left display may not report for the right station",
     ],
 )
-def test_every_refused_word_is_in_the_recording(evidence: Evidence, reason: str) -> None:
+def test_refused_messages_are_recorded(evidence: Evidence, reason: str) -> None:
     assert any(reason in it["reason"] for it in evidence.reasons)
 
 
-def test_the_session_went_on_as_if_nobody_had_come(evidence: Evidence) -> None:
+def test_attempts_do_not_affect_the_session(evidence: Evidence) -> None:
     assert evidence.after.session == evidence.before.session
     assert evidence.after.tick > evidence.before.tick
     with Recording(evidence.recording) as recording:
