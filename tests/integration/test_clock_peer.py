@@ -51,7 +51,7 @@ def clock_records(path: Path, peer: str) -> list[ClockRecord]:
 
 
 @pytest.mark.daily(2, of="sessions in real time")
-def test_offset_and_drift_of_skewed_clocks_lie_within_their_bounds(tmp_path: Path) -> None:
+def test_offsets_of_skewed_and_stepped_clocks_lie_within_their_bounds(tmp_path: Path) -> None:
     since_ns, port = now_ns(), free_port()
     clocks: dict[Side, SkewedClock] = {
         "left": SkewedClock(-7_000_000_000, 50.0, since_ns),
@@ -80,7 +80,8 @@ def test_offset_and_drift_of_skewed_clocks_lie_within_their_bounds(tmp_path: Pat
         assert abs(found[-1].offset_ns - clock.offset(found[-1].t3_ns) - (STEP_NS if side == "right" else 0)) < 10**6
         drifts = np.array([record.drift_ppm for record in found])
         finite_drifts = drifts[np.isfinite(drifts)]
-        assert np.all(np.abs(finite_drifts - clock.ppm) <= 10.0)  # a drift is reported only once it is known this well
+        # A drift is reported only once its bound is below 10 ppm, which a session this short seldom reaches.
+        assert np.all(np.abs(finite_drifts - clock.ppm) <= 10.0)
     for record in clock_records(path, "logger"):
         assert abs(record.offset_ns) <= record.bound_ns
 
