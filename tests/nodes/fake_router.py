@@ -10,39 +10,39 @@ WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 
 
 class FakeRouter:
-    """What peers have sent waits in `arrived`; what they are sent piles up in `sent`, up to `room` frames for each."""
+    """Messages of peers wait in `incoming`; frames to each peer are stored in `sent`, at most `room` of them."""
 
     channel = "fake"
 
     def __init__(self, room: int = 1000) -> None:
-        self.arrived: deque[tuple[bytes, bytes]] = deque()
+        self.incoming: deque[tuple[bytes, bytes]] = deque()
         self.sent: dict[bytes, list[bytes]] = {}
         self.room = room
         self.key = ""
         self.forbidden = ""
         self.closed = False
-        self.owed: dict[bytes, bytes] = {}
-        self.gone: set[bytes] = set()
+        self.queued: dict[bytes, bytes] = {}
+        self.disconnected: set[bytes] = set()
 
     def receive(self) -> tuple[bytes, bytes] | None:
-        return self.arrived.popleft() if self.arrived else None
+        return self.incoming.popleft() if self.incoming else None
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         frames = self.sent.setdefault(peer, [])
-        if len(frames) >= self.room or peer in self.gone:
+        if len(frames) >= self.room or peer in self.disconnected:
             return False
         frames.append(frame)
         return True
 
     def send_or_queue(self, peer: bytes, frame: bytes) -> None:
-        self.owed[peer] = frame
+        self.queued[peer] = frame
         self.send_queued()
 
     def send_queued(self) -> None:
-        self.owed = {peer: frame for peer, frame in self.owed.items() if not self.send(peer, frame)}
+        self.queued = {peer: frame for peer, frame in self.queued.items() if not self.send(peer, frame)}
 
     def cancel(self, peer: bytes) -> None:
-        self.owed.pop(peer, None)
+        self.queued.pop(peer, None)
 
     def forbids(self, role: str, side: str) -> str:
         return self.forbidden
@@ -50,12 +50,12 @@ class FakeRouter:
     def close_after_goodbye(self) -> None:
         self.closed = True
 
-    def say(self, peer: bytes, message: Message | bytes) -> None:
-        """Let a peer send something."""
-        self.arrived.append((peer, message if isinstance(message, bytes) else encode(message)))
+    def send_from(self, peer: bytes, message: Message | bytes) -> None:
+        """Queue a message of a peer."""
+        self.incoming.append((peer, message if isinstance(message, bytes) else encode(message)))
 
-    def heard(self, peer: bytes) -> list[Message]:
-        """Take everything a peer has been sent."""
+    def received_by(self, peer: bytes) -> list[Message]:
+        """Return and clear the messages sent to a peer."""
         return [decode(frame) for frame in self.sent.pop(peer, [])]
 
 

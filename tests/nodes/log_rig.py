@@ -17,7 +17,7 @@ from netboard.recording.recovery.spill import Spill
 L, M = b"logger@1", b"logger@2"
 
 TIMEOUT = 60.0
-"""The disk has written what it was given long before [s]."""
+"""Timeout, far above the usual time of writing to the disk [s]."""
 
 
 class Rig:
@@ -35,45 +35,45 @@ class Rig:
             if pump_each and k % pump_each == 0:
                 self.port.pump(self.clock())
 
-    def pump(self, peer: bytes, *says: Message) -> list[Message]:
-        """What a peer hears after it has said something; clock probes apart."""
-        for message in says:
-            self.router.say(peer, message)
+    def pump(self, peer: bytes, *messages: Message) -> list[Message]:
+        """Send messages of a peer, pump the port, and return the peer's answers except clock probes."""
+        for message in messages:
+            self.router.send_from(peer, message)
         self.port.pump(self.clock())
-        return [message for message in self.router.heard(peer) if not isinstance(message, Ping)]
+        return [message for message in self.router.received_by(peer) if not isinstance(message, Ping)]
 
     def join(self, peer: bytes, first: int = -1) -> list[Message]:
-        """Let a logger come and ask."""
+        """Connect a logger and request its records."""
         assert isinstance(self.pump(peer, hello("logger", name=peer.decode()))[0], Welcome)
         return self.pump(peer, LogRequest(first))
 
-    def catch_up(self, peer: bytes, heard: list[Message], last: int, before: Sequence[int] = ()) -> list[int]:
-        """Numbers of all records a logger gets until it has one, however long the disk takes."""
-        got = [*before, *self.numbers(heard)]
+    def catch_up(self, peer: bytes, messages: list[Message], last: int, before: Sequence[int] = ()) -> list[int]:
+        """Numbers of all records that a logger receives up to the last one, however slow the disk is."""
+        received = [*before, *self.numbers(messages)]
 
         def arrived() -> bool:
-            got.extend(self.numbers(self.pump(peer)))
-            return got[-1:] == [last]
+            received.extend(self.numbers(self.pump(peer)))
+            return received[-1:] == [last]
 
-        self.until(lambda: got[-1:] == [last] or arrived())
-        return got
+        self.until(lambda: received[-1:] == [last] or arrived())
+        return received
 
-    def until(self, what: Callable[[], bool]) -> None:
-        """Let the spill's thread work until something holds."""
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Let the spill's thread run until a condition holds."""
         end = time.monotonic() + TIMEOUT
         while time.monotonic() < end:
-            if what():
+            if condition():
                 return
             if self.spill._thread is not None:
                 self.spill._thread.join(1e-4)
-        raise AssertionError("waited in vain")
+        raise AssertionError("timed out")
 
     def fill_spill(self, count: int) -> None:
-        """Let a logger come and go, and many records be made after that."""
+        """Connect and disconnect a logger, and create many records after that."""
         self.join(L)
         self.pump(L, LogAck(0, 10**12, "a.mcap", 0))
         self.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
-        for start in range(0, count, 1000):  # which would take a second in earnest
+        for start in range(0, count, 1000):  # which would take a second in real time
             self.record(min(1000, count - start), pump_each=20)
             self.until(lambda: not self.spill._unwritten or bool(self.spill.trouble))
         assert self.port.loggers == 0
@@ -81,21 +81,21 @@ class Rig:
     def names(self) -> list[str]:
         return [name for name, _ in self.port.news]
 
-    def numbers(self, heard: list[Message]) -> list[int]:
-        """Numbers of all records in the batches, checking that each is what it says it is."""
-        got = []
-        for batch in heard:
+    def numbers(self, messages: list[Message]) -> list[int]:
+        """Numbers of all records in the batches; checks that each record has the right number."""
+        received = []
+        for batch in messages:
             assert isinstance(batch, LogBatch)
             for offset, record in enumerate(batch.records):
                 tick = decode(record)
                 assert isinstance(tick, TickRecord)
                 assert int(tick.row) == batch.first + offset
-                got.append(batch.first + offset)
-        return got
+                received.append(batch.first + offset)
+        return received
 
 
-def end(rig: Rig) -> None:
-    """Let the spill be done."""
+def close_rig(rig: Rig) -> None:
+    """Close the port and wait for the spill."""
     rig.port.close()
     if rig.spill._thread is not None:
         rig.spill._thread.join(30)

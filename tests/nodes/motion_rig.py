@@ -15,11 +15,11 @@ TIMEOUT_NS = 50_000_000
 BOUND_NS = 500_000
 
 ROUNDS = 8
-"""In so many ticks whatever a test has said has been taken [1]."""
+"""Number of drains after which every message of a test has been handled [1]."""
 
 
 class Peers:
-    """Sockets that talk to a router, one for each name: nothing they say or are told is dropped."""
+    """Sockets connected to a router, one for each name, whose queues have no limit."""
 
     def __init__(self, context: sockets.Context, address: str) -> None:
         self._context = context
@@ -36,20 +36,20 @@ class Peers:
             self._sockets[peer] = socket
         return self._sockets[peer]
 
-    def say(self, peer: bytes, *messages: Message | bytes) -> None:
-        """Let a peer send one frame, made of these parts."""
+    def send_from(self, peer: bytes, *messages: Message | bytes) -> None:
+        """Send one message with these parts from a peer."""
         parts = [message if isinstance(message, bytes) else encode(message) for message in messages]
         self._of(peer).send_multipart(parts, zmq.NOBLOCK)
 
-    def heard(self, peer: bytes) -> list[Message]:
-        """Take everything a peer has been sent."""
+    def received_by(self, peer: bytes) -> list[Message]:
+        """Return all messages that a peer has received."""
         found = []
         while (frame := sockets.receive(self._of(peer))) is not None:
             found.append(decode(frame))
         return found
 
-    def go(self, peer: bytes) -> None:
-        """Let a peer close its socket."""
+    def disconnect(self, peer: bytes) -> None:
+        """Close the socket of a peer."""
         self._sockets.pop(peer).close()
 
 
@@ -63,7 +63,7 @@ class MotionRig:
         self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS, ends)
 
     def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
-        """Take what has arrived, all of it at one time; whether the tick is complete then."""
+        """Handle everything that has arrived, at one time, and return whether the tick is complete."""
         self.port.fast.record["set_ns"] = clock()
         for _ in range(ROUNDS):
             complete = self.port.drain(clock, due_ns)

@@ -23,77 +23,77 @@ from netboard.network.transport.ports import free_port
 from netboard.nodes.agent.agent import Agent
 
 TIMEOUT = 60.0
-"""What is waited for is there long before, on a busy machine too [s]."""
-PATIENT = {"stale_after_ms": 1000.0, "disarm_after_ms": 10_000.0}
-"""A machine that stands still for a moment takes no force away."""
+"""Timeout, far above the usual time even on a busy machine [s]."""
+LONG_TIMEOUTS = {"stale_after_ms": 1000.0, "disarm_after_ms": 10_000.0}
+"""With these, a short stall of the machine does not remove the force."""
 
 Step: TypeAlias = tuple[Callable[[], bool], Callable[[], None]]
 
 
 @final
 class Pluggable(Device):
-    """A device that can be pulled out, with buttons."""
+    """A device with buttons that can be unplugged."""
 
-    there = True
-    looked_for = 0
+    plugged = True
+    open_attempts = 0
     buttons = 0
     ready = True
     force = (0.0, 0.0, 0.0)
 
     def _open(self) -> DeviceInfo:
-        self.looked_for += 1
-        if not self.there:
-            raise DeviceNotFound("it is not there")
+        self.open_attempts += 1
+        if not self.plugged:
+            raise DeviceNotFound("it is not plugged in")
         return DeviceInfo("pluggable", "7", 3.0, 1.0, 0.0)
 
     def _read(self, now_ns: int) -> Reading:
-        self._answer()
+        self._require_plugged()
         return Reading(now_ns, 0.001, 0.0, 0.01, 0.0, 0.0, 0.0, self.buttons, self.ready)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        self._answer()
+        self._require_plugged()
         self.force = (fx, fy, fz)
 
     def _close(self) -> None:
         self.force = (0.0, 0.0, 0.0)
 
-    def _answer(self) -> None:
-        if not self.there:
-            raise DeviceLost("somebody pulled it out")
+    def _require_plugged(self) -> None:
+        if not self.plugged:
+            raise DeviceLost("it was unplugged")
 
 
 class Server:
-    """The server's end, which lets the device be armed with every beat."""
+    """The server's end of the channel, which permits arming with every heartbeat."""
 
     def __init__(self, context: sockets.Context, config: Config) -> None:
         self.router = sockets.motion_server(context, channels.addresses(config.network).listen(channels.MOTION))
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
         self.may_arm = True
         self._tick = 0
 
     def answer(self) -> None:
-        """Take everything, welcome everybody, answer every sample with a beat."""
+        """Receive all messages, welcome each agent, and answer each sample with a heartbeat."""
         while (received := self.router.receive()) is not None:
             agent, message = received[0], decode(received[1])
-            self.heard.append(message)
+            self.received.append(message)
             self._tick += 1
             if isinstance(message, Hello):
                 self.router.send(agent, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
             elif isinstance(message, Stylus):
-                beat = Heartbeat(self._tick, now_ns(), message.seq, 300_000, self.may_arm)
-                self.router.send(agent, encode(beat))
+                heartbeat = Heartbeat(self._tick, now_ns(), message.seq, 300_000, self.may_arm)
+                self.router.send(agent, encode(heartbeat))
 
-    def heard_of(self, kind: type[Message]) -> list[Message]:
-        return [message for message in self.heard if isinstance(message, kind)]
+    def received_of(self, kind: type[Message]) -> list[Message]:
+        return [message for message in self.received if isinstance(message, kind)]
 
 
 class Rig:
-    """An agent that runs through a script: what is waited for, and what happens then."""
+    """An agent that follows a script of conditions and actions."""
 
     def __init__(self, context: sockets.Context, **options: int) -> None:
         config = Config()
         agents = replace(config.agents, left=replace(config.agents.left, **options))
-        safety = replace(config.safety, arm_time=0.01, **PATIENT)
+        safety = replace(config.safety, arm_time=0.01, **LONG_TIMEOUTS)
         network = replace(config.network, port=free_port(), transport="ipc")
         self.config = replace(config, agents=agents, network=network, safety=safety)
         self.device = Pluggable("left", self.config)
@@ -106,11 +106,11 @@ class Rig:
         end = time.monotonic() + TIMEOUT
 
         def stopping() -> bool:
-            assert time.monotonic() < end, f"waited in vain, {len(steps)} steps before the end"
+            assert time.monotonic() < end, f"timed out {len(steps)} steps before the end"
             self.server.answer()
             if steps and steps[0][0]():
-                _, act = steps.pop(0)
-                act()
+                _, action = steps.pop(0)
+                action()
             return not steps
 
         self.agent.run(stopping)
@@ -118,15 +118,15 @@ class Rig:
         self.server.router.close_after_goodbye()
 
     def samples(self) -> list[int]:
-        """What the samples say of the safety chain."""
-        return [message.safeguards for message in self.server.heard_of(Stylus) if isinstance(message, Stylus)]
+        """Safeguards of the samples."""
+        return [message.safeguards for message in self.server.received_of(Stylus) if isinstance(message, Stylus)]
 
-    def says(self, safeguards: int) -> bool:
-        """Whether the newest sample says just this."""
+    def reports(self, safeguards: int) -> bool:
+        """Whether the newest sample has exactly these safeguards."""
         return self.samples()[-1:] == [safeguards]
 
     def armed(self) -> bool:
-        """Whether the newest sample says that the device is armed."""
+        """Whether the newest sample has the device armed."""
         return any(bits & Safeguard.ARMED for bits in self.samples()[-1:])
 
 
@@ -135,33 +135,33 @@ def new_rig() -> Iterator[Callable[..., Rig]]:
     interval = sys.getswitchinterval()
     with sockets.open_context() as context:
         yield lambda **options: Rig(context, **options)
-    gc.enable()  # what a steady loop has switched off
+    gc.enable()  # the agent's loop disables it
     gc.unfreeze()
     sys.setswitchinterval(interval)
 
 
 def nothing() -> None:
-    """Only what is waited for counts."""
+    """Do nothing."""
 
 
 @pytest.mark.slow
 def test_unplugged_device_is_searched_for_and_reconnected(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
-    device, heard = rig.device, rig.server.heard
+    device, received = rig.device, rig.server.received
 
     def pull() -> None:
-        device.there = False
+        device.plugged = False
 
     def plug_in() -> None:
         assert device.force == (0.0, 0.0, 0.0)
-        assert [m.reason for m in heard if isinstance(m, Goodbye)] == ["the device is lost: somebody pulled it out"]
-        heard.clear()
-        device.there = True
+        assert [m.reason for m in received if isinstance(m, Goodbye)] == ["the device is lost: it was unplugged"]
+        received.clear()
+        device.plugged = True
 
     rig.run(
         (lambda: rig.armed() and device.force != (0.0, 0.0, 0.0), pull),
-        (lambda: device.looked_for > 2 and bool(rig.server.heard_of(Goodbye)), plug_in),
-        (lambda: bool(rig.server.heard_of(Hello)) and rig.armed(), nothing),
+        (lambda: device.open_attempts > 2 and bool(rig.server.received_of(Goodbye)), plug_in),
+        (lambda: bool(rig.server.received_of(Hello)) and rig.armed(), nothing),
     )
     assert device.force == (0.0, 0.0, 0.0)
 
@@ -174,23 +174,23 @@ def test_stop_button_cuts_the_force_until_the_server_disarms(new_rig: Callable[.
     def press() -> None:
         device.buttons = 2
 
-    def let_go() -> None:
+    def release_button() -> None:
         assert device.force == (0.0, 0.0, 0.0)
         device.buttons = 0
-        rig.server.heard.clear()
+        rig.server.received.clear()
 
-    def still_off() -> None:
+    def disarm() -> None:
         assert set(rig.samples()) == {Safeguard.STOPPED}
         rig.server.may_arm = False
 
-    def released() -> None:
+    def permit_arming() -> None:
         rig.server.may_arm = True
 
     rig.run(
         (rig.armed, press),
-        (lambda: rig.says(Safeguard.STOPPED), let_go),
-        (lambda: len(rig.samples()) >= 20, still_off),
-        (lambda: rig.says(0), released),
+        (lambda: rig.reports(Safeguard.STOPPED), release_button),
+        (lambda: len(rig.samples()) >= 20, disarm),
+        (lambda: rig.reports(0), permit_arming),
         (rig.armed, nothing),
     )
 
@@ -210,7 +210,7 @@ def test_no_force_without_consent_or_while_not_ready(new_rig: Callable[..., Rig]
     rig.run(
         (lambda: len(rig.samples()) >= 20, consent),
         (rig.armed, dock),
-        (lambda: rig.says(Safeguard.NOT_READY), nothing),
+        (lambda: rig.reports(Safeguard.NOT_READY), nothing),
     )
     assert device.force == (0.0, 0.0, 0.0)
 
@@ -222,6 +222,6 @@ def test_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
     def forbid() -> None:
         rig.server.may_arm = False
 
-    rig.run((rig.armed, forbid), (lambda: rig.says(0), nothing))
+    rig.run((rig.armed, forbid), (lambda: rig.reports(0), nothing))
     armed = [bool(bits & Safeguard.ARMED) for bits in rig.samples()]
     assert sum(before and not after for before, after in pairwise(armed)) == 1, "it is not armed again"

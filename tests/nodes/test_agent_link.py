@@ -17,7 +17,7 @@ from netboard.network.transport import channels, sockets
 from netboard.nodes.agent.motion_link import REMEMBERED, Link
 
 TIMEOUT_NS = 10_000_000_000
-"""Far longer than this machine stands still [ns]."""
+"""Far longer than any stall of the machine [ns]."""
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
 
 
@@ -25,23 +25,23 @@ class Pair:
     """A link, and the server's end of it."""
 
     def __init__(self, context: sockets.Context) -> None:
-        here = channels.Endpoint("inproc://motion")
-        self.router = sockets.motion_server(context, here)
-        self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
+        endpoint = channels.Endpoint("inproc://motion")
+        self.router = sockets.motion_server(context, endpoint)
+        self.link = Link(sockets.motion_agent(context, endpoint, "agent"), HELLO, TIMEOUT_NS)
         self.link.warm()
         self.send(0, now_ns())
         received = self.router.receive()
         assert received is not None
         self.agent, frame = received
         assert decode(frame) == HELLO
-        self.say(Welcome("session", PROTOCOL_VERSION, 0, ""))
+        self.deliver(Welcome("session", PROTOCOL_VERSION, 0, ""))
 
     def send(self, seq: int, stamp_ns: int) -> None:
         """Send a sample of a stylus at rest."""
         self.link.send(seq, Reading(stamp_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True), 0, 0.0)
 
-    def say(self, message: Message) -> bool:
-        """Let the server say something; whether the link takes it."""
+    def deliver(self, message: Message) -> bool:
+        """Send a message from the server, and return whether the link accepts it."""
         assert self.router.send(self.agent, encode(message))
         return self.link.receive()
 
@@ -58,14 +58,14 @@ def force(tick: int, seq: int) -> Force:
 
 def test_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
     pair.send(1, now_ns())
-    assert pair.say(force(1, 1))
+    assert pair.deliver(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.received_ns == pair.link.answer_ns > 0
 
 
 def test_answer_to_an_old_sample_is_received_but_not_fresh(pair: Pair) -> None:
     pair.send(1, now_ns() - TIMEOUT_NS)
-    assert pair.say(force(1, 1))
+    assert pair.deliver(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.answer_ns > 0
     assert pair.link.received_ns is None
@@ -73,14 +73,14 @@ def test_answer_to_an_old_sample_is_received_but_not_fresh(pair: Pair) -> None:
 
 def test_answer_to_a_forgotten_sample_is_not_fresh(pair: Pair) -> None:
     pair.send(REMEMBERED + 1, now_ns())
-    assert pair.say(force(1, 1))
+    assert pair.deliver(force(1, 1))
     assert pair.link.received_ns is None
 
 
 def test_point_is_accepted_like_a_force_in_either_encoding(pair: Pair) -> None:
     pair.send(1, now_ns() - 5_000_000)
     point = Point(1, 0, 1, 7, 0.01, -0.5, 200.0, 2.0, 300_000)
-    assert pair.say(point)
+    assert pair.deliver(point)
     assert pair.link.newest == point
     assert pair.link.received_ns is not None
     pair.link.rendered(now_ns())
@@ -94,28 +94,28 @@ def test_point_is_accepted_like_a_force_in_either_encoding(pair: Pair) -> None:
 
 
 def test_heartbeat_without_a_sample_is_fresh(pair: Pair) -> None:
-    assert pair.say(Heartbeat(1, 0, -1, 0, True))
+    assert pair.deliver(Heartbeat(1, 0, -1, 0, True))
     assert pair.link.received_ns is not None
 
 
 def test_older_force_is_ignored(pair: Pair) -> None:
     pair.send(1, now_ns())
-    assert pair.say(force(2, 1))
-    assert not pair.say(force(1, 1))
+    assert pair.deliver(force(2, 1))
+    assert not pair.deliver(force(1, 1))
     assert pair.link.newest == force(2, 1)
 
 
 def test_welcome_of_another_session_resets_the_link(pair: Pair) -> None:
     pair.send(1, now_ns())
-    assert pair.say(force(5, 1))
-    assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
+    assert pair.deliver(force(5, 1))
+    assert not pair.deliver(Welcome("another session", PROTOCOL_VERSION, 0, ""))
     assert pair.link.newest is None
-    assert pair.say(force(1, 1))
+    assert pair.deliver(force(1, 1))
 
 
 def test_empty_frame_is_ignored(pair: Pair) -> None:
     pair.send(1, now_ns())
-    assert pair.say(force(1, 1))
+    assert pair.deliver(force(1, 1))
     assert pair.router.send(pair.agent, b"")
     assert not pair.link.receive()
     assert pair.link.newest == force(1, 1)

@@ -31,10 +31,10 @@ def test_stop_button_of_either_device_triggers_the_emergency_stop() -> None:
 def test_safety_trip_is_reported_with_its_cause_at_intervals() -> None:
     alarm = EmergencyStop()
     bits = {"left": Safeguard.ARMED.value, "right": (Safeguard.TOO_FAST | Safeguard.STALE).value}
-    told = alarm.poll(TRIPPED << 1, bits, 0)
-    assert [name for name, _ in told] == ["safeguard"] * 2
-    assert {event["cause"] for _, event in told} == {WORDS[Safeguard.TOO_FAST], WORDS[Safeguard.STALE]}
-    assert {event["side"] for _, event in told} == {"right"}
+    events = alarm.poll(TRIPPED << 1, bits, 0)
+    assert [name for name, _ in events] == ["safeguard"] * 2
+    assert {event["cause"] for _, event in events} == {WORDS[Safeguard.TOO_FAST], WORDS[Safeguard.STALE]}
+    assert {event["side"] for _, event in events} == {"right"}
     assert alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS - 1) == []
     assert len(alarm.poll(TRIPPED << 1, bits, REPEAT_INTERVAL_NS)) == 2
     assert alarm.halted == ""

@@ -1,6 +1,6 @@
 """The attempts of a session, with the real state machine and a journal on a real disk.
 
-Board and ball are put where they end a trial; whatever else happens, happens by commands at random.
+Board and ball are placed where they end a trial; all other events come from random commands.
 """
 
 import random
@@ -34,7 +34,7 @@ from session_model import HEADER, PLAN, Planned, check
 
 NUMBERS = [planned.number for planned in PLAN]
 FAR = 1.0
-"""Where a ball has fallen off the board [m]."""
+"""Position of a ball that has fallen off the board [m]."""
 
 
 def config_of(block: Planned, *settings: str) -> Config:
@@ -42,8 +42,8 @@ def config_of(block: Planned, *settings: str) -> Config:
     return parse(text, "test", ("session.dyad=D03", "session.consent=true", *settings))
 
 
-class Table:
-    """A block that is played: what a session does with its stage and its attempts."""
+class BlockRun:
+    """A running block: what a session does with its stage and its attempts."""
 
     def __init__(self, attempts: Attempts, block: Planned, tick: int = 0, *settings: str) -> None:
         self.attempts, self.tick = attempts, tick
@@ -51,7 +51,7 @@ class Table:
         self.stage = make_stage(self.config)
         self.state = self.stage.initial(**attempts.place(block.number))
         self.rows = np.zeros(64, TICK)
-        self.told: list[tuple[str, dict[str, str]]] = []
+        self.decisions: list[tuple[str, dict[str, str]]] = []
         attempts.begin(self.config, tick)
 
     @property
@@ -62,8 +62,8 @@ class Table:
     def phase(self) -> Phase:
         return Phase(int(self.now["phase"]))
 
-    def do(self, command: Cause = Cause.NONE, late_ns: int = 0) -> None:
-        """One tick."""
+    def step(self, command: Cause = Cause.NONE, late_ns: int = 0) -> None:
+        """Run one tick."""
         place = self.tick % len(self.rows)
         self.rows[place] = np.zeros((), TICK)
         row = self.rows[place]
@@ -72,19 +72,19 @@ class Table:
         self.stage.advance(self.state, self.rows, self.tick)
         cause = Cause(int(row["event"]))
         if cause:
-            self.told += self.attempts.record_decision(cause, row, self.now, self.rows, self.tick)
+            self.decisions += self.attempts.record_decision(cause, row, self.now, self.rows, self.tick)
         self.tick += 1
         if self.tick % 10 == 0:
             self.attempts.poll(self.rows, self.tick)
 
     def until(self, *phases: Phase, late_ns: int = 0) -> None:
-        """Let the trial go on to a phase: the board is level, the ball in the target."""
+        """Run until a phase, with a level board and the ball in the target."""
         while self.phase not in phases:
             if self.phase in (Phase.LEVELLING, Phase.HOLDING):
                 self.now["counted"] = 10**6
             if self.phase in (Phase.RUNNING, Phase.HOLDING):
                 self.now["p"] = self.now["target"] * self.config.geometry.target_distance
-            self.do(late_ns=late_ns)
+            self.step(late_ns=late_ns)
 
     def succeed(self, late_ns: int = 0) -> None:
         self.until(Phase.RUNNING)
@@ -93,19 +93,19 @@ class Table:
     def fail(self) -> None:
         self.until(Phase.RUNNING)
         self.now["p"] = FAR
-        self.do()
-        self.do()
+        self.step()
+        self.step()
 
     def pause(self) -> None:
-        self.do(Cause.PAUSE)
+        self.step(Cause.PAUSE)
 
-    def wish(self, what: str, argument: str = "") -> None:
-        """What an operator asks for."""
-        self.attempts.ask(what, argument, int(self.now["trial"]))
-        self.do(Cause.REPEAT if what == "repeat" else Cause.VETO)
+    def request(self, command: str, argument: str = "") -> None:
+        """Request or veto a repeat, as an operator."""
+        self.attempts.ask(command, argument, int(self.now["trial"]))
+        self.step(Cause.REPEAT if command == "repeat" else Cause.VETO)
 
 
-def opened(path: Path) -> Attempts:
+def open_attempts(path: Path) -> Attempts:
     attempts = Attempts(lambda config: Journal.create(path, HEADER))
     attempts.open(config_of(PLAN[0]), "run 1")
     return attempts
@@ -129,21 +129,21 @@ def outcomes(attempts: Attempts) -> list[tuple[int, int, int, str]]:
 
 
 def test_outcome_of_every_attempt_is_journaled(path: Path) -> None:
-    attempts = opened(path)
-    table = Table(attempts, PLAN[2])
-    table.do(Cause.START)
-    table.fail()
-    table.succeed()
-    table.do(Cause.ABORT)
-    table.pause()
-    table.do(Cause.RESUME)
-    table.do(Cause.SKIP)
-    table.until(Phase.RUNNING)
-    table.do(Cause.FAULT)
-    table.do(Cause.SKIP)
-    table.do(Cause.RESUME)
-    table.succeed()
-    assert table.phase == Phase.FINISHED
+    attempts = open_attempts(path)
+    block_run = BlockRun(attempts, PLAN[2])
+    block_run.step(Cause.START)
+    block_run.fail()
+    block_run.succeed()
+    block_run.step(Cause.ABORT)
+    block_run.pause()
+    block_run.step(Cause.RESUME)
+    block_run.step(Cause.SKIP)
+    block_run.until(Phase.RUNNING)
+    block_run.step(Cause.FAULT)
+    block_run.step(Cause.SKIP)
+    block_run.step(Cause.RESUME)
+    block_run.succeed()
+    assert block_run.phase == Phase.FINISHED
     expected = [
         *((3, 1, 1, "fell"), (3, 1, 2, "success")),
         *((3, 2, 1, "aborted"), (3, 2, 2, "paused"), (3, 2, 3, "skipped")),
@@ -151,7 +151,7 @@ def test_outcome_of_every_attempt_is_journaled(path: Path) -> None:
         (3, 4, 1, "success"),
     ]
     assert outcomes(attempts) == expected
-    assert [(details["trial"], details["outcome"]) for _, details in table.told] == [
+    assert [(details["trial"], details["outcome"]) for _, details in block_run.decisions] == [
         (str(row[1]), row[3]) for row in expected
     ]
     assert len(attempts.completions) == 2
@@ -167,27 +167,27 @@ def test_outcome_of_every_attempt_is_journaled(path: Path) -> None:
 
 @pytest.mark.parametrize("paused", [False, True])
 def test_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
-    attempts = opened(path)
-    table = Table(attempts, PLAN[1])
-    table.do(Cause.START)
+    attempts = open_attempts(path)
+    block_run = BlockRun(attempts, PLAN[1])
+    block_run.step(Cause.START)
     if paused:
-        table.pause()
-    table.do(Cause.SKIP)
-    assert table.phase == Phase.FINISHED
+        block_run.pause()
+    block_run.step(Cause.SKIP)
+    assert block_run.phase == Phase.FINISHED
     assert outcomes(attempts)[-1] == (2, 1, 1, "skipped")
     attempts.close()
     assert entries_of(path)[-2] == BlockEnded(2, "finished")
 
 
 def test_stopped_block_is_not_done_but_given_up_block_is(path: Path) -> None:
-    attempts = opened(path)
-    table = Table(attempts, PLAN[0])
-    table.do(Cause.START)
-    table.succeed()
-    table.do(Cause.STOP)
+    attempts = open_attempts(path)
+    block_run = BlockRun(attempts, PLAN[0])
+    block_run.step(Cause.START)
+    block_run.succeed()
+    block_run.step(Cause.STOP)
     assert outcomes(attempts)[-1] == (1, 2, 1, "aborted")
     attempts.give_up()
-    Table(attempts, PLAN[1], table.tick).do(Cause.START)
+    BlockRun(attempts, PLAN[1], block_run.tick).step(Cause.START)
     attempts.close()
     progress = progress_in(path)
     assert (progress.done, progress.block, progress.begun) == ((1,), 2, True)
@@ -196,18 +196,20 @@ def test_stopped_block_is_not_done_but_given_up_block_is(path: Path) -> None:
 
 
 def test_flagged_trial_is_repeated_at_the_end_of_the_block(path: Path) -> None:
-    attempts = opened(path)
-    table = Table(attempts, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
-    table.do(Cause.START)
-    table.succeed()
+    attempts = open_attempts(path)
+    block_run = BlockRun(
+        attempts, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80"
+    )
+    block_run.step(Cause.START)
+    block_run.succeed()
     flags = [row[5] for row in attempts.finished]
-    table.succeed(late_ns=10**6)
+    block_run.succeed(late_ns=10**6)
     assert "late_ticks" in attempts.finished[-1][5].split(",")
     assert "late_ticks" not in flags[0]
-    extra = int(table.now["extra"])
+    extra = int(block_run.now["extra"])
     assert extra == len([row for row in attempts.finished if row[5]])
-    while table.phase != Phase.FINISHED:
-        table.succeed()
+    while block_run.phase != Phase.FINISHED:
+        block_run.succeed()
     repeats = [row[6] for row in attempts.finished if row[6]]
     assert repeats == [row[1] for row in attempts.finished[:3] if row[5]]
     attempts.close()
@@ -216,25 +218,25 @@ def test_flagged_trial_is_repeated_at_the_end_of_the_block(path: Path) -> None:
 
 
 def test_operator_may_request_and_veto_repeats(path: Path) -> None:
-    attempts = opened(path)
-    table = Table(attempts, PLAN[0])
+    attempts = open_attempts(path)
+    block_run = BlockRun(attempts, PLAN[0])
     with pytest.raises(NetboardError, match="no trial is done"):
-        table.wish("repeat")
-    table.do(Cause.START)
-    table.succeed()
-    table.succeed()
-    table.wish("repeat")
-    table.wish("repeat", "1")
+        block_run.request("repeat")
+    block_run.step(Cause.START)
+    block_run.succeed()
+    block_run.succeed()
+    block_run.request("repeat")
+    block_run.request("repeat", "1")
     with pytest.raises(NetboardError, match="is already to be repeated"):
-        table.wish("repeat", "2")
+        block_run.request("repeat", "2")
     with pytest.raises(NetboardError, match='found "x", expected the number of a trial'):
-        table.wish("veto", "x")
-    assert table.now["extra"] == 2
-    table.wish("veto")
-    assert table.now["extra"] == 1
-    table.succeed()
-    table.succeed()
-    assert table.phase == Phase.FINISHED
+        block_run.request("veto", "x")
+    assert block_run.now["extra"] == 2
+    block_run.request("veto")
+    assert block_run.now["extra"] == 1
+    block_run.succeed()
+    block_run.succeed()
+    assert block_run.phase == Phase.FINISHED
     assert attempts.finished[-1][1:4:2] == (4, "success")
     assert attempts.finished[-1][6] == 2
     attempts.close()
@@ -243,10 +245,10 @@ def test_operator_may_request_and_veto_repeats(path: Path) -> None:
 def test_session_without_a_journal_keeps_its_outcomes() -> None:
     attempts = Attempts()
     attempts.open(config_of(PLAN[1]), "run")
-    table = Table(attempts, PLAN[1])
-    table.do(Cause.START)
-    table.succeed()
-    attempts.note("all well", table.tick)
+    block_run = BlockRun(attempts, PLAN[1])
+    block_run.step(Cause.START)
+    block_run.succeed()
+    attempts.note("all well", block_run.tick)
     assert outcomes(attempts) == [(2, 1, 1, "success")]
     assert (attempts.trouble, attempts.opened, attempts.place(2)) == ("", False, {})
     assert attempts.counts("left") == attempts.counts("right")
@@ -254,23 +256,23 @@ def test_session_without_a_journal_keeps_its_outcomes() -> None:
 
 
 def test_existing_session_is_not_started_again(path: Path) -> None:
-    opened(path).close()
+    open_attempts(path).close()
     with pytest.raises(NetboardError, match="this session was started before"):
-        opened(path)
+        open_attempts(path)
 
 
 def test_missing_samples_are_counted_and_frames_accepted(path: Path) -> None:
-    attempts = opened(path)
+    attempts = open_attempts(path)
     assert attempts.counts("left") == (0, 0)
     attempts.painted(FrameRecord(0, "left", 0, 0, 0, 0))
-    table = Table(attempts, PLAN[0])
-    table.do(Cause.START)
-    table.until(Phase.RUNNING)
+    block_run = BlockRun(attempts, PLAN[0])
+    block_run.step(Cause.START)
+    block_run.until(Phase.RUNNING)
     for _ in range(20):
-        table.now["p"] = 0.0
-        table.do()
-        attempts.painted(FrameRecord(0, "left", table.tick, 0, 0, 0))
-    attempts.poll(table.rows, table.tick)
+        block_run.now["p"] = 0.0
+        block_run.step()
+        attempts.painted(FrameRecord(0, "left", block_run.tick, 0, 0, 0))
+    attempts.poll(block_run.rows, block_run.tick)
     assert attempts.counts("left") == attempts.counts("right") == (20, 0)
     attempts.close()
 
@@ -278,13 +280,13 @@ def test_missing_samples_are_counted_and_frames_accepted(path: Path) -> None:
 def test_outcomes_are_paged() -> None:
     attempts = Attempts()
     attempts.finished += [(1, k, 1, "success", 1.0, "", 0) for k in range(450)]
-    told = []
-    while len(told) < len(attempts.finished):
-        page = attempts.outcomes(len(told))
-        assert page.first == len(told)
+    received = []
+    while len(received) < len(attempts.finished):
+        page = attempts.outcomes(len(received))
+        assert page.first == len(received)
         assert 0 < len(page.attempts) <= 200
-        told += page.attempts
-    assert told == attempts.finished
+        received += page.attempts
+    assert received == attempts.finished
     assert attempts.outcomes(10**9).attempts == ()
     assert attempts.outcomes(-5).first == 0
 
@@ -292,7 +294,7 @@ def test_outcomes_are_paged() -> None:
 # --- killed and resumed at random -----------------------------------------------------------------------------------
 
 
-def resumed(path: Path, run: int) -> Attempts:
+def resume_attempts(path: Path, run: int) -> Attempts:
     journal, header, entries, torn = Journal.reopen(path)
     assert (header, torn) == (HEADER, b"")
     attempts = Attempts(journal=journal, progress=progress_of(HEADER, entries, PLAN, str(path)))
@@ -300,44 +302,44 @@ def resumed(path: Path, run: int) -> Attempts:
     return attempts
 
 
-def wish(table: Table, chance: random.Random, what: str) -> None:
+def try_request(block_run: BlockRun, chance: random.Random, command: str) -> None:
     trial = str(chance.randint(1, 5))
-    if Cause.REPEAT in TABLE[table.phase]:
+    if Cause.REPEAT in TABLE[block_run.phase]:
         try:
-            table.wish(what, trial)
+            block_run.request(command, trial)
         except NetboardError:
             return
 
 
-DEEDS: tuple[Callable[[Table, random.Random], object], ...] = (
-    lambda table, chance: table.do(),
-    lambda table, chance: table.succeed(chance.choice((0, 10**6))) if table.phase == Phase.LEVELLING else table.do(),
-    lambda table, chance: table.succeed() if table.phase == Phase.LEVELLING else table.do(Cause.RESUME),
-    lambda table, chance: table.fail() if table.phase == Phase.LEVELLING else table.do(Cause.RESUME),
-    lambda table, chance: table.until(Phase.RUNNING) if table.phase == Phase.LEVELLING else table.do(Cause.START),
-    lambda table, chance: table.do(chance.choice((Cause.ABORT, Cause.SKIP, Cause.PAUSE, Cause.FAULT))),
-    lambda table, chance: wish(table, chance, "repeat"),
-    lambda table, chance: wish(table, chance, "veto"),
-    lambda table, chance: table.attempts.note("ä note", table.tick),
+ACTIONS: tuple[Callable[[BlockRun, random.Random], object], ...] = (
+    lambda run, chance: run.step(),
+    lambda run, chance: run.succeed(chance.choice((0, 10**6))) if run.phase == Phase.LEVELLING else run.step(),
+    lambda run, chance: run.succeed() if run.phase == Phase.LEVELLING else run.step(Cause.RESUME),
+    lambda run, chance: run.fail() if run.phase == Phase.LEVELLING else run.step(Cause.RESUME),
+    lambda run, chance: run.until(Phase.RUNNING) if run.phase == Phase.LEVELLING else run.step(Cause.START),
+    lambda run, chance: run.step(chance.choice((Cause.ABORT, Cause.SKIP, Cause.PAUSE, Cause.FAULT))),
+    lambda run, chance: try_request(run, chance, "repeat"),
+    lambda run, chance: try_request(run, chance, "veto"),
+    lambda run, chance: run.attempts.note("ä note", run.tick),
 )
 
 
-def require_journal_matches_state(path: Path, table: Table) -> None:
-    """The journal says of a block that goes on what its state says."""
-    progress, now = progress_in(path), table.now
-    said = (progress.block, progress.trial, progress.successes, progress.failures, progress.extra)
-    extra = int(now["extra"]) + table.attempts.wanted
-    assert said == (
-        table.config.block.number,
+def require_journal_matches_state(path: Path, block_run: BlockRun) -> None:
+    """Check that the journal of a running block agrees with its state."""
+    progress, now = progress_in(path), block_run.now
+    journaled = (progress.block, progress.trial, progress.successes, progress.failures, progress.extra)
+    extra = int(now["extra"]) + block_run.attempts.wanted
+    assert journaled == (
+        block_run.config.block.number,
         now["trial"],
         now["successes"],
         now["failures"],
         extra,
     )
-    assert list(progress.completions) == pytest.approx(table.attempts.completions)
-    under_way = [*table.attempts.finished]
-    if table.phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
-        assert progress.under_way == (said[0], now["trial"], now["attempt"])
+    assert list(progress.completions) == pytest.approx(block_run.attempts.completions)
+    under_way = [*block_run.attempts.finished]
+    if block_run.phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
+        assert progress.under_way == (journaled[0], now["trial"], now["attempt"])
         under_way.append((*progress.under_way, "incomplete", float("nan"), "", 0))
     assert repr(list(progress.outcomes)) == repr(under_way)
 
@@ -345,25 +347,25 @@ def require_journal_matches_state(path: Path, table: Table) -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_killed_session_resumes_at_any_point(path: Path, seed: int) -> None:
     chance = random.Random(seed)
-    attempts, run, tick = opened(path), 1, 0
+    attempts, run, tick = open_attempts(path), 1, 0
     settings = ("quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
     while (progress := attempts._progress) is None or not progress.complete:
         number = progress.block if progress is not None else NUMBERS[0]
         for planned in PLAN[number - 1 :]:
-            table = Table(attempts, planned, tick, *settings)
-            killed = chance.randint(5, 60)
-            while table.phase != Phase.FINISHED and killed:
-                chance.choice(DEEDS)(table, chance)
-                killed -= 1
-            if not killed and table.phase != Phase.FINISHED:
+            block_run = BlockRun(attempts, planned, tick, *settings)
+            steps_left = chance.randint(5, 60)
+            while block_run.phase != Phase.FINISHED and steps_left:
+                chance.choice(ACTIONS)(block_run, chance)
+                steps_left -= 1
+            if not steps_left and block_run.phase != Phase.FINISHED:
                 break
-            tick = table.tick
+            tick = block_run.tick
         attempts._journal.close()  # type: ignore[union-attr]
-        if table.phase != Phase.FINISHED:
-            require_journal_matches_state(path, table)
+        if block_run.phase != Phase.FINISHED:
+            require_journal_matches_state(path, block_run)
         check(entries_of(path), progress_in(path))
         run += 1
-        attempts = resumed(path, run)
+        attempts = resume_attempts(path, run)
         assert attempts.opened
     attempts.close()
     entries = entries_of(path)

@@ -1,4 +1,4 @@
-"""Forces rendered while a link was cut: the agent keeps them, the server requests them, and the ticks contain them."""
+"""Forces rendered while a link was cut: the agent stores them, the server requests them, and the ticks contain them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ def guards(seq: int) -> int:
 
 @dataclass
 class Link:
-    """A server's motion port and an agent, joined by a line that can be cut; 1 ms each round."""
+    """A server's motion port and an agent, connected by a link that can be cut; each tick takes 1 ms."""
 
     rig: MotionRig
     rows: Any = field(default_factory=lambda: np.zeros(1024, TICK))
@@ -43,7 +43,7 @@ class Link:
     filler: Backfiller = field(default_factory=Backfiller)
     records: list[BackfillRecord] = field(default_factory=list)
     ticks: list[Any] = field(default_factory=list)
-    asked: list[BackfillRequest] = field(default_factory=list)
+    requests: list[BackfillRequest] = field(default_factory=list)
     answers_lost: int = 0
     number: int = 0
     seq: int = -1
@@ -52,12 +52,12 @@ class Link:
     def now_ns(self) -> int:
         return (1000 + self.number) * MS
 
-    def greet(self) -> None:
-        self.rig.router.say(AGENT, hello("agent", "left"))
+    def connect(self) -> None:
+        self.rig.router.send_from(AGENT, hello("agent", "left"))
         self.rig.drain(lambda: self.now_ns)
-        self.rig.router.heard(AGENT)
+        self.rig.router.received_by(AGENT)
 
-    def go(self, ticks: int, *, cut: bool = False) -> None:
+    def run(self, ticks: int, *, cut: bool = False) -> None:
         for _ in range(ticks):
             self._tick(cut=cut)
 
@@ -70,7 +70,7 @@ class Link:
         )  # fmt: skip
         self.ring.add(self.seq, stamp, sample.rendered, sample.safeguards)
         if not cut:
-            self.rig.router.say(AGENT, sample)
+            self.rig.router.send_from(AGENT, sample)
             self._answer()
         self.rig.drain(lambda: now - 200_000, now)
         row = self.rows[self.number % 1024 : self.number % 1024 + 1]
@@ -82,13 +82,13 @@ class Link:
             self.records += self.filler.attend(self.rig.port, self.rows, self.number, now)
 
     def _answer(self) -> None:
-        for message in self.rig.router.heard(AGENT):
+        for message in self.rig.router.received_by(AGENT):
             if isinstance(message, BackfillRequest):
-                self.asked.append(message)
+                self.requests.append(message)
                 if self.answers_lost:
                     self.answers_lost -= 1
                 else:
-                    self.rig.router.say(AGENT, self.ring.answer(message))
+                    self.rig.router.send_from(AGENT, self.ring.answer(message))
 
     def recorded(self) -> Any:
         return np.concatenate(self.ticks)
@@ -102,36 +102,36 @@ class Link:
 @pytest.fixture
 def link() -> Iterator[Link]:
     with sockets.open_context() as context:
-        made = Link(MotionRig(context))
-        made.greet()
-        yield made
+        created = Link(MotionRig(context))
+        created.connect()
+        yield created
 
 
 def assert_rows_match_rendered_forces(rows: Any, first: int) -> None:
-    """Every tick says what was rendered at the newest sample before it."""
+    """Check that each tick has the force rendered at the newest sample before it."""
     np.testing.assert_array_equal(rows["left_rendered"], [rendered(tick + first) for tick in range(len(rows))])
     np.testing.assert_array_equal(rows["left_safeguards"], [guards(tick + first) for tick in range(len(rows))])
 
 
 def test_tick_without_a_sample_has_no_rendered_force(link: Link) -> None:
-    link.go(20)
-    link.go(1000, cut=True)
+    link.run(20)
+    link.run(1000, cut=True)
     rows = link.recorded()[20:]
-    held = KNOWN_NS // MS
-    np.testing.assert_array_equal(rows["left_rendered"][: held - 1], rendered(19))
-    assert np.isnan(rows["left_rendered"][held:]).all()
-    assert np.isnan(rows["right_rendered"]).all(), "nobody is there"
+    known_ticks = KNOWN_NS // MS
+    np.testing.assert_array_equal(rows["left_rendered"][: known_ticks - 1], rendered(19))
+    assert np.isnan(rows["left_rendered"][known_ticks:]).all()
+    assert np.isnan(rows["right_rendered"]).all(), "no right agent is connected"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("away", [30, 700, SILENCE_TIMEOUT_NS // MS + 500])
 def test_ticks_of_a_cut_are_backfilled_from_the_agent(link: Link, away: int) -> None:
-    link.go(50)
-    link.go(away, cut=True)
+    link.run(50)
+    link.run(away, cut=True)
     if away * MS > SILENCE_TIMEOUT_NS:
-        link.greet()
+        link.connect()
     link.answers_lost = 2
-    link.go(50 + away // 2 + 3 * REPEAT_INTERVAL_NS // MS)
+    link.run(50 + away // 2 + 3 * REPEAT_INTERVAL_NS // MS)
     known = link.filled()
     unknown = np.isnan(link.recorded()["left_rendered"])
     assert away - 5 < np.count_nonzero(unknown) <= away + 5
@@ -140,56 +140,56 @@ def test_ticks_of_a_cut_are_backfilled_from_the_agent(link: Link, away: int) -> 
     assert not np.isnan(known["left_rendered"]).any()
     assert [record.seq for record in link.records] == list(range(len(link.records)))
     assert max(len(record.rows) for record in link.records) <= BACKFILL_ROWS * RENDERED.itemsize
-    assert len(link.asked) <= len(link.records) + 2 + 1
+    assert len(link.requests) <= len(link.records) + 2 + 1
 
 
 def test_cut_during_backfill_loses_nothing(link: Link) -> None:
-    link.go(20)
-    link.go(400, cut=True)
-    link.go(30)
+    link.run(20)
+    link.run(400, cut=True)
+    link.run(30)
     assert 0 < len(link.records) < 400 // BACKFILL_ROWS
-    link.go(300, cut=True)
-    link.go(800)
+    link.run(300, cut=True)
+    link.run(800)
     assert not np.isnan(link.filled()["left_rendered"]).any()
 
 
 def test_restarted_agent_cannot_backfill(link: Link) -> None:
-    link.go(100)
-    link.go(500, cut=True)
+    link.run(100)
+    link.run(500, cut=True)
     link.ring, link.seq = RenderedRing(), -1
-    link.go(100, cut=True)
+    link.run(100, cut=True)
     link.rig.port.agents["left"].leave()
-    link.greet()
-    link.go(400)
+    link.connect()
+    link.run(400)
     rows = link.filled()
     assert np.isnan(rows["left_rendered"][110:600]).all()
     np.testing.assert_array_equal(rows["left_rendered"][600:], [rendered(k) for k in range(500)])
 
 
 def test_nothing_is_requested_before_the_agent_connects(link: Link) -> None:
-    link.go(500, cut=True)
-    link.go(100)
-    assert (link.asked, link.records) == ([], [])
+    link.run(500, cut=True)
+    link.run(100)
+    assert (link.requests, link.records) == ([], [])
 
 
 def test_unrequested_or_invalid_backfills_are_ignored(link: Link) -> None:
-    link.go(20)
-    link.go(300, cut=True)
+    link.run(20)
+    link.run(300, cut=True)
     link.answers_lost = 10**6
-    link.go(40)
-    (asked, *_) = link.asked
+    link.run(40)
+    (request, *_) = link.requests
     row = np.zeros(1, RENDERED).tobytes()
     for wrong in (
-        Backfill(asked.first + 1, asked.stop, row),
-        Backfill(asked.first, asked.first, row),
-        Backfill(asked.first, asked.stop + 1, row),
-        Backfill(asked.first, asked.stop, row[:-1]),
-        Backfill(asked.first, asked.stop, row * (BACKFILL_ROWS + 1)),
+        Backfill(request.first + 1, request.stop, row),
+        Backfill(request.first, request.first, row),
+        Backfill(request.first, request.stop + 1, row),
+        Backfill(request.first, request.stop, row[:-1]),
+        Backfill(request.first, request.stop, row * (BACKFILL_ROWS + 1)),
     ):
         assert link.filler.take("left", wrong, 0) is None
-    assert link.filler.take("right", Backfill(asked.first, asked.stop, row), 0) is None
-    assert link.filler.take("left", Backfill(asked.first, asked.stop, row), 5) == BackfillRecord(0, "left", 5, row)
-    assert link.filler.take("left", Backfill(asked.first, asked.stop, row), 5) is None
+    assert link.filler.take("right", Backfill(request.first, request.stop, row), 0) is None
+    assert link.filler.take("left", Backfill(request.first, request.stop, row), 5) == BackfillRecord(0, "left", 5, row)
+    assert link.filler.take("left", Backfill(request.first, request.stop, row), 5) is None
 
 
 def test_ring_buffer_answers_only_for_what_it_still_holds() -> None:
@@ -230,11 +230,11 @@ def test_delayed_samples_do_not_hide_part_of_a_gap() -> None:
     filler, rows = Backfiller(), np.zeros(8192, TICK)
     rows["left_rendered"], rows["left_seq"] = np.nan, -1
     rows["left_rendered"][:1000], rows["left_seq"][:1000] = 0.0, np.arange(1000)
-    for tick, seq in ((6000, 5700), (6001, 5800), (6003, 6002), (6004, 6003)):  # the first two were held back for 0.3 s
+    for tick, seq in ((6000, 5700), (6001, 5800), (6003, 6002), (6004, 6003)):  # the first two were delayed by 0.3 s
         rows["left_rendered"][tick], rows["left_seq"][tick] = 0.0, seq
     filler.poll(rows, 6005)
-    asked: set[int] = set()
+    requested: set[int] = set()
     while request := filler.due("left", REPEAT_INTERVAL_NS):
-        asked |= set(range(request.first, request.stop))
+        requested |= set(range(request.first, request.stop))
         filler.take("left", Backfill(request.first, request.stop, np.zeros(1, RENDERED).tobytes()), 0)
-    assert asked >= set(range(999, 6003))
+    assert requested >= set(range(999, 6003))

@@ -22,35 +22,35 @@ BLOCKS = (
 
 
 def configs(session: Session | None = None) -> list[Config]:
-    made = []
+    created = []
     for number, settings in enumerate(BLOCKS, start=1):
         config = parse("", "test", ("session.pilot=true", f"block.blocks={len(BLOCKS)}", *settings))
         config = replace(config, block=replace(config.block, number=number))
-        made.append(replace(config, session=session or config.session))
-    return made
+        created.append(replace(config, session=session or config.session))
+    return created
 
 
 class BlockFactory:
-    """Makes the blocks anew, and remembers for whom."""
+    """Creates the blocks again, and stores the sessions that it was called with."""
 
     def __init__(self) -> None:
-        self.asked: list[Session] = []
+        self.sessions: list[Session] = []
 
     def __call__(self, session: Session) -> Sequence[Config]:
-        self.asked.append(session)
+        self.sessions.append(session)
         return configs(session)
 
 
 def test_blocks_follow_in_order() -> None:
     sequence = BlockSequence(configs(), BlockFactory())
     assert sequence.planned
-    seen = []
+    found = []
     while True:
-        seen.append((sequence.block.config.block.number, sequence.last))
+        found.append((sequence.block.config.block.number, sequence.last))
         if sequence.last:
             break
         assert sequence.next() is sequence.block
-    assert seen == [(1, False), (2, False), (3, False), (4, True)]
+    assert found == [(1, False), (2, False), (3, False), (4, True)]
 
 
 def test_resumed_session_starts_at_a_later_block() -> None:
@@ -93,12 +93,12 @@ def test_blocks_of_one_scene_share_the_delay_monitor() -> None:
 
 @pytest.mark.slow
 def test_opening_with_a_form_rebuilds_all_blocks() -> None:
-    remade = BlockFactory()
-    sequence = BlockSequence(configs(), remade, 1)
+    factory = BlockFactory()
+    sequence = BlockSequence(configs(), factory, 1)
     before = sequence.block
     form = replace(before.config.session, dyad="D17", consent=True, pilot=False)
     sequence.open(form)
-    assert remade.asked == [form]
+    assert factory.sessions == [form]
     assert sequence.block.config.session == form
     assert sequence.block.config.block == before.config.block
     assert 'dyad = "D17"' in sequence.block.text

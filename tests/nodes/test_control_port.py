@@ -26,39 +26,40 @@ D, C = b"display.left@1", b"console@1"
 
 
 class Rig:
-    """A port with its fake socket; a display and a console have said hello."""
+    """A port with its fake socket, and a registered display and console."""
 
     def __init__(self) -> None:
         self.router = FakeRouter()
         self.port = ControlPort(self.router, WELCOME)  # type: ignore[arg-type]
-        assert isinstance(self.say(D, hello("display", "left"))[0], Welcome)
-        assert isinstance(self.say(C, hello("console"))[0], Welcome)
+        assert isinstance(self.exchange(D, hello("display", "left"))[0], Welcome)
+        assert isinstance(self.exchange(C, hello("console"))[0], Welcome)
 
-    def say(self, peer: bytes, message: Message | bytes) -> list[Message]:
-        self.router.say(peer, message)
+    def exchange(self, peer: bytes, message: Message | bytes) -> list[Message]:
+        """Send a message of a peer, and return the answers to it."""
+        self.router.send_from(peer, message)
         self.port.drain(lambda: 0)
         self.port.answer(Answers())
-        return self.router.heard(peer)
+        return self.router.received_by(peer)
 
 
 def test_operator_requests_and_commands_are_answered() -> None:
     rig = Rig()
-    assert rig.say(C, StatusRequest()) == [STATUS]
-    assert rig.say(C, OutcomesRequest(3)) == [Outcomes(3, ())]
-    assert rig.say(C, TraceRequest(7)) == [Trace(())]
-    assert rig.say(C, Command("pause", "", 5)) == []
+    assert rig.exchange(C, StatusRequest()) == [STATUS]
+    assert rig.exchange(C, OutcomesRequest(3)) == [Outcomes(3, ())]
+    assert rig.exchange(C, TraceRequest(7)) == [Trace(())]
+    assert rig.exchange(C, Command("pause", "", 5)) == []
     (request,) = rig.port.requests
     assert (request.who, request.command.name) == (C, "pause")
     rig.port.reply(request, False, "cannot pause while idle")
-    assert rig.router.heard(C) == [Reply(5, False, "cannot pause while idle")]
+    assert rig.router.received_by(C) == [Reply(5, False, "cannot pause while idle")]
 
 
 def test_display_cannot_command_or_report_for_another_station() -> None:
     rig = Rig()
     for message in (Command("start", "", 1), StatusRequest(), STYLUS):
-        assert rig.say(D, message) == [Refusal(f"a display may not send {type(message).__name__}")]
+        assert rig.exchange(D, message) == [Refusal(f"a display may not send {type(message).__name__}")]
     answer = Refusal("the left display may not report for the right station")
-    assert rig.say(D, Frames("right", ((1, 2, 3),), 0)) == [answer]
+    assert rig.exchange(D, Frames("right", ((1, 2, 3),), 0)) == [answer]
     assert rig.port.requests == []
     assert rig.port.take_frames() == []
     assert [name for name, _ in rig.port.news].count("refused") == 4
@@ -66,10 +67,10 @@ def test_display_cannot_command_or_report_for_another_station() -> None:
 
 def test_frames_are_numbered_per_station() -> None:
     rig = Rig()
-    rig.say(b"r", hello("display", "right"))
-    rig.say(D, Frames("left", ((1, 10, 20), (2, 30, 40)), 0))
-    rig.say(b"r", Frames("right", ((1, 11, 21),), 5))
-    rig.say(D, Frames("left", ((3, 50, 60),), 1))
+    rig.exchange(b"r", hello("display", "right"))
+    rig.exchange(D, Frames("left", ((1, 10, 20), (2, 30, 40)), 0))
+    rig.exchange(b"r", Frames("right", ((1, 11, 21),), 5))
+    rig.exchange(D, Frames("left", ((3, 50, 60),), 1))
     assert [(f.station, f.seq, f.tick, f.dropped) for f in rig.port.take_frames()] == [
         ("left", 0, 1, 0),
         ("left", 1, 2, 0),
@@ -80,21 +81,21 @@ def test_frames_are_numbered_per_station() -> None:
 
 def test_unregistered_peers_and_malformed_messages_are_refused() -> None:
     rig = Rig()
-    assert rig.say(b"x", StatusRequest()) == [Refusal("say hello first")]
-    assert isinstance(rig.say(b"x", b"\xc1")[0], Refusal)
-    assert rig.say(b"x", hello("logger")) == [Refusal("this is the control channel, not one for a logger")]
+    assert rig.exchange(b"x", StatusRequest()) == [Refusal("say hello first")]
+    assert isinstance(rig.exchange(b"x", b"\xc1")[0], Refusal)
+    assert rig.exchange(b"x", hello("logger")) == [Refusal("this is the control channel, not one for a logger")]
 
 
 def test_peers_are_listed_and_the_newest_display_of_a_station_reports() -> None:
     rig = Rig()
     assert rig.port.peers == ("console", "display.left")
-    rig.say(b"display.left@2", hello("display", "left", "host:2"))
+    rig.exchange(b"display.left@2", hello("display", "left", "host:2"))
     assert rig.port.peers == ("console", "display.left")
-    assert rig.say(D, Frames("left", ((1, 2, 3),), 0)) == []
+    assert rig.exchange(D, Frames("left", ((1, 2, 3),), 0)) == []
     assert rig.port.take_frames() == []
-    rig.say(b"display.left@2", Frames("left", ((4, 5, 6),), 0))
+    rig.exchange(b"display.left@2", Frames("left", ((4, 5, 6),), 0))
     assert [frame.tick for frame in rig.port.take_frames()] == [4]
-    rig.say(C, Goodbye("off"))
+    rig.exchange(C, Goodbye("off"))
     assert rig.port.peers == ("display.left",)
 
 
@@ -102,17 +103,17 @@ def test_pings_yield_clock_offsets_of_peers() -> None:
     rig = Rig()
     rig.port.pump(PING_NS)
     ahead = 5_000_000_000
-    assert rig.router.heard(D) == [Ping(PING_NS)]
-    rig.router.say(D, Pong(PING_NS, PING_NS + ahead + 10, PING_NS + ahead + 30))
+    assert rig.router.received_by(D) == [Ping(PING_NS)]
+    rig.router.send_from(D, Pong(PING_NS, PING_NS + ahead + 10, PING_NS + ahead + 30))
     rig.port.drain(lambda: PING_NS + 40)
     (record,) = rig.port.clock_records(7)
     assert (record.seq, record.peer, record.offset_ns) == (7, "display.left", ahead)
     links = {link[0]: link for link in rig.port.links(PING_NS + 40)}
     assert links["display.left"][4] == 20e-9
     assert links["display.left"][5] < 1e-6
-    rig.router.heard(C)
+    rig.router.received_by(C)
     rig.port.pump(2 * PING_NS - 1)
-    assert rig.router.heard(C) == []
+    assert rig.router.received_by(C) == []
 
 
 def test_silent_display_is_removed_and_may_return() -> None:
@@ -120,7 +121,7 @@ def test_silent_display_is_removed_and_may_return() -> None:
     rig.port.pump(SILENCE_TIMEOUT_NS + PING_NS)
     assert rig.port.peers == ()
     assert not rig.port.is_there(C)
-    rig.say(D, Frames("left", ((1, 2, 3),), 0))
+    rig.exchange(D, Frames("left", ((1, 2, 3),), 0))
     assert rig.port.peers == ("display.left",)
     names = [name for name, _ in rig.port.news]
     assert names == ["display_joined", "console_joined", "display_silent", "console_silent", "display_back"]
@@ -132,34 +133,34 @@ def test_suspended_console_may_answer_all_queued_pings() -> None:
     suspended_s = 3600
     for tenth in range(suspended_s * 10):
         rig.port.pump(tenth * 100_000_000)
-    pings = [message for message in rig.router.heard(C) if isinstance(message, Ping)]
+    pings = [message for message in rig.router.received_by(C) if isinstance(message, Ping)]
     assert pings
     now_ns = suspended_s * 1_000_000_000
     for ping in pings:
-        rig.router.say(C, Pong(ping.sent_ns, now_ns, now_ns))
+        rig.router.send_from(C, Pong(ping.sent_ns, now_ns, now_ns))
         rig.port.drain(lambda: now_ns)
-    assert rig.router.heard(C) == []
+    assert rig.router.received_by(C) == []
 
 
 def test_undelivered_block_change_is_sent_again() -> None:
     router = FakeRouter(room=1)
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
-    router.say(b"console", hello("console"))
+    router.send_from(b"console", hello("console"))
     port.drain(lambda: 0)
     another = replace(WELCOME, config="another block")
     port.renew(another)
-    assert router.heard(b"console") == [WELCOME]
+    assert router.received_by(b"console") == [WELCOME]
     port.pump(0)
-    assert router.heard(b"console") == [another]
+    assert router.received_by(b"console") == [another]
 
 
 def test_departed_peers_with_full_queues_leave_no_pending_messages() -> None:
-    router = FakeRouter(room=0)  # nobody reads
+    router = FakeRouter(room=0)  # no peer reads its messages
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     for number in range(2000):
-        router.say(b"display.left@%d" % number, hello("display", "left"))
-        router.say(b"console@%d" % number, hello("console"))
+        router.send_from(b"display.left@%d" % number, hello("display", "left"))
+        router.send_from(b"console@%d" % number, hello("console"))
         now_ns = number * CONNECTION_CHECK_NS
         port.drain(lambda now_ns=now_ns: now_ns)
         port.pump(now_ns)
-    assert len(router.owed) <= 2 * MAX_PEERS
+    assert len(router.queued) <= 2 * MAX_PEERS

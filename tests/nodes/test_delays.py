@@ -105,9 +105,9 @@ def test_soften_action_reduces_the_gain_smoothly_and_restores_it(physics: Physic
     assert GAINS[-1] <= before < 1.0
     assert gains == sorted(gains, reverse=True)
     assert watch.gains[1] == 1.0
-    told = [details for name, details in watch.news if name == "softened"]
-    assert told
-    assert {details["side"] for details in told} == {"left"}
+    softened = [details for name, details in watch.news if name == "softened"]
+    assert softened
+    assert {details["side"] for details in softened} == {"left"}
     assert poll_repeatedly(watch, quick, quick, 100).count("softened") >= 1
     assert list(watch.gains) == [1.0, 1.0]
     assert not watch.trouble

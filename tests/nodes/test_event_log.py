@@ -21,7 +21,7 @@ class RecordSink:
         return len(self.messages) - 1
 
 
-def told(sink: RecordSink) -> list[tuple[int, int, str]]:
+def events_in(sink: RecordSink) -> list[tuple[int, int, str]]:
     return [(event.seq, event.tick, event.name) for event in sink.messages if isinstance(event, EventRecord)]
 
 
@@ -35,7 +35,7 @@ def test_events_of_an_unopened_session_are_recorded_when_it_opens() -> None:
     event_log.note(9, "block_began", {})
     event_log.catch_up(9)
     event_log.catch_up(10)
-    assert told(sink) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
+    assert events_in(sink) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
 
 
 def test_open_session_records_everything_in_order() -> None:
@@ -45,7 +45,7 @@ def test_open_session_records_everything_in_order() -> None:
     event_log.note(1, "start", {"trial": "1"})
     event_log.record(FRAME)
     event_log.note(2, "held", {})
-    assert told(sink) == [(0, 1, "start"), (1, 2, "held")]
+    assert events_in(sink) == [(0, 1, "start"), (1, 2, "held")]
     assert sink.messages[1] == FRAME
 
 
@@ -79,4 +79,4 @@ def test_log_sums_consecutive_stalls_and_the_recording_has_each(caplog: pytest.L
         *(f"stood_still milliseconds={20 * times} times={times}" for times in (1, 2, 4, 8, 11)),
         "stood_still milliseconds=7 times=1",
     ]
-    assert sum(name == "stood_still" for _, _, name in told(sink)) == 12
+    assert sum(name == "stood_still" for _, _, name in events_in(sink)) == 12

@@ -1,4 +1,4 @@
-"""The whole examination, its report, and the command."""
+"""The doctor's examination, its report and its command."""
 
 import json
 import os
@@ -25,7 +25,7 @@ SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2)
 runner = CliRunner()
 
 
-def silent(done: float) -> None:
+def ignore_progress(done: float) -> None:
     """Discard the progress."""
 
 
@@ -37,30 +37,30 @@ def _isolated_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def woken(p999_us: float, scheduling: str = "ok") -> WakeUps:
+def wake_ups(p999_us: float, scheduling: str = "ok") -> WakeUps:
     return WakeUps({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us, 1, 1000)
 
 
 @pytest.mark.parametrize(("p999_us", "colour"), [(120.0, "green"), (800.0, "yellow"), (1500.0, "red")])
 def test_timer_finding_depends_on_the_p999_latency(p999_us: float, colour: str) -> None:
-    finding = timing.verdict(woken(p999_us))
+    finding = timing.verdict(wake_ups(p999_us))
     assert finding.colour == colour
     assert f"p99.9 {p999_us:.0f}" in finding.found
     assert finding.figures["p999_us"] == p999_us
-    assert timing.comparison(woken(p999_us)).colour == "green"
+    assert timing.comparison(wake_ups(p999_us)).colour == "green"
 
 
 def test_percentiles_are_returned_in_microseconds() -> None:
-    summed = timing.percentiles([1000 * k for k in range(1001)])
-    assert summed == pytest.approx({"p50_us": 500, "p99_us": 990, "p999_us": 999, "max_us": 1000})
+    percentiles = timing.percentiles([1000 * k for k in range(1001)])
+    assert percentiles == pytest.approx({"p50_us": 500, "p99_us": 990, "p999_us": 999, "max_us": 1000})
 
 
 def test_disk_checks_use_the_recording_folder(tmp_path: Path) -> None:
     settings = Recording(directory=str(tmp_path / "not" / "yet" / "there"))
     assert disk.nearest(Path(settings.directory)) == tmp_path
-    told: list[float] = []
-    finding = disk.speed(settings, 4, told.append)
-    assert told == [0.25, 0.5, 0.75, 1.0]
+    progress: list[float] = []
+    finding = disk.speed(settings, 4, progress.append)
+    assert progress == [0.25, 0.5, 0.75, 1.0]
     assert 0 < finding.figures["p50_ms"] <= finding.figures["max_ms"]
     assert disk.space(settings).figures["hours"] > 0
     assert list(tmp_path.iterdir()) == []
@@ -69,7 +69,7 @@ def test_disk_checks_use_the_recording_folder(tmp_path: Path) -> None:
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
 def test_read_only_folder_is_red(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    finding = disk.speed(Recording(directory=str(tmp_path)), 1, silent)
+    finding = disk.speed(Recording(directory=str(tmp_path)), 1, ignore_progress)
     tmp_path.chmod(0o700)
     assert finding.colour == "red"
 
@@ -85,23 +85,23 @@ def test_nearly_full_disk_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_clock_offset_to_the_same_machine_is_within_its_bound() -> None:
-    estimator = network.compare(20, silent)
+    estimator = network.compare(20, ignore_progress)
     assert estimator.accepted == 20
     assert estimator.rejected == estimator.restarts == 0
     assert abs(estimator.offset_ns) <= estimator.bound_ns
 
 
 def test_clock_bound_beyond_the_limit_is_red() -> None:
-    finding = network.clock_bound(Network(clock_bound_ms=1e-6), 3, silent)
+    finding = network.clock_bound(Network(clock_bound_ms=1e-6), 3, ignore_progress)
     assert finding.colour == "red"
     assert "armed" in finding.advice
 
 
 def test_ports_in_use_are_yellow() -> None:
-    with net.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        finding = network.ports(Network(port=taken.getsockname()[1]))
+    with net.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        finding = network.ports(Network(port=listener.getsockname()[1]))
     assert finding.colour == "yellow"
     assert "is a server running?" in finding.advice
 
@@ -161,9 +161,9 @@ def report(*findings: Finding) -> Report:
 
 
 def test_report_has_a_one_line_summary() -> None:
-    made = report(GREEN, GREEN, YELLOW, timing.verdict(woken(123.4)))
-    assert made.summary == "3 green, 1 yellow, 0 red; timer p99.9 123 us"
-    assert made.fit
+    result = report(GREEN, GREEN, YELLOW, timing.verdict(wake_ups(123.4)))
+    assert result.summary == "3 green, 1 yellow, 0 red; timer p99.9 123 us"
+    assert result.fit
     assert not report(GREEN, RED).fit
 
 
@@ -171,22 +171,22 @@ def test_report_is_embedded_in_recordings_with_its_age() -> None:
     report(GREEN).save(doctor_report_path())
     report(GREEN, YELLOW).save(doctor_report_path())
     assert [file.name for file in doctor_report_path().parent.iterdir()] == ["doctor.json"]
-    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 1_767_323_045_000_000_000 + 5400 * 10**9, 0)
-    assert made["doctor"] == "1 green, 1 yellow, 0 red; 1.5 h before"
-    assert [finding["name"] for finding in json.loads(made["doctor_report"])["findings"]] == ["a", "b"]
+    result = provenance(Welcome("s", 1, 0, ""), Config(), 1, 1_767_323_045_000_000_000 + 5400 * 10**9, 0)
+    assert result["doctor"] == "1 green, 1 yellow, 0 red; 1.5 h before"
+    assert [finding["name"] for finding in json.loads(result["doctor_report"])["findings"]] == ["a", "b"]
 
 
 def test_recording_without_a_report_states_so() -> None:
-    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
-    assert (made["doctor"], made["doctor_report"]) == ("not asked", "")
+    result = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
+    assert (result["doctor"], result["doctor_report"]) == ("not asked", "")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"summary": "x", "utc": "yesterday"}', '{"summary": "x", "utc": 3}'])
 def test_invalid_report_does_not_prevent_a_recording(text: str) -> None:
     doctor_report_path().parent.mkdir(parents=True)
     doctor_report_path().write_text(text, encoding="utf-8")
-    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
-    assert made["doctor"].startswith("its report cannot be read")
+    result = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
+    assert result["doctor"].startswith("its report cannot be read")
 
 
 def test_unwritable_report_raises_an_error(tmp_path: Path) -> None:
@@ -197,19 +197,19 @@ def test_unwritable_report_raises_an_error(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_examination_runs_every_check_and_reports_progress() -> None:
-    followed: list[tuple[str, float]] = []
-    made = examine(Config(), SHORT, lambda what, done: followed.append((what, done)))
-    names = [finding.name for finding in made.findings]
+    progress: list[tuple[str, float]] = []
+    result = examine(Config(), SHORT, lambda what, done: progress.append((what, done)))
+    names = [finding.name for finding in result.findings]
     assert len(set(names)) == len(names)
     assert {"real-time scheduling", "timer", "clock bound", "disk speed", "disk space", "Qt", "USB devices"} <= set(
         names
     )
-    assert all(0 <= done <= 1 for _, done in followed)
-    assert "timer p99.9" in made.summary
+    assert all(0 <= done <= 1 for _, done in progress)
+    assert "timer p99.9" in result.summary
     platform_name = os.uname().nodename if hasattr(os, "uname") else ""
-    assert not platform_name or platform_name not in made.machine.values()
-    parsed = json.loads(made.text())
-    assert parsed["summary"] == made.summary
+    assert not platform_name or platform_name not in result.machine.values()
+    parsed = json.loads(result.text())
+    assert parsed["summary"] == result.summary
     assert all(bool(finding["advice"]) == (finding["colour"] != "green") for finding in parsed["findings"])
 
 

@@ -1,10 +1,10 @@
-"""A peer that sends `Hello` is admitted, however slow its link or its server, and whatever others send."""
+"""A peer that sends `Hello` is admitted despite a slow link, a slow server or floods of other peers."""
 
 from collections import deque
 from pathlib import Path
 
 from fake_router import FakeRouter, hello
-from log_rig import L, Rig, end
+from log_rig import L, Rig, close_rig
 
 from fakes import Answers, FakeClock
 from netboard.base.config import Config, parse, resolve
@@ -24,7 +24,7 @@ MS = 1_000_000
 
 
 class SlowLink:
-    """The log channel to a real port, over which every frame takes its time; the port is pumped as a session does."""
+    """A log channel to a real port with a delay for each frame; waiting pumps the port as a session does."""
 
     def __init__(self, rig: Rig, delay: float) -> None:
         self._rig, self._delay_ns = rig, round(delay * 1e9)
@@ -36,7 +36,7 @@ class SlowLink:
         rig.clock.advance(seconds)
         now = rig.clock()
         while self._up and self._up[0][0] <= now:
-            rig.router.arrived.append((L, self._up.popleft()[1]))
+            rig.router.incoming.append((L, self._up.popleft()[1]))
         rig.port.pump(now)
         self._down.extend((now + self._delay_ns, frame) for frame in rig.router.sent.pop(L, []))
         return bool(self._down) and self._down[0][0] <= now
@@ -61,26 +61,26 @@ def test_logger_joins_over_a_link_slower_than_its_hello_interval(tmp_path: Path)
     for _ in range(500):  # ten seconds
         logger.step()
     assert rig.port.loggers == 1
-    assert rig.port.store.backlog == 0, "it has brought to disk what there is"
+    assert rig.port.store.backlog == 0, "every record is on disk"
     rig.port.end()
     for _ in range(500):
         logger.step()
     (path,) = logger.finished
     with Recording(path) as recording:
         assert [event.name for event in recording.events()] == ["session_started"]
-    end(rig)
+    close_rig(rig)
 
 
 def test_welcome_is_sent_once_a_full_queue_has_room(tmp_path: Path) -> None:
     rig = Rig(tmp_path, room=1)
-    rig.router.sent[L] = [b"waits to be read"]
-    rig.router.say(L, hello("logger"))
+    rig.router.sent[L] = [b"unread"]
+    rig.router.send_from(L, hello("logger"))
     rig.port.pump(rig.clock())
     rig.router.sent.clear()
     assert isinstance(rig.pump(L)[0], Welcome)
     rig.pump(L, LogRequest(-1))
     assert rig.port.loggers == 1
-    end(rig)
+    close_rig(rig)
 
 
 def test_logger_that_repeats_hello_stays_connected(tmp_path: Path) -> None:
@@ -88,25 +88,25 @@ def test_logger_that_repeats_hello_stays_connected(tmp_path: Path) -> None:
     rig.join(L)
     rig.pump(L, hello("logger", name=L.decode()))
     assert rig.port.loggers == 1
-    end(rig)
+    close_rig(rig)
 
 
 def test_logger_delayed_by_a_flood_does_not_count_as_silent(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     rig.join(L)
     for _ in range(5 * MAX_FRAMES):
-        rig.router.say(b"flood", b"\x00")
-    rig.router.say(L, Pong(0, 0, 0))
+        rig.router.send_from(b"flood", b"\x00")
+    rig.router.send_from(L, Pong(0, 0, 0))
     rig.clock.advance(SILENCE_TIMEOUT_NS * 1e-9 + 0.1)
     for _ in range(8):
         rig.port.pump(rig.clock())
     assert "logger_left" not in rig.names()
     assert rig.port.loggers == 1
-    end(rig)
+    close_rig(rig)
 
 
-class Control:
-    """A control port under a clock of the test's."""
+class ControlRig:
+    """A control port with a fake clock."""
 
     def __init__(self) -> None:
         self.router, self.clock = FakeRouter(), FakeClock()
@@ -119,60 +119,60 @@ class Control:
 
 
 def test_console_joins_during_a_flood_of_messages() -> None:
-    rig = Control()
+    rig = ControlRig()
     for number in range(50):
         for _ in range(20):
-            rig.router.say(b"flood %d" % number, b"\x00")
-    rig.router.say(b"console", hello("console"))
+            rig.router.send_from(b"flood %d" % number, b"\x00")
+    rig.router.send_from(b"console", hello("console"))
     for _ in range(300):
         rig.tick()
-    assert isinstance(rig.router.heard(b"console")[0], Welcome)
+    assert isinstance(rig.router.received_by(b"console")[0], Welcome)
 
 
 def test_new_peers_replace_only_silent_peers() -> None:
-    rig = Control()
+    rig = ControlRig()
     consoles = [b"console %d" % number for number in range(MAX_PEERS)]
     for name in consoles:
-        rig.router.say(name, hello("console"))
+        rig.router.send_from(name, hello("console"))
         rig.tick()
-    rig.router.say(b"late", hello("console"))
+    rig.router.send_from(b"late", hello("console"))
     rig.tick()
-    assert isinstance(rig.router.heard(b"late")[0], Refusal)
-    rig.router.say(b"display", hello("display", "left"))
+    assert isinstance(rig.router.received_by(b"late")[0], Refusal)
+    rig.router.send_from(b"display", hello("display", "left"))
     rig.tick()
-    assert isinstance(rig.router.heard(b"display")[0], Welcome)
+    assert isinstance(rig.router.received_by(b"display")[0], Welcome)
     rig.clock.advance(CONTROL_TIMEOUT_NS * 1e-9 + 1)
     rig.port.pump(rig.clock())
-    rig.router.say(b"late", hello("console"))
+    rig.router.send_from(b"late", hello("console"))
     rig.tick()
-    assert isinstance(rig.router.heard(b"late")[-1], Welcome)
+    assert isinstance(rig.router.received_by(b"late")[-1], Welcome)
 
 
 def test_flooding_peer_is_refused_and_other_peers_are_answered() -> None:
-    rig = Control()
+    rig = ControlRig()
     for name in (b"greedy", b"console"):
-        rig.router.say(name, hello("console"))
+        rig.router.send_from(name, hello("console"))
         rig.tick()
-        rig.router.heard(name)
+        rig.router.received_by(name)
     answered = 0
     for tick in range(1000):
         for _ in range(3):
-            rig.router.say(b"greedy", StatusRequest())
+            rig.router.send_from(b"greedy", StatusRequest())
         if tick % 100 == 0:
-            rig.router.say(b"console", StatusRequest())
+            rig.router.send_from(b"console", StatusRequest())
         rig.tick()
-        answered += len(rig.router.heard(b"console"))
+        answered += len(rig.router.received_by(b"console"))
     assert answered == 10
     assert rig.port.refusals.totals["too many messages"] > 2000
 
 
 def test_surplus_commands_are_refused_except_the_emergency_stop() -> None:
-    rig = Control()
-    rig.router.say(b"console", hello("console"))
+    rig = ControlRig()
+    rig.router.send_from(b"console", hello("console"))
     rig.tick()
     for number in range(30):
-        rig.router.say(b"console", Command("note", "x", number))
-    rig.router.say(b"console", Command("emergency_stop", "", 99))
+        rig.router.send_from(b"console", Command("note", "x", number))
+    rig.router.send_from(b"console", Command("emergency_stop", "", 99))
     for _ in range(10):
         rig.tick()
     assert rig.port.requests[0].command.name == "emergency_stop"
@@ -182,36 +182,36 @@ def test_surplus_commands_are_refused_except_the_emergency_stop() -> None:
 
 def test_only_hello_is_unpacked_from_unregistered_peers() -> None:
     assert Hello in ALLOWED_MESSAGES[""]
-    rig = Control()
-    rig.router.say(b"x", b"\x97\x15\xc1")  # a report of frames, and then nonsense
+    rig = ControlRig()
+    rig.router.send_from(b"x", b"\x97\x15\xc1")  # a report of frames, then invalid bytes
     rig.tick()
-    assert rig.router.heard(b"x") == [Refusal("say hello first")]
+    assert rig.router.received_by(b"x") == [Refusal("say hello first")]
 
 
 def test_closed_connection_frees_its_place_at_once() -> None:
-    rig = Control()
+    rig = ControlRig()
     for number in range(MAX_PEERS):
-        rig.router.say(b"guest %d" % number, hello("console"))
+        rig.router.send_from(b"guest %d" % number, hello("console"))
         rig.tick()
-    rig.router.gone.add(b"guest 3")
-    rig.router.say(b"console", hello("console"))
+    rig.router.disconnected.add(b"guest 3")
+    rig.router.send_from(b"console", hello("console"))
     for _ in range(30):
         rig.tick()
-    assert isinstance(rig.router.heard(b"console")[0], Welcome)
+    assert isinstance(rig.router.received_by(b"console")[0], Welcome)
 
 
 def test_all_closed_connections_free_their_places_at_once() -> None:
-    rig = Control()
+    rig = ControlRig()
     before = [b"guest %d" % number for number in range(MAX_PEERS)]
     for name in before:
-        rig.router.say(name, hello("console"))
+        rig.router.send_from(name, hello("console"))
         rig.tick()
-    rig.router.gone.update(before)
+    rig.router.disconnected.update(before)
     consoles = [b"console %d" % number for number in range(3)]
     for name in consoles:
-        rig.router.say(name, hello("console"))
+        rig.router.send_from(name, hello("console"))
     rig.tick()
-    assert [type(rig.router.heard(name)[0]) for name in consoles] == [Welcome] * 3
+    assert [type(rig.router.received_by(name)[0]) for name in consoles] == [Welcome] * 3
 
 
 def test_closed_connection_of_a_logger_frees_its_place_at_once(tmp_path: Path) -> None:
@@ -219,6 +219,6 @@ def test_closed_connection_of_a_logger_frees_its_place_at_once(tmp_path: Path) -
     for number in range(MAX_LOGGERS):
         rig.pump(b"guest %d" % number, hello("logger", name=str(number)))
     assert rig.pump(L, hello("logger")) == [Refusal("too many loggers")]
-    rig.router.gone.add(b"guest 3")
+    rig.router.disconnected.add(b"guest 3")
     assert isinstance(rig.pump(L, hello("logger"))[0], Welcome)
-    end(rig)
+    close_rig(rig)

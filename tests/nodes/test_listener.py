@@ -49,12 +49,12 @@ class Server:
 
 
 class PortLink:
-    """The log channel to a server's port in memory; the clock moves on with each wait."""
+    """The log channel to a server's port in memory; each wait advances the clock."""
 
     def __init__(self, clock: FakeClock) -> None:
         self.server: Server | None = None
         self.clock = clock
-        self.deaf = False
+        self.cut = False
 
     def wait(self, seconds: float) -> bool:
         self.clock.advance(seconds)
@@ -63,13 +63,13 @@ class PortLink:
         return True
 
     def receive(self) -> bytes | None:
-        frames = [] if self.server is None or self.deaf else self.server.router.sent.get(NAME, [])
+        frames = [] if self.server is None or self.cut else self.server.router.sent.get(NAME, [])
         return frames.pop(0) if frames else None
 
     def send(self, frame: bytes) -> bool:
-        if self.server is None or self.deaf:
+        if self.server is None or self.cut:
             return False
-        self.server.router.say(NAME, frame)
+        self.server.router.send_from(NAME, frame)
         return True
 
 
@@ -98,14 +98,14 @@ class RecordingSink:
 
 
 class Rig:
-    """A listener, on a clock that is ahead of the server's, and its link."""
+    """A listener whose clock is ahead of the server's, and its link."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.clock = FakeClock()
         self.link = PortLink(self.clock)
-        self.told = RecordingSink()
-        self.listener = Listener(self.link, self.told, "a test", lambda: self.clock() + AHEAD_NS)
+        self.sink = RecordingSink()
+        self.listener = Listener(self.link, self.sink, "a test", lambda: self.clock() + AHEAD_NS)
 
     def serve(self, session: str, capacity: int = 1000) -> Server:
         self.link.server = Server(self.folder, session, self.clock, capacity)
@@ -129,8 +129,8 @@ def test_late_listener_receives_records_from_then_on(rig: Rig) -> None:
     server.event("start")
     server.tick(1)
     rig.step(3)
-    assert (rig.told.ticks, rig.told.events) == ([10, 11, 12, 13, 14, 15], ["start"])
-    assert (rig.told.sessions, rig.told.lost) == (["one"], [])
+    assert (rig.sink.ticks, rig.sink.events) == ([10, 11, 12, 13, 14, 15], ["start"])
+    assert (rig.sink.sessions, rig.sink.lost) == (["one"], [])
 
 
 def test_listener_waiting_for_the_server_receives_every_record(rig: Rig) -> None:
@@ -139,7 +139,7 @@ def test_listener_waiting_for_the_server_receives_every_record(rig: Rig) -> None
     server.event("block_began")
     server.tick(300)
     rig.step(30)
-    assert (rig.told.ticks, rig.told.events) == (list(range(300)), ["block_began"])
+    assert (rig.sink.ticks, rig.sink.events) == (list(range(300)), ["block_began"])
 
 
 def test_listener_receives_the_next_session_from_its_start(rig: Rig) -> None:
@@ -149,9 +149,9 @@ def test_listener_receives_the_next_session_from_its_start(rig: Rig) -> None:
     rig.step(100)
     rig.serve("two").tick(7)
     rig.step(100)
-    assert rig.told.sessions == ["one", "two"]
-    assert rig.told.ticks == list(range(7))
-    assert rig.told.lost == []
+    assert rig.sink.sessions == ["one", "two"]
+    assert rig.sink.ticks == list(range(7))
+    assert rig.sink.lost == []
 
 
 def test_lost_link_loses_no_record_still_in_the_ring_buffer(rig: Rig) -> None:
@@ -159,16 +159,16 @@ def test_lost_link_loses_no_record_still_in_the_ring_buffer(rig: Rig) -> None:
     rig.step(3)
     server.tick(10)
     rig.step(3)
-    rig.link.deaf = True
+    rig.link.cut = True
     server.tick(20)
     rig.step(int(2 * SILENCE_TIMEOUT_NS / 20e6))
     assert len(server.port.subscribers) == 0
     server.router.sent.clear()
-    rig.link.deaf = False
+    rig.link.cut = False
     server.tick(20)
     rig.step(60)
-    assert rig.told.ticks == list(range(50))
-    assert rig.told.lost == []
+    assert rig.sink.ticks == list(range(50))
+    assert rig.sink.lost == []
 
 
 def test_missed_records_are_reported(rig: Rig) -> None:
@@ -178,9 +178,9 @@ def test_missed_records_are_reported(rig: Rig) -> None:
     rig.step(3)
     server.tick(500)
     rig.step(3)
-    assert rig.told.lost == [(10, 400)]
+    assert rig.sink.lost == [(10, 400)]
     assert rig.listener.lost == 400
-    assert rig.told.ticks == [*range(10), *range(410, 510)]
+    assert rig.sink.ticks == [*range(10), *range(410, 510)]
 
 
 def test_repeated_records_are_delivered_once(rig: Rig) -> None:
@@ -191,8 +191,8 @@ def test_repeated_records_are_delivered_once(rig: Rig) -> None:
     server.router.send(NAME, encode(server.port.ring.batch(4, 100, 10**6)))
     server.tick(2)
     rig.step(3)
-    assert rig.told.ticks == list(range(12))
-    assert rig.told.lost == []
+    assert rig.sink.ticks == list(range(12))
+    assert rig.sink.lost == []
 
 
 def test_unreadable_records_are_reported_as_lost(rig: Rig) -> None:
@@ -204,8 +204,8 @@ def test_unreadable_records_are_reported_as_lost(rig: Rig) -> None:
     server.tick(1)
     server.router.send(NAME, b"nonsense")
     rig.step(3)
-    assert rig.told.ticks == [0, 1]
-    assert rig.told.lost == [(1, 1), (2, 1)]
+    assert rig.sink.ticks == [0, 1]
+    assert rig.sink.lost == [(1, 1), (2, 1)]
 
 
 def test_clock_record_gives_the_offset_of_the_listener(rig: Rig) -> None:
@@ -214,7 +214,7 @@ def test_clock_record_gives_the_offset_of_the_listener(rig: Rig) -> None:
     server.note_clocks()
     server.port.append(encode(ClockRecord(0, "listener", 1, 2, 3, 4, 77, 1, 0.0)))
     rig.step(3)
-    ((offset_ns, bound_ns),) = rig.told.clocks
+    ((offset_ns, bound_ns),) = rig.sink.clocks
     assert abs(offset_ns - AHEAD_NS) <= bound_ns < 30_000_000
 
 
@@ -222,12 +222,12 @@ def test_records_before_welcome_are_ignored_and_goodbye_triggers_hello(rig: Rig)
     server = rig.serve("one")
     server.router.send(NAME, encode(LogBatch(0, 0, (encode(TickRecord(np.zeros(1, TICK).tobytes())),))))
     rig.step(1)
-    assert rig.told.ticks == []
+    assert rig.sink.ticks == []
     rig.step(3)
     server.router.send(NAME, encode(Goodbye("the session is over")))
     rig.step(40)
     assert len(server.port.subscribers) == 1
-    assert rig.told.sessions == ["one"]
+    assert rig.sink.sessions == ["one"]
 
 
 def test_refusal_is_logged_once_and_the_connection_retried(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
@@ -239,7 +239,7 @@ def test_refusal_is_logged_once_and_the_connection_retried(rig: Rig, caplog: pyt
     ]
     server.router.forbidden = ""
     rig.step(60)
-    assert rig.told.sessions == ["one"]
+    assert rig.sink.sessions == ["one"]
 
 
 def test_stopped_listener_sends_goodbye(rig: Rig) -> None:
@@ -248,4 +248,4 @@ def test_stopped_listener_sends_goodbye(rig: Rig) -> None:
     rig.listener.run(lambda: True)
     server.port.pump(rig.clock())
     assert len(server.port.subscribers) == 0
-    assert not [message for message in server.router.heard(NAME) if isinstance(message, Refusal)]
+    assert not [message for message in server.router.received_by(NAME) if isinstance(message, Refusal)]

@@ -8,7 +8,7 @@ import pytest
 from fake_router import FakeRouter, hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_rig import L, M, Rig, end
+from log_rig import L, M, Rig, close_rig
 
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import StatusRequest
@@ -20,7 +20,7 @@ from netboard.nodes.ports.subscribers import MAX_LISTENERS, MAX_RECORDS, SILENCE
 E, F = b"listener@1", b"listener@2"
 
 
-class Stalling(FakeRouter):
+class StallingRouter(FakeRouter):
     """A router on which the queues of some peers are full."""
 
     stalled: tuple[bytes, ...] = ()
@@ -33,26 +33,26 @@ class Stalling(FakeRouter):
 def rig(tmp_path: Path) -> Iterator[Rig]:
     rig = Rig(tmp_path)
     yield rig
-    end(rig)
+    close_rig(rig)
 
 
-def stalling(folder: Path, capacity: int = 1000) -> tuple[Rig, Stalling]:
+def stalling_rig(folder: Path, capacity: int = 1000) -> tuple[Rig, StallingRouter]:
     """A rig on which peers can be stalled."""
     rig = Rig(folder, capacity)
-    router = Stalling()
+    router = StallingRouter()
     rig.router = rig.port._router = rig.port.subscribers._router = rig.port.refusals._router = router  # type: ignore[assignment]
     return rig, router
 
 
-def listen(rig: Rig, peer: bytes, first: int = -1) -> list[Message]:
-    """Let a listener come and ask."""
+def join_listener(rig: Rig, peer: bytes, first: int = -1) -> list[Message]:
+    """Connect a listener and request its records."""
     assert isinstance(rig.pump(peer, hello("listener", name=peer.decode()))[0], Welcome)
     return rig.pump(peer, LogRequest(first))
 
 
 def test_listener_receives_records_from_now_on(rig: Rig) -> None:
     rig.record(5)
-    assert listen(rig, E) == []
+    assert join_listener(rig, E) == []
     rig.record(3)
     assert rig.numbers(rig.pump(E)) == [5, 6, 7]
     assert rig.pump(E) == []
@@ -60,13 +60,13 @@ def test_listener_receives_records_from_now_on(rig: Rig) -> None:
 
 def test_listener_receives_records_from_the_requested_number(rig: Rig) -> None:
     rig.record(5)
-    assert rig.numbers(listen(rig, E, 2)) == [2, 3, 4]
+    assert rig.numbers(join_listener(rig, E, 2)) == [2, 3, 4]
     assert rig.numbers(rig.pump(E, LogRequest(0))) == [0, 1, 2, 3, 4]
     assert rig.pump(E, LogRequest(99)) == []
 
 
 def test_listener_does_not_count_as_a_logger(rig: Rig) -> None:
-    listen(rig, E)
+    join_listener(rig, E)
     rig.record(900)
     rig.pump(E)
     assert (rig.port.loggers, rig.port.store.backlog, len(rig.port.subscribers)) == (0, 900, 1)
@@ -81,14 +81,14 @@ def test_listener_does_not_count_as_a_logger(rig: Rig) -> None:
 
 def test_acknowledgements_and_requests_of_a_listener_are_refused(rig: Rig) -> None:
     rig.record(5)
-    listen(rig, E)
+    join_listener(rig, E)
     assert rig.pump(E, LogAck(5, 1, "a.mcap", 0)) == [Refusal("a listener does not send LogAck")]
     assert rig.pump(E, StatusRequest()) == [Refusal("a listener does not send StatusRequest")]
     assert (rig.port.store.backlog, rig.port.free_bytes, rig.port.notice) == (5, 0, "")
 
 
 def test_peer_cannot_be_both_listener_and_logger(rig: Rig) -> None:
-    listen(rig, E)
+    join_listener(rig, E)
     assert rig.pump(E, hello("logger")) == [Refusal("it has come as another than a logger")]
     rig.join(L)
     assert rig.pump(L, hello("listener")) == [Refusal("it has come as another than a listener")]
@@ -101,43 +101,43 @@ def test_unauthorised_and_surplus_listeners_are_refused(rig: Rig) -> None:
     assert rig.pump(E, hello("listener")) == [Refusal("this key is that of a logger")]
     rig.router.forbidden = ""
     for k in range(MAX_LISTENERS):
-        listen(rig, b"listener@%d" % k)
+        join_listener(rig, b"listener@%d" % k)
     assert rig.pump(b"listener@x", hello("listener")) == [Refusal("too many listeners")]
     rig.join(L)
     assert rig.port.loggers == 1
 
 
 def test_slow_listener_loses_records_and_the_loss_is_counted(tmp_path: Path) -> None:
-    rig, router = stalling(tmp_path, capacity=300)
-    listen(rig, E)
+    rig, router = stalling_rig(tmp_path, capacity=300)
+    join_listener(rig, E)
     router.stalled = (E,)
     rig.record(1000, pump_each=10)
     router.stalled = ()
-    heard = [*rig.pump(E), *rig.pump(E), *rig.pump(E)]
-    assert [type(message) for message in heard] == [LogBatch] * 3
-    assert rig.numbers(heard) == list(range(700, 1000))
-    assert [message.lost for message in heard if isinstance(message, LogBatch)] == [700, 0, 0]
+    messages = [*rig.pump(E), *rig.pump(E), *rig.pump(E)]
+    assert [type(message) for message in messages] == [LogBatch] * 3
+    assert rig.numbers(messages) == list(range(700, 1000))
+    assert [message.lost for message in messages if isinstance(message, LogBatch)] == [700, 0, 0]
     assert [link[-1] for link in rig.port.links(rig.clock())] == [700]
     assert "log_lost" not in rig.names()
-    end(rig)
+    close_rig(rig)
 
 
 def test_late_listener_receives_one_batch_at_a_time(rig: Rig) -> None:
     rig.record(900)
-    assert len(rig.numbers(listen(rig, E, 0))) == MAX_RECORDS
+    assert len(rig.numbers(join_listener(rig, E, 0))) == MAX_RECORDS
     assert len(rig.numbers(rig.pump(E))) == MAX_RECORDS
 
 
 def test_listener_receives_nothing_from_the_spill(rig: Rig) -> None:
     rig.fill_spill(5000)
-    heard = listen(rig, E, 0)
-    assert isinstance(heard[0], LogBatch)
-    assert (heard[0].first, heard[0].lost) == (4000, 4000)
+    messages = join_listener(rig, E, 0)
+    assert isinstance(messages[0], LogBatch)
+    assert (messages[0].first, messages[0].lost) == (4000, 4000)
     assert rig.catch_up(M, rig.join(M), 4999) == list(range(5000))
 
 
 def test_silent_listener_is_dropped_and_repeated_hello_is_accepted(rig: Rig) -> None:
-    listen(rig, E)
+    join_listener(rig, E)
     rig.record(3)
     assert isinstance(rig.pump(E, hello("listener", name=E.decode()))[0], Welcome)
     rig.record(2)
@@ -150,10 +150,10 @@ def test_silent_listener_is_dropped_and_repeated_hello_is_accepted(rig: Rig) -> 
 
 
 def test_session_end_does_not_wait_for_listeners(tmp_path: Path) -> None:
-    rig, router = stalling(tmp_path)
+    rig, router = stalling_rig(tmp_path)
     rig.join(L)
-    listen(rig, E)
-    listen(rig, F)
+    join_listener(rig, E)
+    join_listener(rig, F)
     router.stalled = (F,)
     rig.record(3)
     rig.port.end()
@@ -162,28 +162,28 @@ def test_session_end_does_not_wait_for_listeners(tmp_path: Path) -> None:
     assert rig.pump(E) == []
     rig.pump(L, LogAck(3, 10**12, "a.mcap", 0))
     assert rig.port.done
-    end(rig)
-    assert router.heard(E) == [Goodbye("the session is over")]
+    close_rig(rig)
+    assert router.received_by(E) == [Goodbye("the session is over")]
     assert rig.port.store.shortfall == ""
 
 
 def test_clock_of_a_listener_is_probed(rig: Rig) -> None:
-    listen(rig, E)
+    join_listener(rig, E)
     for _ in range(5):
         rig.clock.advance(0.2)
         rig.port.pump(rig.clock())
-        (ping,) = [message for message in rig.router.heard(E) if isinstance(message, Ping)]
+        (ping,) = [message for message in rig.router.received_by(E) if isinstance(message, Ping)]
         rig.clock.advance(0.001)
-        rig.router.say(E, Pong(ping.sent_ns, ping.sent_ns + 7_000_400_000, ping.sent_ns + 7_000_500_000))
+        rig.router.send_from(E, Pong(ping.sent_ns, ping.sent_ns + 7_000_400_000, ping.sent_ns + 7_000_500_000))
         rig.port.listen(rig.clock())
     (probe,) = rig.port.clock_records(3)
     assert (probe.seq, probe.peer) == (3, "listener")
     assert abs(probe.offset_ns - 7_000_000_000) <= probe.bound_ns < 1_000_000
 
 
-# --- whatever listeners do ---------------------------------------------------------------------------------------
+# --- random messages of listeners --------------------------------------------------------------------------------
 
-WORDS: list[Message | bytes] = [
+MESSAGES: list[Message | bytes] = [
     hello("listener"),
     hello("logger"),
     LogRequest(-1),
@@ -198,22 +198,22 @@ WORDS: list[Message | bytes] = [
     b"\xc1nonsense",
     b"",
 ]
-"""What a listener may say, rightly or not; but that it is a logger, it cannot where keys are asked for."""
+"""Messages that a listener may send, valid or not. Keys prevent it from claiming to be a logger."""
 
-DEEDS = st.lists(
+STEPS = st.lists(
     st.tuples(
-        st.integers(0, 40),  # records made
-        st.lists(st.tuples(st.sampled_from((E, F)), st.sampled_from(WORDS)), max_size=6),
-        st.sampled_from(((), (E,), (F,), (E, F))),  # who is stalled
-        st.sampled_from(("", "ask", "ack", "goodbye", "hello")),  # what the logger says
+        st.integers(0, 40),  # number of records
+        st.lists(st.tuples(st.sampled_from((E, F)), st.sampled_from(MESSAGES)), max_size=6),
+        st.sampled_from(((), (E,), (F,), (E, F))),  # stalled peers
+        st.sampled_from(("", "ask", "ack", "goodbye", "hello")),  # message of the logger
         st.sampled_from((0.01, 0.2, 1.0)),  # time that passes [s]
     ),
     max_size=30,
 )
 
 
-class Keyed(Stalling):
-    """A router that knows whose key is whose."""
+class KeyedRouter(StallingRouter):
+    """A router that knows the owner of each key."""
 
     def receive(self) -> tuple[bytes, bytes] | None:
         received = super().receive()
@@ -224,32 +224,32 @@ class Keyed(Stalling):
         return "" if role == self.key else "not with this key"
 
 
-def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
-    """All that a logger hears and an operator is told, step by step, with listeners or without."""
-    rig = Rig(folder, capacity=200, spill_bytes=0)  # the spill has a thread with a time of its own
-    router = Keyed()
+def history(folder: Path, steps: list, *, with_listeners: bool) -> list[object]:
+    """Everything that a logger receives and an operator sees in each step, with or without listeners."""
+    rig = Rig(folder, capacity=200, spill_bytes=0)  # the spill's thread does not follow the fake clock
+    router = KeyedRouter()
     rig.router = rig.port._router = rig.port.subscribers._router = rig.port.refusals._router = router  # type: ignore[assignment]
-    told: list[object] = []
-    for made, said, stalled, logger, seconds in deeds:
-        for _ in range(made):
+    observed: list[object] = []
+    for records, sent, stalled, logger, seconds in steps:
+        for _ in range(records):
             rig.port.append(encode(TickRecord(str(rig.port.ring.next).encode())))
-        router.stalled = stalled if listened else ()
-        for peer, word in said if listened else ():
-            router.say(peer, word)
+        router.stalled = stalled if with_listeners else ()
+        for peer, message in sent if with_listeners else ():
+            router.send_from(peer, message)
         match logger:
             case "hello":
-                router.say(L, hello("logger"))
+                router.send_from(L, hello("logger"))
             case "ask":
-                router.say(L, LogRequest(-1))
+                router.send_from(L, LogRequest(-1))
             case "ack":
-                router.say(L, LogAck(rig.port.ring.next // 2, 10**12, "good.mcap", 1))
+                router.send_from(L, LogAck(rig.port.ring.next // 2, 10**12, "good.mcap", 1))
             case "goodbye":
-                router.say(L, Goodbye("done"))
+                router.send_from(L, Goodbye("done"))
         rig.clock.advance(seconds)
         rig.port.pump(rig.clock())
         port = rig.port
-        told += [
-            router.heard(L),
+        observed += [
+            router.received_by(L),
             port.store.backlog,
             port.loggers,
             port.trouble,
@@ -257,16 +257,16 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
             port.free_bytes,
             port.done,
         ]
-        told += [port.ring.acknowledged, port.recordings(rig.clock()), rig.spill.next > 0]
-    told.append([one for one in rig.port.news if "listener" not in str(one)])
-    end(rig)
-    told.append(rig.port.store.shortfall.replace(str(folder), ""))
-    return told
+        observed += [port.ring.acknowledged, port.recordings(rig.clock()), rig.spill.next > 0]
+    observed.append([item for item in rig.port.news if "listener" not in str(item)])
+    close_rig(rig)
+    observed.append(rig.port.store.shortfall.replace(str(folder), ""))
+    return observed
 
 
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
-@given(deeds=DEEDS)
-def test_listeners_never_affect_what_loggers_receive(deeds: list) -> None:
+@given(steps=STEPS)
+def test_listeners_never_affect_what_loggers_receive(steps: list) -> None:
     with TemporaryDirectory() as one, TemporaryDirectory() as other:
-        assert history(Path(one), deeds, listened=True) == history(Path(other), deeds, listened=False)
+        assert history(Path(one), steps, with_listeners=True) == history(Path(other), steps, with_listeners=False)

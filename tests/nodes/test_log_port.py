@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from fake_router import hello
-from log_rig import L, M, Rig, end
+from log_rig import L, M, Rig, close_rig
 
 from netboard.network.protocol.control import StatusRequest
 from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
@@ -22,7 +22,7 @@ from netboard.recording.recovery.spill import read_spill
 def rig(tmp_path: Path) -> Iterator[Rig]:
     rig = Rig(tmp_path)
     yield rig
-    end(rig)
+    close_rig(rig)
 
 
 def test_logger_receives_every_record_once_and_in_order(rig: Rig) -> None:
@@ -41,12 +41,12 @@ def test_full_queue_delays_records_but_loses_none(tmp_path: Path) -> None:
     rig = Rig(tmp_path, capacity=5000, room=2)
     rig.record(4000)
     rig.pump(L, hello("logger"))
-    got = rig.numbers(rig.pump(L, LogRequest(0)))
-    while len(got) < 4000:
+    received = rig.numbers(rig.pump(L, LogRequest(0)))
+    while len(received) < 4000:
         more = rig.numbers(rig.pump(L))
         assert more
-        got += more
-    assert got == list(range(4000))
+        received += more
+    assert received == list(range(4000))
 
 
 def test_restarted_logger_continues_after_the_last_acknowledged_record(rig: Rig) -> None:
@@ -84,9 +84,9 @@ def test_end_is_sent_after_all_records_and_done_when_they_are_on_disk(rig: Rig) 
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.port.end()
-    heard = rig.pump(L, LogRequest(-1))
-    assert rig.numbers(heard[:-1]) == [0, 1, 2]
-    assert heard[-1] == LogEnd(2)
+    messages = rig.pump(L, LogRequest(-1))
+    assert rig.numbers(messages[:-1]) == [0, 1, 2]
+    assert messages[-1] == LogEnd(2)
     assert not rig.port.done
     rig.record(1)
     assert rig.pump(L) == []
@@ -141,12 +141,12 @@ def test_unread_records_are_spilled_and_delivered_to_the_next_logger(rig: Rig) -
     assert rig.port.trouble == ""
     assert "no logger takes the records" in rig.port.notice
     assert rig.names().count("log_spilling") == 1
-    got = rig.catch_up(M, rig.join(M), 19_999)
-    assert got == list(range(20_000))
+    received = rig.catch_up(M, rig.join(M), 19_999)
+    assert received == list(range(20_000))
     assert "log_lost" not in rig.names()
     rig.pump(M, LogAck(20_000, 10**12, "a.mcap", 0))
     assert rig.names()[-1] == "log_spill_taken"
-    end(rig)
+    close_rig(rig)
     assert not rig.spill.path.exists()
     assert rig.port.store.shortfall == ""
 
@@ -160,12 +160,12 @@ def test_two_loggers_read_the_spill_at_their_own_pace(rig: Rig) -> None:
 
 def test_logger_catches_up_while_the_spill_is_growing(rig: Rig) -> None:
     rig.fill_spill(5000)
-    got = rig.numbers(rig.join(M))
+    received = rig.numbers(rig.join(M))
     while rig.port.ring.next < 20_000:
         rig.record(50)
-        got += rig.numbers(rig.pump(M))
-    got = rig.catch_up(M, [], 19_999, got)
-    assert got == list(range(20_000))
+        received += rig.numbers(rig.pump(M))
+    received = rig.catch_up(M, [], 19_999, received)
+    assert received == list(range(20_000))
 
 
 def test_full_spill_pauses_the_trial_and_losses_are_reported(tmp_path: Path) -> None:
@@ -178,13 +178,13 @@ def test_full_spill_pauses_the_trial_and_losses_are_reported(tmp_path: Path) -> 
     assert "log_spill_mb" in losing["cause"]
     held = rig.spill.next
     assert int(losing["first"]) == held
-    got = rig.catch_up(M, rig.join(M), 949)
-    assert got == [*range(held), *range(850, 950)]
+    received = rig.catch_up(M, rig.join(M), 949)
+    assert received == [*range(held), *range(850, 950)]
     lost = dict(rig.port.news)["log_lost"]
     assert lost == {"first": str(held), "count": str(850 - held), "cause": losing["cause"]}
     rig.pump(M, LogAck(950, 10**12, "a.mcap", 0))
     assert rig.port.trouble == ""
-    end(rig)
+    close_rig(rig)
 
 
 def test_trial_is_paused_before_any_loss_without_a_spill(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_trial_is_paused_before_any_loss_without_a_spill(tmp_path: Path) -> None
     rig.pump(M)
     assert rig.port.trouble == "the logger is too far behind"
     assert "log_losing" not in rig.names()
-    end(rig)
+    close_rig(rig)
     assert rig.port.store.shortfall == "81 records are not known to be on disk: no logger took them"
 
 
@@ -214,26 +214,26 @@ def test_failed_spill_is_reported_and_lost_records_are_counted(tmp_path: Path, m
     rig.until(lambda: rig.spill.trouble == "")
     rig.record(300, pump_each=1)
     rig.until(lambda: rig.pump(M) == [] and rig.port.trouble == "")
-    got = rig.catch_up(M, rig.join(M), 899)
+    received = rig.catch_up(M, rig.join(M), 899)
     lost = sum(int(details["count"]) for name, details in rig.port.news if name == "log_lost")
     assert lost > 0
-    assert got == sorted(set(got))
-    assert len(got) + lost == 900
-    end(rig)
+    assert received == sorted(set(received))
+    assert len(received) + lost == 900
+    close_rig(rig)
 
 
 def test_nothing_is_spilled_before_the_first_logger(rig: Rig) -> None:
     rig.record(5000, pump_each=10)
     assert rig.names() == []
     assert rig.spill.next == 0
-    end(rig)
+    close_rig(rig)
     assert not rig.spill.path.exists()
 
 
 def test_records_unread_at_the_end_are_in_the_spill(rig: Rig) -> None:
     rig.fill_spill(3000)
     rig.port.end()
-    end(rig)
+    close_rig(rig)
     assert rig.router.closed
     assert rig.port.store.shortfall == (
         f"3000 records are not known to be on disk: no logger took them; 3000 records are in {rig.spill.path}: "
@@ -246,21 +246,21 @@ def test_records_unread_at_the_end_are_in_the_spill(rig: Rig) -> None:
 def test_connected_logger_receives_goodbye_at_the_end(rig: Rig) -> None:
     rig.record(10)
     rig.join(L)
-    end(rig)
-    assert Goodbye("the session is over") in rig.router.heard(L)
+    close_rig(rig)
+    assert Goodbye("the session is over") in rig.router.received_by(L)
 
 
 def test_clock_of_a_logger_is_probed(rig: Rig) -> None:
     rig.pump(L, hello("logger", name="lab:7"))
     assert rig.port.clock_records(3) == []
-    what, name, _, _, _, bound, *_ = rig.port.links(rig.clock())[0]
-    assert (what, name, math.isnan(bound)) == ("logger", "lab:7", True)
+    kind, name, _, _, _, bound, *_ = rig.port.links(rig.clock())[0]
+    assert (kind, name, math.isnan(bound)) == ("logger", "lab:7", True)
     for _ in range(5):
         rig.clock.advance(0.2)
         rig.port.pump(rig.clock())
-        (ping,) = [message for message in rig.router.heard(L) if isinstance(message, Ping)]
+        (ping,) = [message for message in rig.router.received_by(L) if isinstance(message, Ping)]
         rig.clock.advance(0.001)
-        rig.router.say(L, Pong(ping.sent_ns, ping.sent_ns + 5_000_400_000, ping.sent_ns + 5_000_500_000))
+        rig.router.send_from(L, Pong(ping.sent_ns, ping.sent_ns + 5_000_400_000, ping.sent_ns + 5_000_500_000))
         rig.port.listen(rig.clock())
     (probe,) = rig.port.clock_records(3)
     assert (probe.seq, probe.peer, probe.t3_ns - probe.t0_ns) == (3, "logger", 1_000_000)
@@ -271,7 +271,7 @@ def test_clock_of_a_logger_is_probed(rig: Rig) -> None:
 def test_port_is_read_every_tick_only_while_a_pong_is_expected(rig: Rig) -> None:
     rig.join(L)
     rig.clock.advance(PONG_WAIT_NS * 1e-9)
-    rig.router.say(L, LogAck(0, 7, "a.mcap", 0))
+    rig.router.send_from(L, LogAck(0, 7, "a.mcap", 0))
     rig.port.listen(rig.clock())
     assert rig.port.free_bytes == 0
     rig.port.pump(rig.clock())

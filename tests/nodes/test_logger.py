@@ -1,4 +1,4 @@
-"""The logger with a server in memory: over a lossy link, after a restart, with a ring that is too short."""
+"""The logger with a server in memory: over a lossy link, after a restart, and with a ring buffer that is too short."""
 
 import errno
 import os
@@ -31,24 +31,24 @@ SESSION = "c0ffee1234567890"
 
 
 class Rig:
-    """A server that makes a tick every millisecond, a line, and loggers started on it one after another."""
+    """A server that makes a tick every millisecond, a link, and loggers that are started one after another."""
 
     def __init__(self, directory: Path, ticks: int, *, capacity: int = 100_000, flush_ms: float = 100.0) -> None:
         self.clock = FakeClock()
         self.server = FakeLogServer(SESSION, CONFIG, capacity, self.clock)
-        self.link = FakeLogLink(self.server, self.clock, self.live)
+        self.link = FakeLogLink(self.server, self.clock, self.make_due_ticks)
         self.settings = Settings(directory=str(directory), flush_ms=flush_ms)
         self.ticks = ticks
-        self.made = self.noted = 0
+        self.tick_count = self.event_count = 0
         self._began_ns = self.clock()
 
-    def live(self) -> None:
+    def make_due_ticks(self) -> None:
         """Make the ticks that are due; an event with every tenth."""
         due = min(self.ticks, (self.clock() - self._began_ns) // 1_000_000)
-        for k in range(self.made, due):
+        for k in range(self.tick_count, due):
             self.tick(k)
-        self.made = max(self.made, due)
-        if self.made == self.ticks:
+        self.tick_count = max(self.tick_count, due)
+        if self.tick_count == self.ticks:
             self.server.end()
 
     def tick(self, k: int) -> None:
@@ -59,8 +59,8 @@ class Rig:
             self.note(k, "tenth", {})
 
     def note(self, k: int, name: str, details: dict[str, str]) -> None:
-        self.server.append(EventRecord(self.noted, k, k, name, details))
-        self.noted += 1
+        self.server.append(EventRecord(self.event_count, k, k, name, details))
+        self.event_count += 1
 
     def logger(self, *, once: bool = True) -> Logger:
         return Logger(self.settings, self.link, once=once, clock=self.clock, wall_clock=lambda: UTC_NS)
@@ -90,18 +90,18 @@ class BlockRig(Rig):
         if k in self.begins:
             number = self.begins[k]
             self.welcomes.append((self.server.ring.next, self.welcome(number)))
-            self.look_at_acks()
+            self.update_welcome()
             if self.server.greeted:
                 self.link.inject(encode(self.server._welcome))
             self.note(k, BLOCK_BEGAN, {"config": block_config(number)})
         super().tick(k)
 
-    def live(self) -> None:
-        super().live()
-        self.look_at_acks()
+    def make_due_ticks(self) -> None:
+        super().make_due_ticks()
+        self.update_welcome()
 
-    def look_at_acks(self) -> None:
-        """As the server's port has it: whoever comes is told of the block of what is not on disk yet."""
+    def update_welcome(self) -> None:
+        """Like the server's port: welcome new loggers with the block of the first record that is not on disk yet."""
         for first, welcome in self.welcomes:
             if first <= self.server.ring.acknowledged:
                 self.server._welcome = welcome
@@ -189,10 +189,10 @@ def test_next_logger_continues_the_block_in_which_the_first_died(tmp_path: Path,
     stop = rig.stop_after(seconds)
     while not stop():
         victim.step()
-    # Dies here: nothing is closed, and what was not acknowledged may be lost.
+    # It crashes here: nothing is closed, and unacknowledged records may be lost.
     (part,) = tmp_path.glob("*.part")
-    dead = tmp_path / "dead.mcap.part"
-    dead.write_bytes(part.read_bytes())
+    crashed = tmp_path / "crashed.mcap.part"
+    crashed.write_bytes(part.read_bytes())
     rig.link.hang_up()
     second = rig.logger()
     assert second.run(never) == 0
@@ -200,7 +200,7 @@ def test_next_logger_continues_the_block_in_which_the_first_died(tmp_path: Path,
     assert second.finished[0].name.endswith(f"_block{block:02d}_part2.mcap")
     with Recording(second.finished[0]) as recording:
         assert recording.config_text == block_config(block)
-    account = account_of([recover(dead).output, *victim.finished, *second.finished])
+    account = account_of([recover(crashed).output, *victim.finished, *second.finished])
     assert account.present == (NumberRange(0, 1499),)
     assert (account.sound, account.complete) == (True, True)
     assert victim.run(lambda: True) == 0
@@ -268,12 +268,12 @@ def test_records_lost_from_the_ring_buffer_are_annotated(tmp_path: Path) -> None
     logger = rig.logger()
     assert logger.run(rig.stop_after(1.0)) == 0
     seen = ticks_of(*logger.finished)
-    # Nobody listens for a second; 1100 records are made, the ring holds 330.
+    # No logger runs for a second; 1100 records are made, and the ring buffer holds 330.
     rig.clock.advance(1.0)
-    rig.live()
-    late = rig.logger()
-    assert late.run(never) == 0
-    with Recording(late.finished[0]) as recording:
+    rig.make_due_ticks()
+    late_logger = rig.logger()
+    assert late_logger.run(never) == 0
+    with Recording(late_logger.finished[0]) as recording:
         (remark,) = recording.remarks()
         numbers = recording.ticks()["tick"].tolist()
         lost = int(remark.details["count"])
@@ -306,14 +306,14 @@ def test_next_logger_continues_without_a_gap_after_a_crash(tmp_path: Path) -> No
     stop = rig.stop_after(0.93)
     while not stop():
         victim.step()
-    # Dies here: nothing is closed, and what was not acknowledged may be lost.
+    # It crashes here: nothing is closed, and unacknowledged records may be lost.
     (part,) = tmp_path.glob("*.part")
-    dead = tmp_path / "dead.mcap.part"
-    dead.write_bytes(part.read_bytes())
+    crashed = tmp_path / "crashed.mcap.part"
+    crashed.write_bytes(part.read_bytes())
     second = rig.logger()
     assert second.run(never) == 0
     assert second.finished[0].name.endswith("_part2.mcap")
-    saved = ticks_of(recover(dead).output)
+    saved = ticks_of(recover(crashed).output)
     rest = ticks_of(*second.finished)
     assert saved == list(range(len(saved)))
     assert rest == list(range(rest[0], 2000))
@@ -450,7 +450,7 @@ def test_deleted_folder_is_noticed_without_new_records(tmp_path: Path) -> None:
     stop = rig.stop_after(0.5)
     while not stop():
         logger.step()
-    rig.link.live = lambda: None  # a server that stands still
+    rig.link.live = lambda: None  # the server is suspended
     stop = rig.stop_after(0.5)
     while not stop():
         logger.step()
@@ -473,8 +473,8 @@ def test_folder_deleted_before_the_first_record_is_recreated(tmp_path: Path) -> 
     (tmp_path / "disk").rmdir()
     rig.link.live = live
     assert logger.run(never) == 0
-    (whole,) = logger.finished
-    with Recording(whole) as recording:
+    (path,) = logger.finished
+    with Recording(path) as recording:
         assert recording.counts["/ticks"] == 1000
 
 

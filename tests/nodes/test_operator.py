@@ -18,7 +18,7 @@ from netboard.nodes.operator.operator import Operator
 TRIES = 100
 
 
-def said(router: endpoints.Router) -> list[tuple[bytes, Message]]:
+def received_messages(router: endpoints.Router) -> list[tuple[bytes, Message]]:
     found = []
     while (received := router.receive()) is not None:
         found.append((received[0], decode(received[1])))
@@ -33,20 +33,20 @@ def test_operator_says_hello_again_to_a_silent_server(monkeypatch: pytest.Monkey
     with sockets.open_context() as context:
         router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))
         console = Operator(network, context)
-        greeted, answered, deaf = 0, None, False
+        hello_count, answered, silent = 0, None, False
         for _ in range(TRIES):
             answered = console.ask(0.05) or answered
-            for peer, message in said(router):
+            for peer, message in received_messages(router):
                 if isinstance(message, Hello):
-                    greeted += 1
+                    hello_count += 1
                     router.send(peer, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
-                    deaf = greeted == 1
-                elif isinstance(message, StatusRequest) and not deaf:
+                    silent = hello_count == 1
+                elif isinstance(message, StatusRequest) and not silent:
                     router.send(peer, encode(STATUS))
             if answered is not None:
                 break
         assert answered == STATUS
-        assert greeted >= 2
+        assert hello_count >= 2
         console.leave()
         router.close_after_goodbye()
 
@@ -57,18 +57,18 @@ def test_operator_says_hello_again_after_hello_first_refusal() -> None:
     with sockets.open_context() as context:
         router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))
         console = Operator(network, context)
-        greeted, answered = 0, None
+        hello_count, answered = 0, None
         for _ in range(TRIES):
             answered = console.ask(0.05) or answered
-            for peer, message in said(router):
+            for peer, message in received_messages(router):
                 if isinstance(message, Hello):
-                    greeted += 1
+                    hello_count += 1
                     router.send(peer, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
                 elif isinstance(message, StatusRequest):
-                    router.send(peer, encode(Refusal(HELLO_FIRST) if greeted == 1 else STATUS))
+                    router.send(peer, encode(Refusal(HELLO_FIRST) if hello_count == 1 else STATUS))
             if answered is not None:
                 break
         assert answered == STATUS
-        assert greeted == 2
+        assert hello_count == 2
         console.leave()
         router.close_after_goodbye()

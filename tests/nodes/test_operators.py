@@ -22,25 +22,25 @@ def operators() -> Operators:
 
 
 def test_first_operator_to_command_is_the_commander() -> None:
-    one = operators()
-    assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
-    refused = one.decide("start", B, "lab:2", NOW)
+    ops = operators()
+    assert ops.decide("start", A, "lab:1", NOW).cause is Cause.START
+    refused = ops.decide("start", B, "lab:2", NOW)
     assert (refused.accepted, refused.cause, refused.reason) == (
         False,
         Cause.NONE,
         "lab:1 commands; take over first (take)",
     )
-    assert one.decide("take", B, "lab:2", NOW).accepted
-    assert one.decide("start", B, "lab:2", NOW).accepted
-    assert not one.decide("start", A, "lab:1", NOW).accepted
+    assert ops.decide("take", B, "lab:2", NOW).accepted
+    assert ops.decide("start", B, "lab:2", NOW).accepted
+    assert not ops.decide("start", A, "lab:1", NOW).accepted
 
 
 def test_refused_command_lists_the_commands_possible_now() -> None:
-    one = operators()
+    ops = operators()
     paused = replace(NOW, phase=Phase.PAUSED)
-    assert one.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
+    assert ops.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
     assert (
-        one.decide("resume", A, "lab:1", NOW).reason
+        ops.decide("resume", A, "lab:1", NOW).reason
         == "cannot resume while idle; possible now: start, stop, repeat, veto"
     )
     for phase in Phase:
@@ -54,71 +54,71 @@ def test_refused_command_lists_the_commands_possible_now() -> None:
 
 @pytest.mark.parametrize("command", ["emergency_stop", "note"])
 def test_every_operator_may_stop_and_add_notes(command: str) -> None:
-    one = operators()
-    one.decide("take", A, "lab:1", NOW)
-    assert one.decide(command, B, "lab:2", NOW).accepted
-    assert one.commander == A
+    ops = operators()
+    ops.decide("take", A, "lab:1", NOW)
+    assert ops.decide(command, B, "lab:2", NOW).accepted
+    assert ops.commander == A
 
 
 def test_another_operator_may_command_after_the_commander_leaves() -> None:
-    one = operators()
-    one.decide("take", A, "lab:1", NOW)
-    one.leave()
-    assert one.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
+    ops = operators()
+    ops.decide("take", A, "lab:1", NOW)
+    ops.leave()
+    assert ops.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
 
 
 def test_start_is_refused_until_the_session_form_is_complete() -> None:
-    one = Operators(opened=False, armed=True)
-    decision = one.decide("start", A, "lab:1", NOW)
+    ops = Operators(opened=False, armed=True)
+    decision = ops.decide("start", A, "lab:1", NOW)
     assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
-    assert all(one.decide(name, A, "lab:1", NOW).accepted for name in BEFORE_OPENING)
-    one.opened = True
-    assert one.decide("open", A, "lab:1", NOW).reason == "the session is open already"
+    assert all(ops.decide(name, A, "lab:1", NOW).accepted for name in BEFORE_OPENING)
+    ops.opened = True
+    assert ops.decide("open", A, "lab:1", NOW).reason == "the session is open already"
 
 
 def test_start_is_refused_with_missing_peers_or_disarmed_devices() -> None:
-    one = operators()
+    ops = operators()
     missing = replace(NOW, missing=("the left agent", "the logger"))
-    assert one.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
-    assert one.decide("disarm", A, "lab:1", NOW).accepted
-    assert one.decide("start", A, "lab:1", NOW).reason == "cannot start: the devices are not armed (arm)"
-    assert one.decide("arm", A, "lab:1", NOW).accepted
-    assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
+    assert ops.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
+    assert ops.decide("disarm", A, "lab:1", NOW).accepted
+    assert ops.decide("start", A, "lab:1", NOW).reason == "cannot start: the devices are not armed (arm)"
+    assert ops.decide("arm", A, "lab:1", NOW).accepted
+    assert ops.decide("start", A, "lab:1", NOW).cause is Cause.START
 
 
 def test_pause_after_trial_takes_effect_at_its_end_and_can_be_cancelled() -> None:
-    one, running = operators(), replace(NOW, phase=Phase.RUNNING)
-    assert one.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
-    assert one.pending == "pause after this trial"
-    assert one.due(Phase.HOLDING) is Cause.NONE
-    assert one.due(Phase.LEVELLING) is Cause.PAUSE
-    assert one.due(Phase.LEVELLING) is Cause.NONE
-    one.decide("pause_after_trial", A, "lab:1", running)
-    assert one.decide("pause_after_trial", A, "lab:1", running).reason == "taken back"
-    assert one.due(Phase.LEVELLING) is Cause.NONE
+    ops, running = operators(), replace(NOW, phase=Phase.RUNNING)
+    assert ops.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
+    assert ops.pending == "pause after this trial"
+    assert ops.due(Phase.HOLDING) is Cause.NONE
+    assert ops.due(Phase.LEVELLING) is Cause.PAUSE
+    assert ops.due(Phase.LEVELLING) is Cause.NONE
+    ops.decide("pause_after_trial", A, "lab:1", running)
+    assert ops.decide("pause_after_trial", A, "lab:1", running).reason == "taken back"
+    assert ops.due(Phase.LEVELLING) is Cause.NONE
     levelling = replace(NOW, phase=Phase.LEVELLING)
-    assert one.decide("pause_after_trial", A, "lab:1", levelling).cause is Cause.PAUSE
+    assert ops.decide("pause_after_trial", A, "lab:1", levelling).cause is Cause.PAUSE
 
 
 @pytest.mark.parametrize("command", REPLAY_COMMANDS)
 def test_replay_commands_are_refused_in_a_live_session(command: str) -> None:
-    one = operators()
-    decision = one.decide(command, A, "lab:1", NOW)
+    ops = operators()
+    decision = ops.decide(command, A, "lab:1", NOW)
     assert (decision.accepted, decision.cause) == (False, Cause.NONE)
     assert decision.reason == f"cannot {command}: this is a live session, not a replay"
-    assert one.commander == b""
+    assert ops.commander == b""
 
 
 def test_next_and_stop_after_block_require_a_plan() -> None:
-    one = operators()
+    ops = operators()
     for command in ("next", "stop_after_block"):
-        assert not one.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
-    assert one.decide("stop_after_block", A, "lab:1", NOW).accepted
-    assert one.end_after
-    assert one.decide("next", A, "lab:1", replace(NOW, last=True)).reason.endswith("this is the last one")
+        assert not ops.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
+    assert ops.decide("stop_after_block", A, "lab:1", NOW).accepted
+    assert ops.end_after
+    assert ops.decide("next", A, "lab:1", replace(NOW, last=True)).reason.endswith("this is the last one")
     for phase in (Phase.HOLDING, Phase.SUCCEEDED, Phase.FAILED):
-        assert one.decide("next", A, "lab:1", replace(NOW, phase=phase)).reason.endswith("pause first")
-    assert one.decide("next", A, "lab:1", replace(NOW, phase=Phase.FINISHED)).accepted
+        assert ops.decide("next", A, "lab:1", replace(NOW, phase=phase)).reason.endswith("pause first")
+    assert ops.decide("next", A, "lab:1", replace(NOW, phase=Phase.FINISHED)).accepted
 
 
 @pytest.mark.slow
@@ -128,20 +128,20 @@ def test_next_and_stop_after_block_require_a_plan() -> None:
     )
 )
 def test_accepted_commands_have_an_edge_in_the_transition_table(commands: list[tuple[str, bytes, Phase]]) -> None:
-    one = operators()
-    for command, who, phase in commands:
-        decision = one.decide(command, who, who.decode(), replace(NOW, phase=phase))
+    ops = operators()
+    for command, peer, phase in commands:
+        decision = ops.decide(command, peer, peer.decode(), replace(NOW, phase=phase))
         assert not decision.cause or (decision.accepted and decision.cause in TABLE[phase])
         assert decision.accepted or decision.reason
         if command not in OPEN_TO_ALL and decision.accepted:
-            assert one.commander == who
+            assert ops.commander == peer
         if command in CAUSES and decision.accepted:
             assert decision.cause is CAUSES[command]
 
 
 def test_form_is_converted_to_a_session() -> None:
-    told = {"participant_a": "P07", "participant_b": "P08", "seat_a": "right", "consent": True}
-    form = form_of(json.dumps(told), Session(dyad="D03"))
+    fields = {"participant_a": "P07", "participant_b": "P08", "seat_a": "right", "consent": True}
+    form = form_of(json.dumps(fields), Session(dyad="D03"))
     assert (form.participant_a, form.seat_a, form.dyad, form.consent) == ("P07", "right", "D03", True)
 
 

@@ -1,4 +1,4 @@
-"""Lab Streaming Layer streams: which values are sent when, and with which time; the layer is a fake in memory."""
+"""Lab Streaming Layer streams: values, order and time stamps, with a fake LSL library in memory."""
 
 import json
 from typing import Any
@@ -21,7 +21,7 @@ WELCOME = Welcome("3f2a", PROTOCOL_VERSION, 0, "[session]\n")
 
 
 class Layer:
-    """The layer in memory: what has been pushed to each stream."""
+    """The LSL library in memory, with the samples pushed to each stream."""
 
     cf_double64, cf_string = 2, 3
 
@@ -35,18 +35,18 @@ class Layer:
     class Info:
         def __init__(self, name: str, kind: str, count: int, rate: float, form: int, source: str) -> None:
             self.name, self.count, self.source = name, count, source
-            self.said: dict[str, Any] = {}
+            self.description: dict[str, Any] = {}
 
         def desc(self) -> "Layer.Info":
             return self
 
         def append_child(self, name: str) -> "Layer.Info":
             child = Layer.Info(name, "", 0, 0.0, 0, "")
-            self.said.setdefault(name, []).append(child.said)
+            self.description.setdefault(name, []).append(child.description)
             return child
 
         def append_child_value(self, name: str, value: str) -> None:
-            self.said[name] = value
+            self.description[name] = value
 
     StreamInfo = Info
 
@@ -88,69 +88,69 @@ def event(seq: int) -> EventRecord:
 
 
 def test_samples_have_exact_tick_times_on_a_shared_clock(layer: Layer) -> None:
-    sent = Outlets("netboard", 5550)
-    sent.begin(WELCOME)
-    sent.set_clock(-900, 1000)
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.set_clock(-900, 1000)
     ticks = rows(0, 50)
-    sent.take(ticks, [event(0), event(1)])
+    outlets.take(ticks, [event(0), event(1)])
     values = np.array([value for value, _ in layer.pushed["netboard.ticks"]])
     assert np.array_equal(values.view(np.int64), samples(ticks).view(np.int64))
     assert [stamp for _, stamp in layer.pushed["netboard.ticks"]] == seconds(ticks["time_ns"]).tolist()
     assert layer.pushed["netboard.markers"] == [("event_0", 1e6), ("event_1", 1e6 + 0.001)]
-    assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock", "event_0", "event_1"]
+    assert [event["name"] for event in layer.events()] == ["lsl_session", "lsl_clock", "event_0", "event_1"]
     assert layer.events()[1]["details"] == {"offset_ns": "0", "bound_ns": "1000", "one_clock": "true"}
     assert layer.events()[3] == {"seq": 1, "tick": 3, "name": "event_1", "details": {"trial": "1"}}
-    assert (sent.ticks, sent.events) == (50, 2)
+    assert (outlets.ticks, outlets.events) == (50, 2)
 
 
 def test_samples_are_held_until_the_clock_offset_is_known(layer: Layer) -> None:
-    sent = Outlets("netboard", 5550)
-    sent.begin(WELCOME)
-    sent.take(rows(0, 10), [event(0)])
-    sent.take(rows(10, 10), [])
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.take(rows(0, 10), [event(0)])
+    outlets.take(rows(10, 10), [])
     assert layer.pushed["netboard.ticks"] == layer.pushed["netboard.markers"] == []
-    sent.set_clock(7_000_000_000, 50_000)
+    outlets.set_clock(7_000_000_000, 50_000)
     assert [value[0] for value, _ in layer.pushed["netboard.ticks"]] == list(range(20))
     assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 7
     assert layer.pushed["netboard.markers"] == [("event_0", 1e6 + 7)]
 
 
 def test_offset_of_a_remote_clock_is_tracked_and_published(layer: Layer) -> None:
-    sent = Outlets("netboard", 5550)
-    sent.begin(WELCOME)
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
     for k in range(3):
-        sent.set_clock(7_000_000_000 + k, 50_000)
-        sent.take(rows(k, 1), [])
+        outlets.set_clock(7_000_000_000 + k, 50_000)
+        outlets.take(rows(k, 1), [])
     stamps = [stamp for _, stamp in layer.pushed["netboard.ticks"]]
     assert stamps == seconds(10**15 + np.arange(3) * MS + 7_000_000_000 + np.arange(3)).tolist()
-    told = [told["details"] for told in layer.events() if told["name"] == "lsl_clock"]
-    assert [details["offset_ns"] for details in told] == ["7000000000", "7000000001", "7000000002"]
-    assert {details["one_clock"] for details in told} == {"false"}
+    entries = [event["details"] for event in layer.events() if event["name"] == "lsl_clock"]
+    assert [details["offset_ns"] for details in entries] == ["7000000000", "7000000001", "7000000002"]
+    assert {details["one_clock"] for details in entries} == {"false"}
 
 
 def test_new_session_waits_for_its_own_clock_offset(layer: Layer) -> None:
-    sent = Outlets("netboard", 5550)
-    sent.begin(WELCOME)
-    sent.set_clock(0, 1000)
-    sent.set_clock(5, 900)
-    sent.begin(WELCOME)
-    sent.take(rows(0, 1), [])
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.set_clock(0, 1000)
+    outlets.set_clock(5, 900)
+    outlets.begin(WELCOME)
+    outlets.take(rows(0, 1), [])
     assert layer.pushed["netboard.ticks"] == []
-    sent.set_clock(10**12, 1000)
+    outlets.set_clock(10**12, 1000)
     assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 1e3
-    assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock"] * 2
+    assert [event["name"] for event in layer.events()] == ["lsl_session", "lsl_clock"] * 2
 
 
 def test_lost_and_discarded_samples_are_reported_in_the_stream(layer: Layer) -> None:
-    sent = Outlets("netboard", 5550)
-    sent.begin(WELCOME)
-    sent.report_lost(10, 3)
+    outlets = Outlets("netboard", 5550)
+    outlets.begin(WELCOME)
+    outlets.report_lost(10, 3)
     for k in range(0, MAX_WAITING + 1000, 1000):
-        sent.take(rows(k, 1000), [])
-    sent.set_clock(0, 1000)
-    told = {told["name"]: told["details"] for told in layer.events()}
-    assert told["lsl_lost"] == {"first": "10", "count": "3"}
-    assert told["lsl_unsent"] == {"ticks": str(MAX_WAITING + 1000)}
+        outlets.take(rows(k, 1000), [])
+    outlets.set_clock(0, 1000)
+    entries = {event["name"]: event["details"] for event in layer.events()}
+    assert entries["lsl_lost"] == {"first": "10", "count": "3"}
+    assert entries["lsl_unsent"] == {"ticks": str(MAX_WAITING + 1000)}
     assert layer.pushed["netboard.ticks"] == []
 
 
@@ -160,9 +160,9 @@ def test_every_channel_is_described(layer: Layer) -> None:
     for stream in STREAMS:
         info = layer.infos[f"pair2.{stream.name}"]
         assert info.source.endswith(":5560")
-        assert len(info.said["channels"][0]["channel"]) == len(stream.channels) == info.count
-        assert info.said["clock"][0]["layer_minus_machine_ns"] == "0"
-    channels = layer.infos["pair2.ticks"].said["channels"][0]["channel"]
+        assert len(info.description["channels"][0]["channel"]) == len(stream.channels) == info.count
+        assert info.description["clock"][0]["layer_minus_machine_ns"] == "0"
+    channels = layer.infos["pair2.ticks"].description["channels"][0]["channel"]
     assert [channel["label"] for channel in channels] == list(COLUMNS)
     force = channels[COLUMNS.index("left_force")]
     assert (force["unit"], force["type"]) == ("N", "Force")

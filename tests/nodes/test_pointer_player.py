@@ -25,7 +25,7 @@ TIMEOUT = 30.0
 
 
 class Station:
-    """A stylus and its source, and the display's ends of the two channels; time goes on by itself, 1 ms a step."""
+    """A stylus, its source and the display's ends of the two channels; each step advances the time by 1 ms."""
 
     def __init__(self, config: Config, context: sockets.Context) -> None:
         self.device = MouseStylus("left", config)
@@ -43,20 +43,20 @@ class Station:
         self.player.step(self.now_ns, True)
         self.device.read(self.now_ns)
 
-    def until(self, true: Callable[[], bool]) -> None:
+    def until(self, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + TIMEOUT
-        while not true():
-            assert time.monotonic() < end, "waited in vain"
+        while not condition():
+            assert time.monotonic() < end, "timed out"
             self.step()
             time.sleep(0.001)
 
-    def say(self, message: Message | bytes) -> bool:
-        """Say it once, which may be lost: of what a player points at only the newest counts; whether it was sent."""
+    def send(self, message: Message | bytes) -> bool:
+        """Send a message once, and return whether it was sent. It may be lost, because only the newest counts."""
         return sockets.send(self.pointer, message if isinstance(message, bytes) else encode(message))
 
-    def say_until(self, true: Callable[[], bool], message: Message) -> None:
-        """Go on saying it until something is true."""
-        self.until(lambda: self.say(message) and true())
+    def send_until(self, condition: Callable[[], bool], message: Message) -> None:
+        """Send a message repeatedly until a condition holds."""
+        self.until(lambda: self.send(message) and condition())
 
     def ready(self) -> bool:
         return self.device.read(self.now_ns).ready
@@ -70,36 +70,37 @@ def station() -> Iterator[Station]:
 
 
 def test_stylus_follows_the_pointer(station: Station) -> None:
-    station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6, Pointer("left", 0.02))
+    station.send_until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6, Pointer("left", 0.02))
     assert station.ready()
 
 
 def test_device_without_a_pointer_is_not_ready(station: Station) -> None:
-    station.say_until(station.ready, Pointer("left", 0.0))
-    station.say_until(lambda: not station.ready(), Pointer("left", None))
+    station.send_until(station.ready, Pointer("left", 0.0))
+    station.send_until(lambda: not station.ready(), Pointer("left", None))
 
 
 @pytest.mark.parametrize(
-    "odd", [Pointer("right", 0.03), Pointer("left", math.nan), Pointer("left", math.inf), Goodbye("done"), b"", b"\xc1"]
+    "invalid",
+    [Pointer("right", 0.03), Pointer("left", math.nan), Pointer("left", math.inf), Goodbye("done"), b"", b"\xc1"],
 )
-def test_invalid_messages_do_not_move_the_stylus(station: Station, odd: Message | bytes) -> None:
-    station.say_until(station.ready, Pointer("left", 0.01))
+def test_invalid_messages_do_not_move_the_stylus(station: Station, invalid: Message | bytes) -> None:
+    station.send_until(station.ready, Pointer("left", 0.01))
     for _ in range(50):
-        station.say(odd)
+        station.send(invalid)
         station.step()
         time.sleep(0.001)
     assert abs(station.device.read(station.now_ns).z) <= 0.01
-    station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6, Pointer("left", 0.01))
+    station.send_until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6, Pointer("left", 0.01))
 
 
 def test_player_receives_the_rendered_force(station: Station) -> None:
     station.device.write(0.0, 0.0, -0.5)
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
-    def listen() -> bool:
+    def receive() -> bool:
         frame = sockets.receive(station.felt)
-        heard.extend([] if frame is None else [frame])
-        return bool(heard)
+        received.extend([] if frame is None else [frame])
+        return bool(received)
 
-    station.until(listen)
-    assert decode(heard[0]) == Felt("left", -0.5)
+    station.until(receive)
+    assert decode(received[0]) == Felt("left", -0.5)

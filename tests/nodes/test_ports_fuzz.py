@@ -84,21 +84,21 @@ def require_recordable(news: list[tuple[str, dict[str, str]]], records: list[Clo
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_motion_port_handles_any_message(seed: int) -> None:
+def test_motion_port_handles_any_message(seed: int) -> None:
     rng, clock = random.Random(seed), FakeClock()
     with sockets.open_context() as context:
         rig = MotionRig(context)
         port, router = rig.port, rig.router
         row = np.zeros(1, TICK)
         for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
-            router.say(peer, message)
+            router.send_from(peer, message)
             rig.drain(clock, clock.now_ns)
             port.refusals.poll(clock.now_ns)
             port.fill(row.view(np.int64), tick, clock.now_ns, 0)
             assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
             port.send_heartbeat(tick, clock.now_ns)
             port.force(row.view(np.int64), row.view(np.int64))
-            router.heard(peer)
+            router.received_by(peer)
             if tick % 5 == 0:
                 port.expire(clock.now_ns)
                 port.find_missing(clock.now_ns, SIDES)
@@ -110,11 +110,11 @@ def test_the_motion_port_handles_any_message(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_control_port_handles_any_message(seed: int) -> None:
+def test_control_port_handles_any_message(seed: int) -> None:
     rng, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
     port = ControlPort(router, WELCOME)  # type: ignore[arg-type]
     for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
-        router.say(peer, message)
+        router.send_from(peer, message)
         port.drain(clock)
         port.pump(clock.now_ns)
         if tick % 5 == 0:
@@ -128,12 +128,12 @@ def test_the_control_port_handles_any_message(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_log_port_handles_any_message(seed: int, tmp_path: Path) -> None:
+def test_log_port_handles_any_message(seed: int, tmp_path: Path) -> None:
     rng, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
     port = LogPort(router, WELCOME, 500, Spill(tmp_path / "a.spill", WELCOME, 10**6), clock)  # type: ignore[arg-type]
     for tick, (peer, message) in enumerate(islice(random_messages(rng, clock), MESSAGES)):
         port.append(encode(TickRecord(b"x" * 100)))
-        router.say(peer, message)
+        router.send_from(peer, message)
         port.listen(clock.now_ns)
         port.pump(clock.now_ns)
         if tick % 5 == 0:

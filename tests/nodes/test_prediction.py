@@ -17,7 +17,7 @@ WORK_MS = prediction.WORK_US * 1e-3
 
 
 def uniform_exchanges(count: int = 1000) -> ExchangeTimes:
-    """Exchanges that all take the same time: the right agent's way to the server is 50 us longer."""
+    """Exchanges of constant duration; the right agent's latency to the server is 50 us longer."""
     woke = np.full((2, count), 50_000)
     up = np.array([[100_000], [150_000]]) + np.zeros((2, count), np.int64)
     return ExchangeTimes(woke, up, np.full((2, count), 80_000), prediction.WORK_EXCHANGE_US)
@@ -35,9 +35,9 @@ def test_predicted_work_scales_with_the_cost_of_an_exchange() -> None:
 
 
 def test_missed_sample_closes_no_loop_and_delays_the_other_side() -> None:
-    exchanged = uniform_exchanges()
-    exchanged.up_ns[1, 7] = 2_000_000
-    loops = prediction.loops_ns(exchanged) * 1e-6
+    exchanges = uniform_exchanges()
+    exchanges.up_ns[1, 7] = 2_000_000
+    loops = prediction.loops_ns(exchanges) * 1e-6
     assert loops.size == 2 * 1000 - 1
     deadline = 0.5 * (0.150 + 0.200) + 0.300
     assert loops.max() == pytest.approx(deadline + 0.050 - 0.050 + 0.080 + WORK_MS)
@@ -75,12 +75,12 @@ def test_good_loop_is_green_and_bad_loop_names_its_causes() -> None:
 
 @pytest.mark.slow
 def test_exchange_between_processes_is_measured() -> None:
-    told: list[float] = []
-    found = exchange.measure(Realtime(scheduling=False, lock_memory=False), 0.1, told.append)
+    progress: list[float] = []
+    found = exchange.measure(Realtime(scheduling=False, lock_memory=False), 0.1, progress.append)
     assert found.woke_ns.shape == found.up_ns.shape == found.down_ns.shape == (2, 100)
     assert min(found.woke_ns.min(), found.up_ns.min(), found.down_ns.min()) >= 0
     assert found.server_us > 0
-    assert told == sorted(told)
+    assert progress == sorted(progress)
 
 
 @pytest.mark.slow

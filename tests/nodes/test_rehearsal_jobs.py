@@ -20,7 +20,9 @@ def blocks() -> list[Config]:
 @pytest.mark.slow
 def test_simulated_participants_depend_on_the_dyad() -> None:
     one, two = (jobs_of(blocks(), 1, dyad, None) for dyad in (1, 2))
-    assert [one[1].people[who] for who in "AB"] == [replace(one[0].people[who], practice=1.0) for who in "AB"]
+    assert [one[1].people[letter] for letter in "AB"] == [
+        replace(one[0].people[letter], practice=1.0) for letter in "AB"
+    ]
     assert one[0].people != two[0].people
     assert rehearse(one[0]).ticks != rehearse(two[0]).ticks
 
@@ -36,11 +38,11 @@ def test_rehearsal_is_marked_as_a_pilot_session() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_are_in_block_order_and_each_is_reported(tmp_path: Path, workers: int) -> None:
-    heard: list[int] = []
-    sheets = rehearse_all(jobs_of(blocks(), 1, 1, tmp_path), workers, lambda sheet: heard.append(sheet.block))
-    assert [sheet.block for sheet in sheets] == [1, 2]
-    assert sorted(heard) == [1, 2]
-    assert all(Path(sheet.recording).is_file() and sheet.factor > 0 for sheet in sheets)
+    reported: list[int] = []
+    results = rehearse_all(jobs_of(blocks(), 1, 1, tmp_path), workers, lambda result: reported.append(result.block))
+    assert [result.block for result in results] == [1, 2]
+    assert sorted(reported) == [1, 2]
+    assert all(Path(result.recording).is_file() and result.factor > 0 for result in results)
 
 
 @pytest.mark.slow

@@ -21,17 +21,17 @@ def test_simulated_participant_is_deterministic() -> None:
 
 
 def test_simulated_participants_differ_by_seed_dyad_and_letter() -> None:
-    some = [person_of(Participant(), seed, dyad, who) for seed in (1, 2) for dyad in (1, 2) for who in "AB"]
-    assert len({repr(person) for person in some}) == len(some)
+    people = [person_of(Participant(), seed, dyad, letter) for seed in (1, 2) for dyad in (1, 2) for letter in "AB"]
+    assert len({repr(person) for person in people}) == len(people)
 
 
 def test_varied_parameters_are_spread_around_their_defaults() -> None:
     people = [asdict(person_of(Participant(), 1, dyad, "A")) for dyad in range(1, 401)]
-    for name, usual in asdict(Participant()).items():
-        if isinstance(usual, str) or usual == 0.0:
-            assert {person[name] for person in people} == {usual}
+    for name, default in asdict(Participant()).items():
+        if isinstance(default, str) or default == 0.0:
+            assert {person[name] for person in people} == {default}
             continue
-        factors = np.log([person[name] / usual for person in people])
+        factors = np.log([person[name] / default for person in people])
         assert abs(factors.mean()) < 0.03
         assert factors.std() < 0.18
     assert np.std([person["threshold_deg"] for person in people]) > 0.1
@@ -42,23 +42,23 @@ def blocks() -> list[Config]:
     default = Config()
     kinds = [("bimanual", "A"), ("bimanual", "B"), ("dyadic", "A"), ("bimanual", "A")]
     return [
-        replace(default, block=replace(default.block, configuration=kind, performer=who, trials=10 * (k + 1)))
-        for k, (kind, who) in enumerate(kinds)
+        replace(default, block=replace(default.block, configuration=kind, performer=letter, trials=10 * (k + 1)))
+        for k, (kind, letter) in enumerate(kinds)
     ]
 
 
 def test_practice_counts_the_trials_of_earlier_own_blocks() -> None:
     people = list(people_of(blocks(), 1, 1))
-    assert [one["A"].practice for one in people] == [0, 10, 10, 40]
-    assert [one["B"].practice for one in people] == [0, 0, 20, 50]
-    assert {replace(one["A"], practice=0) for one in people} == {
+    assert [block_people["A"].practice for block_people in people] == [0, 10, 10, 40]
+    assert [block_people["B"].practice for block_people in people] == [0, 0, 20, 50]
+    assert {replace(block_people["A"], practice=0) for block_people in people} == {
         replace(person_of(Participant(), 1, 1, "A"), practice=0)
     }
 
 
 def test_configured_practice_is_kept() -> None:
     trained = [replace(config, participant=Participant(practice=500.0)) for config in blocks()]
-    assert {one[letter].practice for one in people_of(trained, 1, 1) for letter in "AB"} == {500.0}
+    assert {block_people[letter].practice for block_people in people_of(trained, 1, 1) for letter in "AB"} == {500.0}
 
 
 def test_robot_and_fixed_partner_are_not_performers() -> None:
@@ -84,8 +84,8 @@ def test_force_is_informative_only_with_full_haptic_feedback() -> None:
 
     def is_informative(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
-        some = participant(replace(config, block=replace(config.block, **keys)), "left", sides)
-        return scale_in(some.parts, row.view(np.int64)) > 0.0
+        observer = participant(replace(config, block=replace(config.block, **keys)), "left", sides)
+        return scale_in(observer.parts, row.view(np.int64)) > 0.0
 
     assert is_informative()
     assert is_informative(force_scale=0.5)

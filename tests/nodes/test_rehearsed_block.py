@@ -15,7 +15,7 @@ from netboard.recording.integrity.verification import verify
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
-USUAL = {"A": Participant(), "B": Participant()}
+DEFAULT_PEOPLE = {"A": Participant(), "B": Participant()}
 CONDITIONS = [("dyadic", "full"), ("dyadic", "none"), ("bimanual", "full"), ("bimanual", "none")]
 
 
@@ -24,7 +24,9 @@ def with_block(**keys: Any) -> Config:
     return replace(config, block=replace(config.block, **keys))
 
 
-def play(config: Config, size: int = 1000, people: dict[str, Participant] = USUAL) -> tuple[np.ndarray, Summary]:
+def play(
+    config: Config, size: int = 1000, people: dict[str, Participant] = DEFAULT_PEOPLE
+) -> tuple[np.ndarray, Summary]:
     rehearsal = Rehearsal(config, people)
     rows = np.concatenate([piece.copy() for piece in rehearsal.pieces(size)])
     return rows, rehearsal.summary()
@@ -86,9 +88,9 @@ def test_ticks_depend_on_seed_and_block_number() -> None:
 @pytest.mark.slow
 def test_delayed_force_is_rendered_later() -> None:
     rows, _ = play(with_block(trials=1, force_delay_ms=20))
-    on = rows["phase"] == Phase.RUNNING
-    late = np.flatnonzero(on)[100:-100]
-    assert rows["left_rendered"][late] == pytest.approx(rows["left_force"][late - 21])
+    running = rows["phase"] == Phase.RUNNING
+    later = np.flatnonzero(running)[100:-100]
+    assert rows["left_rendered"][later] == pytest.approx(rows["left_force"][later - 21])
 
 
 @pytest.mark.slow
@@ -108,8 +110,8 @@ def test_participants_are_assigned_to_their_seats() -> None:
     assert (person_at(config, "left", people), person_at(config, "right", people)) == (a, b)
     swapped = replace(config, session=replace(config.session, seat_a="right"))
     assert (person_at(swapped, "left", people), person_at(swapped, "right", people)) == (b, a)
-    alone = with_block(configuration="bimanual", performer="B")
-    assert (person_at(alone, "left", people), person_at(alone, "right", people)) == (b, b)
+    bimanual = with_block(configuration="bimanual", performer="B")
+    assert (person_at(bimanual, "left", people), person_at(bimanual, "right", people)) == (b, b)
     robot = with_block(left="robot", right="still")
     assert (person_at(robot, "left", people), person_at(robot, "right", people)) == (Participant(), None)
 
@@ -124,13 +126,13 @@ def test_block_is_given_up_if_trials_take_too_long(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("config", "what"),
+    ("config", "problem"),
     [
         (with_block(force="unrelated", unrelated="x.mcap"), "no recorded forces"),
         (replace(Config(), virtual=VirtualDevice(read_latency_ms=2.0)), "read_latency_ms: found 2"),
         (replace(Config(), virtual=VirtualDevice(thermal_time="model")), "thermal_time: found 100"),
     ],
 )
-def test_unsupported_configuration_is_refused(config: Config, what: str) -> None:
-    with pytest.raises(ConfigError, match=what):
-        Rehearsal(config, USUAL)
+def test_unsupported_configuration_is_refused(config: Config, problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        Rehearsal(config, DEFAULT_PEOPLE)

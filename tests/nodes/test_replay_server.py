@@ -24,17 +24,19 @@ from netboard.stage.curtain import make_curtain, view_of
 from netboard.stage.view import View
 
 TRIES = 2000
-JUDGED = EventRecord(0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"})
+ATTEMPT_ENDED = EventRecord(
+    0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"}
+)
 NOTE = EventRecord(1, 4200, 0, "command", {"name": "note", "argument": "x" * 60_000})
 
 
 class Rig:
-    """A replay that stands still, and somebody at each of its channels; everything in one thread."""
+    """A paused replay with a client on each of its channels, all in one thread."""
 
     def __init__(self, stack: ExitStack) -> None:
         self.network = replace(Network(), port=free_port())
         self.context = stack.enter_context(sockets.open_context())
-        self.recording = loaded_recording(two_trials(), JUDGED, NOTE)
+        self.recording = loaded_recording(two_trials(), ATTEMPT_ENDED, NOTE)
         self.server = ReplayServer(self.recording, self.network, self.context, None)
         where = channels.addresses(self.network)
         self.operator = Operator(self.network, self.context)
@@ -47,14 +49,14 @@ class Rig:
         self.milliseconds = 0
         self.status()
 
-    def work(self) -> None:
+    def run_server(self) -> None:
         self.server.run_once(self.milliseconds)
         self.server.housekeeping()
         self.milliseconds += 1
 
     def status(self) -> Status:
         for _ in range(TRIES):
-            self.work()
+            self.run_server()
             if (status := self.operator.ask(0.002)) is not None:
                 return status
         raise AssertionError("no status")
@@ -62,28 +64,29 @@ class Rig:
     def do(self, name: str, argument: str = "") -> Reply:
         number = self.operator.command(name, argument)
         for _ in range(TRIES):
-            self.work()
+            self.run_server()
             self.operator.attend(0.001)
             if (reply := self.operator.reply(number)) is not None:
                 return reply
         raise AssertionError("no reply")
 
-    def heard(self, socket: sockets.Socket, *say: Message) -> Message:
-        for message in say:
+    def exchange(self, socket: sockets.Socket, *messages: Message) -> Message:
+        """Send messages until an answer arrives, and return it."""
+        for message in messages:
             sockets.send(socket, encode(message))
         for _ in range(TRIES):
-            self.work()
+            self.run_server()
             if poller.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
                 return decode(frame)
-            for message in say:
+            for message in messages:
                 sockets.send(socket, encode(message))
-        raise AssertionError("nothing was heard")
+        raise AssertionError("no answer")
 
     def view(self, side: Side) -> View:
-        """A view that is sent from now on, not one that is on its way."""
+        """A view sent after this call."""
         now = now_ns()
         while True:
-            view = self.heard(self.stations[side])
+            view = self.exchange(self.stations[side])
             assert isinstance(view, View)
             if view.sent_ns >= now:
                 return view
@@ -92,11 +95,11 @@ class Rig:
 @pytest.fixture
 def rig() -> Iterator[Rig]:
     with ExitStack() as stack:
-        made = Rig(stack)
-        yield made
-        made.server.leave()
-        made.operator.leave()
-        for socket in (*made.stations.values(), made.agent, made.logger, made.display):
+        created = Rig(stack)
+        yield created
+        created.server.leave()
+        created.operator.leave()
+        for socket in (*created.stations.values(), created.agent, created.logger, created.display):
             socket.close(linger=0)
 
 
@@ -145,7 +148,7 @@ def test_seeking_back_clears_later_attempts_and_points_of_a_console(rig: Rig) ->
     operator.poll()
     rig.status()
     for _ in range(TRIES):
-        rig.work()
+        rig.run_server()
         operator.attend(0.001)
         if operator.points:
             break
@@ -180,20 +183,20 @@ def test_replay_commands_seek_step_play_and_end(rig: Rig) -> None:
 
 
 def test_agents_and_loggers_are_refused(rig: Rig) -> None:
-    agent = rig.heard(rig.agent, Hello("agent", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
+    agent = rig.exchange(rig.agent, Hello("agent", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
     assert agent == Refusal("this is a replay of made.mcap: it exerts no force, and takes no agent")
-    logger = rig.heard(rig.logger, Hello("logger", "", PROTOCOL_VERSION, "lab:1", "1", {}), LogRequest(-1))
+    logger = rig.exchange(rig.logger, Hello("logger", "", PROTOCOL_VERSION, "lab:1", "1", {}), LogRequest(-1))
     assert logger == Refusal("this is a replay of made.mcap: there is nothing to record")
 
 
 def test_display_receives_the_recorded_configuration_and_goodbye(rig: Rig) -> None:
-    welcome = rig.heard(rig.display, Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
+    welcome = rig.exchange(rig.display, Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
     assert isinstance(welcome, Welcome)
     assert welcome.config == rig.recording.text
     assert rig.status().peers == ("console", "display.left")
     rig.server.control.goodbye("the replay is over")
     for _ in range(TRIES):
-        if isinstance(rig.heard(rig.display), Goodbye):
+        if isinstance(rig.exchange(rig.display), Goodbye):
             break
     else:
         raise AssertionError("no goodbye")

@@ -19,13 +19,13 @@ def config(left: str, right: str, trials: int = 2) -> Config:
     return replace(default, block=replace(default.block, left=left, right=right, trials=trials))
 
 
-def play(settings: Config, most: int = 60_000) -> np.ndarray:
+def play(settings: Config, max_ticks: int = 60_000) -> np.ndarray:
     """Play a block as the server does, tick by tick on a ring of rows."""
     robots = [Robot(settings, "left"), Robot(settings, "right")]
     stage = make_stage(settings)
-    state, rows, told = stage.initial(), np.zeros(64, TICK), np.zeros(most, TICK)
+    state, rows, recorded = stage.initial(), np.zeros(64, TICK), np.zeros(max_ticks, TICK)
     words = rows.view(np.int64).reshape(len(rows), -1)
-    for tick in range(most):
+    for tick in range(max_ticks):
         row = words[tick % 64]
         rows[tick % 64]["command"] = Cause.START if tick == 100 else Cause.NONE
         for robot in robots:
@@ -33,10 +33,10 @@ def play(settings: Config, most: int = 60_000) -> np.ndarray:
         stage.advance(state, rows, tick)
         for robot in robots:
             robot.take(row)
-        told[tick] = rows[tick % 64]
+        recorded[tick] = rows[tick % 64]
         if state["phase"][0] == Phase.FINISHED:
             break
-    return told[: tick + 1]
+    return recorded[: tick + 1]
 
 
 @pytest.mark.slow
@@ -54,15 +54,15 @@ def test_two_robots_complete_the_task_together() -> None:
 @pytest.mark.slow
 def test_robot_is_deterministic_and_differs_between_blocks() -> None:
     settings = config("robot", "robot", trials=1)
-    again = play(settings)
-    assert again.tobytes() == play(settings).tobytes()
+    first = play(settings)
+    assert first.tobytes() == play(settings).tobytes()
     other = replace(settings, block=replace(settings.block, number=2, blocks=2))
-    assert again.tobytes() != play(other).tobytes()
+    assert first.tobytes() != play(other).tobytes()
 
 
 @pytest.mark.slow
 def test_fixed_hand_is_live_and_at_rest() -> None:
-    rows = play(config("still", "robot"), most=3000)
+    rows = play(config("still", "robot"), max_ticks=3000)
     assert (rows["left_live"] == 1).all()
     assert (rows["left_stamp_ns"] < rows["time_ns"]).all()
     for name in ("left_sent_z", "left_sent_vz", "left_x", "left_y", "left_rendered"):

@@ -66,7 +66,7 @@ def begin(participant: LiveParticipant, text: str) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_participant_follows_the_configuration_of_the_blocks(
+def test_participant_follows_the_configuration_of_the_blocks(
     side: Side, config: Config, create: Callable[[Side], LiveParticipant]
 ) -> None:
     participant = create(side)
@@ -77,7 +77,7 @@ def test_the_participant_follows_the_configuration_of_the_blocks(
         participant.step(number * 1_000_000, haptics=True)
 
 
-def test_the_same_block_keeps_the_participant(config: Config, create: Callable[[Side], LiveParticipant]) -> None:
+def test_same_block_keeps_the_participant(config: Config, create: Callable[[Side], LiveParticipant]) -> None:
     participant = create("left")
     begin(participant, block(config, 2, "dyadic"))
     before = participant._current
@@ -98,6 +98,6 @@ def test_all_bimanual_blocks_share_one_channel_to_the_second_hand(
     assert len(bound) == 1
 
 
-def test_an_invalid_configuration_ends_the_agent(create: Callable[[Side], LiveParticipant]) -> None:
+def test_invalid_configuration_ends_the_agent(create: Callable[[Side], LiveParticipant]) -> None:
     with pytest.raises(ConfigError, match="the server's configuration"):
         begin(create("left"), "[nonsense]\n")

@@ -13,7 +13,7 @@ from netboard.nodes.doctor import network, system
 
 
 def write(root: Path, **files: str) -> Path:
-    """Make a machine: the files in it, with ``__`` for ``/``."""
+    """Create the files of a simulated machine, with ``__`` for ``/`` in their names."""
     for name, text in files.items():
         path = root / name.replace("__", "/")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -142,19 +142,19 @@ def test_missing_network_card_has_no_coalescing_time() -> None:
     assert network.coalescing_us("nosuchcard0") is None
 
 
-@pytest.mark.parametrize("judge", [system.scheduling, system.memory])
+@pytest.mark.parametrize("check", [system.scheduling, system.memory])
 def test_scheduling_and_memory_findings_follow_the_granted_settings(
-    judge: object, monkeypatch: pytest.MonkeyPatch
+    check: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert callable(judge)
+    assert callable(check)
     monkeypatch.setattr(sys, "platform", "linux")
-    granted, off, refused = judge(OK), judge(OFF), judge("Operation not permitted")
+    granted, off, refused = check(OK), check(OFF), check("Operation not permitted")
     assert (granted.colour, granted.advice) == ("green", "")
     assert off.colour == "yellow"
     assert refused.colour in {"yellow", "red"}
     assert "deploy/limits.d/netboard.conf" in refused.advice
     monkeypatch.setattr(sys, "platform", "darwin")
-    assert judge("not offered on darwin").colour == "yellow"
+    assert check("not offered on darwin").colour == "yellow"
 
 
 def test_missing_cpus_are_yellow() -> None:
@@ -174,9 +174,17 @@ def plugged(tmp_path: Path) -> Path:
     write(
         tmp_path,
         **{f"{at}usb1__idVendor": "1d6b", f"{at}usb1__idProduct": "0002"},
-        **{f"{at}1-1__idVendor": "2988", f"{at}1-1__idProduct": "0304", f"{at}1-1__uevent": "DEVNAME=bus/usb/001/004"},
+        **{
+            f"{at}1-1__idVendor": "2988",
+            f"{at}1-1__idProduct": "0304",
+            f"{at}1-1__uevent": "DEVNAME=bus/usb/001/004",
+        },
         **{f"{at}1-1__1-1:1.0__0003:2988:0304.0001__hidraw__hidraw3__dev": "242:3"},
-        **{f"{at}1-2__idVendor": "2988", f"{at}1-2__idProduct": "0302", f"{at}1-2__uevent": "DEVNAME=bus/usb/001/005"},
+        **{
+            f"{at}1-2__idVendor": "2988",
+            f"{at}1-2__idProduct": "0302",
+            f"{at}1-2__uevent": "DEVNAME=bus/usb/001/005",
+        },
         **{f"{at}1-2__1-2:1.0__tty__ttyACM0__dev": "166:0"},
         dev__hidraw3="",
         dev__ttyACM0="",

@@ -21,31 +21,31 @@ ROWS = 64
 STARTS_AT, TICKS = 5, 700
 
 
-class Table:
-    """A motion port and a stage, whose ticks run in one call where they can, or always by steps."""
+class TickRunner:
+    """A motion port and a stage whose ticks run in one compiled call if possible, or always in single steps."""
 
-    def __init__(self, context: sockets.Context, config: Config, *, at_once: bool) -> None:
+    def __init__(self, context: sockets.Context, config: Config, *, compiled: bool) -> None:
         self.stage = make_stage(config)
         self.state = self.stage.initial()
         self.rows = np.zeros(ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(ROWS, -1)
         self.answered = 0
-        self._answer = answer_of(self.stage) if at_once else None
+        self._answer = answer_of(self.stage) if compiled else None
         self._rig = MotionRig(context)
         for side, name in NAMES.items():
-            self._rig.router.say(name, hello("agent", side))
+            self._rig.router.send_from(name, hello("agent", side))
         self._rig.drain(lambda: 0)
-        self.heard()
+        self.received()
 
-    def heard(self) -> list[Any]:
-        """What both agents have been sent."""
-        return [self._rig.router.heard(name) for name in NAMES.values()]
+    def received(self) -> list[Any]:
+        """The messages sent to both agents."""
+        return [self._rig.router.received_by(name) for name in NAMES.values()]
 
     def tick(self, number: int, due_ns: int, samples: dict[str, Stylus], command: int) -> bytes:
-        """Run a tick with these samples; the row."""
+        """Run a tick with these samples, and return its row."""
         port, words = self._rig.port, self.words[number % ROWS]
         for side, sample in samples.items():
-            self._rig.router.say(NAMES[side], sample)
+            self._rig.router.send_from(NAMES[side], sample)
         self._rig.drain(lambda: due_ns - 300_000, due_ns)
         found = -1
         if self._answer is not None and not command:
@@ -61,16 +61,16 @@ class Table:
 
 
 def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
-    """What the agents send before a tick: now and then nothing, nonsense, or that a device is not armed."""
+    """The agents' samples before a tick, some of them missing, not finite or from a disarmed device."""
     found = {}
     for side in NAMES:
-        odd = rng.integers(40)
-        if odd == 0:
+        kind = rng.integers(40)
+        if kind == 0:
             continue
         z, vz = 0.01 * np.sin(number * 0.01 + (side == "left")), 0.1 * np.cos(number * 0.01 + (side == "left"))
-        bits = int(Safeguard.ARMED) if odd != 1 else 0
+        bits = int(Safeguard.ARMED) if kind != 1 else 0
         stylus = Stylus(number, number * TICK_NS, 0.0, 0.0, float(z), 0.0, 0.0, float(vz), 0, bits, 0.1, -1, 0, 0, 0, 0)
-        found[side] = replace(stylus, z=float("nan")) if odd == 2 else stylus
+        found[side] = replace(stylus, z=float("nan")) if kind == 2 else stylus
     return found
 
 
@@ -78,17 +78,17 @@ def samples_at(number: int, rng: np.random.Generator) -> dict[str, Stylus]:
 def test_compiled_tick_equals_the_single_steps(delay: int) -> None:
     plain = Config()
     config = replace(plain, block=replace(plain.block, force="full", force_delay_ms=delay, trials=2))
-    rng, heard = np.random.default_rng(7), 0
+    rng, forces = np.random.default_rng(7), 0
     with sockets.open_context() as context:
-        tables = [Table(context, config, at_once=at_once) for at_once in (True, False)]
+        runners = [TickRunner(context, config, compiled=compiled) for compiled in (True, False)]
         for number in range(TICKS):
             samples = samples_at(number, rng)
             command = int(Cause.START) if number == STARTS_AT else 0
-            rows = [table.tick(number, (number + 1) * TICK_NS, samples, command) for table in tables]
+            rows = [runner.tick(number, (number + 1) * TICK_NS, samples, command) for runner in runners]
             assert rows[0] == rows[1]
-            first, second = (table.heard() for table in tables)
+            first, second = (runner.received() for runner in runners)
             assert first == second
-            heard += sum(isinstance(message, Force) for messages in first for message in messages)
-        assert tables[0].state.tobytes() == tables[1].state.tobytes()
-        assert 0.7 * TICKS < tables[0].answered < TICKS  # both ways were taken
-        assert heard == 2 * TICKS
+            forces += sum(isinstance(message, Force) for messages in first for message in messages)
+        assert runners[0].state.tobytes() == runners[1].state.tobytes()
+        assert 0.7 * TICKS < runners[0].answered < TICKS  # both paths were used
+        assert forces == 2 * TICKS

@@ -30,9 +30,9 @@ def rig() -> Iterator[MotionRig]:
 
 
 def register(rig: MotionRig) -> None:
-    rig.router.say(A, hello("agent", "left"))
+    rig.router.send_from(A, hello("agent", "left"))
     rig.drain(lambda: 0)
-    rig.router.heard(A)
+    rig.router.received_by(A)
     rig.port.news.clear()
 
 
@@ -47,75 +47,75 @@ def test_flood_delays_no_sample_and_is_answered_once_and_counted(rig: MotionRig)
     register(rig)
     flood = 10 * MAX_FRAMES
     for _ in range(flood):
-        rig.router.say(b"flood", b"\x00")
-    rig.router.say(A, STYLUS)
+        rig.router.send_from(b"flood", b"\x00")
+    rig.router.send_from(A, STYLUS)
     rig.port.drain(lambda: 0, 0)
     assert newest(rig, MS) == 0
     for tick in range(1, 11):
         rig.drain(lambda now=tick * MS: now)
-    assert len(rig.router.heard(b"flood")) == 1
+    assert len(rig.router.received_by(b"flood")) == 1
     rig.port.refusals.settle()
     assert {name for name, _ in rig.port.news} == {"refused"}
-    whole = {(details["peer"], details["reason"]): int(details["times"]) for _, details in rig.port.news}
-    assert whole == {("flood", "1 bytes are no message"): 1, ("strangers", TOO_MANY_MESSAGES): flood - 1}
+    totals = {(details["peer"], details["reason"]): int(details["times"]) for _, details in rig.port.news}
+    assert totals == {("flood", "1 bytes are no message"): 1, ("strangers", TOO_MANY_MESSAGES): flood - 1}
     assert sum(rig.port.refusals.totals.values()) == flood
 
 
 def test_unregistered_peer_is_answered_at_intervals_but_hello_always(rig: MotionRig) -> None:
     for message in (StatusRequest(), hello("display", "left"), StatusRequest(), hello("display", "left")):
-        rig.router.say(b"x", message)
+        rig.router.send_from(b"x", message)
     rig.drain(lambda: 0)
-    said = ["say hello first", "this is the motion channel, not one for a display"]
-    assert rig.router.heard(b"x") == [Refusal(reason) for reason in said]
-    rig.router.say(b"x", StatusRequest())
+    reasons = ["say hello first", "this is the motion channel, not one for a display"]
+    assert rig.router.received_by(b"x") == [Refusal(reason) for reason in reasons]
+    rig.router.send_from(b"x", StatusRequest())
     rig.drain(lambda: REPEAT_INTERVAL_NS)
-    assert rig.router.heard(b"x") == [Refusal("say hello first")]
+    assert rig.router.received_by(b"x") == [Refusal("say hello first")]
 
 
 def test_agent_registers_among_any_number_of_unregistered_peers(rig: MotionRig) -> None:
-    crowd = [b"stranger %d" % number for number in range(300)]
+    strangers = [b"stranger %d" % number for number in range(300)]
     for tick in range(1000):
         at = tick * MS
         if tick % 100 == 0:
-            for name in crowd:
-                rig.router.say(name, hello("display", "left"))
-                rig.router.say(name, STYLUS)
+            for name in strangers:
+                rig.router.send_from(name, hello("display", "left"))
+                rig.router.send_from(name, STYLUS)
         if tick % 500 == 250:
-            rig.router.say(A, hello("agent", "left"))
+            rig.router.send_from(A, hello("agent", "left"))
         rig.port.fast.record["set_ns"] = at
         rig.port.drain(lambda at=at: at, at)
         rig.port.attend(at, at)
     assert not rig.port.empty
-    assert isinstance(rig.router.heard(A)[0], Welcome)
+    assert isinstance(rig.router.received_by(A)[0], Welcome)
 
 
 def test_refusals_name_a_limited_number_of_peers_but_count_all(rig: MotionRig) -> None:
     for number in range(400):
-        rig.router.say(b"stranger %d" % number, b"\x00")
+        rig.router.send_from(b"stranger %d" % number, b"\x00")
         rig.drain(lambda now=number * MS: now)
-        rig.router.go(b"stranger %d" % number)
+        rig.router.disconnect(b"stranger %d" % number)
     rig.port.refusals.settle()
-    whole = {details["peer"]: int(details["times"]) for _, details in rig.port.news}
-    assert len(whole) == MAX_KINDS + 1
-    assert sum(whole.values()) == 400
+    totals = {details["peer"]: int(details["times"]) for _, details in rig.port.news}
+    assert len(totals) == MAX_KINDS + 1
+    assert sum(totals.values()) == 400
 
 
 def test_frames_handled_per_call_are_limited(rig: MotionRig) -> None:
     register(rig)
     for seq in range(4 * MAX_OTHER_FRAMES):
-        rig.router.say(A, replace(STYLUS, seq=seq))
-        rig.router.say(A, b"\x00")
-    taken = []
+        rig.router.send_from(A, replace(STYLUS, seq=seq))
+        rig.router.send_from(A, b"\x00")
+    numbers = []
     for _ in range(4):
         rig.port.drain(lambda: MS, 0)
-        taken.append(newest(rig, MS) + 1)
-    assert taken == [(tick + 1) * MAX_OTHER_FRAMES // 2 for tick in range(4)]
+        numbers.append(newest(rig, MS) + 1)
+    assert numbers == [(tick + 1) * MAX_OTHER_FRAMES // 2 for tick in range(4)]
 
 
 def test_surplus_messages_of_a_registered_agent_are_refused_and_counted(rig: MotionRig) -> None:
     register(rig)
     for _ in range(2 * OTHER_FRAME_BURST):
-        rig.router.say(A, hello("agent", "left"))
+        rig.router.send_from(A, hello("agent", "left"))
     for _ in range(2 * OTHER_FRAME_BURST // MAX_OTHER_FRAMES):
         rig.port.drain(lambda: MS, 0)
     assert rig.port.refusals.totals == {TOO_MANY_MESSAGES: OTHER_FRAME_BURST}
@@ -123,8 +123,8 @@ def test_surplus_messages_of_a_registered_agent_are_refused_and_counted(rig: Mot
 
 def test_long_multipart_message_is_skipped_in_steps(rig: MotionRig) -> None:
     register(rig)
-    rig.router.say(b"x", *[b""] * 10_000)
-    rig.router.say(A, STYLUS)
+    rig.router.send_from(b"x", *[b""] * 10_000)
+    rig.router.send_from(A, STYLUS)
     rounds = 0
     while newest(rig, MS) < 0:
         rig.port.drain(lambda: MS, 0)
@@ -134,6 +134,6 @@ def test_long_multipart_message_is_skipped_in_steps(rig: MotionRig) -> None:
 
 def test_message_that_a_role_may_not_send_is_not_unpacked(rig: MotionRig) -> None:
     register(rig)
-    rig.router.say(A, b"\x97\x1e\xc1")  # a request for records, and then nonsense
+    rig.router.send_from(A, b"\x97\x1e\xc1")  # a request for records, then invalid bytes
     rig.drain(lambda: 0)
-    assert rig.router.heard(A) == [Refusal("an agent does not send LogRequest")]
+    assert rig.router.received_by(A) == [Refusal("an agent does not send LogRequest")]

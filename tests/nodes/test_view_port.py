@@ -17,15 +17,15 @@ from netboard.task.trials.state_machine import Phase
 
 
 class Publisher:
-    """A publisher in memory, with somebody looking or not."""
+    """A publisher in memory, with or without a subscriber."""
 
     def __init__(self) -> None:
-        self.watched = True
+        self.subscribed = True
         self.sent: list[View] = []
         self.closed = False
 
     def wanted(self) -> bool:
-        return self.watched
+        return self.subscribed
 
     def send(self, frame: bytes) -> bool:
         view = decode(frame)
@@ -38,7 +38,7 @@ class Publisher:
 
 
 class Rig:
-    """A port whose publishers are in memory, and a board that moves or not."""
+    """A port with publishers in memory, and a board that may move."""
 
     def __init__(self, port: ViewPort, config: Config) -> None:
         self.port = port
@@ -56,8 +56,8 @@ class Rig:
             self.port.show(self.tick + 1, self.curtain, self.rows[0], self.rows.view(np.int64), best, rest)
             self.tick += 1
 
-    def seen(self, side: Side) -> list[int]:
-        """Ticks whose views a station was sent."""
+    def sent_ticks(self, side: Side) -> list[int]:
+        """Ticks of the views sent to a station."""
         return [view.tick for view in self.stations[side].sent]
 
 
@@ -71,8 +71,8 @@ def rig(config: Config) -> Iterator[Rig]:
     with sockets.open_context() as context:
         port = ViewPort(config.network, context, None)
         bound = port._views
-        made = Rig(port, config)
-        yield made
+        created = Rig(port, config)
+        yield created
         for publisher in bound.values():
             publisher.close()
 
@@ -80,31 +80,31 @@ def rig(config: Config) -> Iterator[Rig]:
 def test_stations_receive_views_alternately(rig: Rig) -> None:
     rig.run(1000)
     for side in SIDES:
-        assert len(rig.seen(side)) == pytest.approx(100, abs=1)
-        assert set(np.diff(rig.seen(side))) == {10}
-    assert not set(rig.seen("left")) & set(rig.seen("right")), "both at once would make one tick late"
+        assert len(rig.sent_ticks(side)) == pytest.approx(100, abs=1)
+        assert set(np.diff(rig.sent_ticks(side))) == {10}
+    assert not set(rig.sent_ticks("left")) & set(rig.sent_ticks("right")), "two views in one tick would delay it"
 
 
 def test_views_are_numbered_consecutively_per_station(rig: Rig) -> None:
     rig.run(100)
-    rig.stations["left"].watched = False
+    rig.stations["left"].subscribed = False
     rig.run(100)
-    rig.stations["left"].watched = True
+    rig.stations["left"].subscribed = True
     rig.run(100)
     assert [view.seq for view in rig.stations["left"].sent] == list(range(20))
     assert [view.seq for view in rig.stations["right"].sent] == list(range(30))
 
 
 def test_no_view_is_sent_without_a_subscriber(rig: Rig) -> None:
-    rig.stations["right"].watched = False
+    rig.stations["right"].subscribed = False
     rig.run(200)
-    assert rig.seen("right") == []
-    assert len(rig.seen("left")) == 20
+    assert rig.sent_ticks("right") == []
+    assert len(rig.sent_ticks("left")) == 20
 
 
 def test_unchanged_view_is_sent_at_the_keep_alive_rate(rig: Rig) -> None:
     rig.run(1000, moving=False)
-    assert set(np.diff(rig.seen("left"))) == {SAME_VIEW_TICKS}
+    assert set(np.diff(rig.sent_ticks("left"))) == {SAME_VIEW_TICKS}
     rig.rows["trial"] = 2
     rig.run(10, moving=False)
     assert rig.stations["left"].sent[-1].trial == 2
@@ -112,11 +112,11 @@ def test_unchanged_view_is_sent_at_the_keep_alive_rate(rig: Rig) -> None:
 
 def test_unchanged_view_is_sent_again_in_a_new_block(rig: Rig, config: Config) -> None:
     rig.run(100, moving=False)
-    before = len(rig.seen("left"))
+    before = len(rig.sent_ticks("left"))
     rig.port.renew()
     rig.run(10, moving=False)
-    assert len(rig.seen("left")) == before + 1
-    assert [view.seq for view in rig.stations["left"].sent] == list(range(before + 1)), "numbers go on"
+    assert len(rig.sent_ticks("left")) == before + 1
+    assert [view.seq for view in rig.stations["left"].sent] == list(range(before + 1)), "the numbers continue"
 
 
 def test_batched_ticks_send_one_view(rig: Rig) -> None:
@@ -125,9 +125,9 @@ def test_batched_ticks_send_one_view(rig: Rig) -> None:
         rig.stations[side].sent.clear()
     rig.tick = 500
     rig.run(1)
-    assert rig.seen("left") == rig.seen("right") == [500]
+    assert rig.sent_ticks("left") == rig.sent_ticks("right") == [500]
     rig.run(30)
-    assert len(rig.seen("left")) <= 5
+    assert len(rig.sent_ticks("left")) <= 5
 
 
 def test_station_receives_only_what_its_participant_may_see(rig: Rig) -> None:
