@@ -33,7 +33,7 @@ def _run_in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])  # which take most of the time
+    monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])  # drawing takes most of the time
 
 
 def analyse(*words: str | Path) -> str:
@@ -106,15 +106,15 @@ def test_code_digest_covers_every_source_file_and_library_version(
     (package / "__init__.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(store_module, "PACKAGES", ("own",))
-    seen = [digest()]
+    digests = [digest()]
     for name in ("deep/module.py", "page.jinja", "style.css", "words.toml"):
         (package / name).write_text("one")
-        seen.append(digest())
+        digests.append(digest())
         (package / name).write_text("two")
-        seen.append(digest())
+        digests.append(digest())
     monkeypatch.setattr(store_module, "version", lambda name: "99")
-    seen.append(digest())
-    assert len(set(seen)) == len(seen)
+    digests.append(digest())
+    assert len(set(digests)) == len(digests)
 
 
 def test_damaged_or_incomplete_cache_entry_is_not_used(tmp_path: Path) -> None:
@@ -123,18 +123,18 @@ def test_damaged_or_incomplete_cache_entry_is_not_used(tmp_path: Path) -> None:
     (folder / "b.csv").write_bytes(b"3,4")
     store = Store(tmp_path / "store")
     store_module.keep(store, "key", tmp_path / "folder", ["words"])
-    (taken := tmp_path / "taken").mkdir()
-    assert store_module.take(store, "other", taken) is None
-    assert store_module.take(store, "key", taken) == ("words",)
-    assert contents(str(taken)) == contents(str(tmp_path / "folder"))
+    (restored := tmp_path / "restored").mkdir()
+    assert store_module.take(store, "other", restored) is None
+    assert store_module.take(store, "key", restored) == ("words",)
+    assert contents(str(restored)) == contents(str(tmp_path / "folder"))
     (empty := tmp_path / "empty").mkdir()
     for victim in [*(tmp_path / "store").glob(f"*{FILE}"), tmp_path / "store" / f"key{ANALYSIS}"]:
-        whole = victim.read_bytes()
-        victim.write_bytes(whole[:-1] + b"x")
+        content = victim.read_bytes()
+        victim.write_bytes(content[:-1] + b"x")
         assert store_module.take(store, "key", empty) is None
         victim.unlink()
         assert store_module.take(store, "key", empty) is None
-        victim.write_bytes(whole)
+        victim.write_bytes(content)
     assert list(empty.iterdir()) == []
     assert store_module.take(store, "key", empty) == ("words",)
 
@@ -146,20 +146,20 @@ def test_cached_analyses_respect_the_size_limit_of_the_store(tmp_path: Path) -> 
         store_module.keep(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
     assert sum(path.stat().st_size for path in (tmp_path / "store").iterdir()) <= 25_000
     store = Store(tmp_path / "store")
-    (taken := tmp_path / "taken").mkdir()
-    assert store_module.take(store, "4", taken) == ()
-    assert store_module.take(store, "0", taken) is None
+    (restored := tmp_path / "restored").mkdir()
+    assert store_module.take(store, "4", restored) == ()
+    assert store_module.take(store, "0", restored) is None
 
 
 def test_command_is_escaped_for_each_file_format(tmp_path: Path) -> None:
     (tmp_path / "provenance.json").write_text(f'{{"command": "{PLACEHOLDER}"}}')
     (tmp_path / "report.html").write_text(f"<code>{PLACEHOLDER}</code>")
     name_command(tmp_path, ["netboard", "a\u202eb", '"<&'])
-    said = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))["command"]
-    assert said == "netboard 'a\u202eb' '\"<&'"
-    shown = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "a[U+202E]b" in shown
-    assert "&#34;&lt;&amp;" in shown
+    command = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))["command"]
+    assert command == "netboard 'a\u202eb' '\"<&'"
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "a[U+202E]b" in report
+    assert "&#34;&lt;&amp;" in report
 
 
 def test_cache_lookup_imports_no_numerical_library() -> None:

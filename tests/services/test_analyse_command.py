@@ -28,7 +28,7 @@ pytestmark = pytest.mark.slow
 
 FIGURES = {draw.__module__: draw for draw in everything.PICTURES}
 DRAWN = daily.some("figures of an analysis", FIGURES, 3)
-"""Figures that an analysis draws today: all of them take most of its time, and have tests of their own."""
+"""Figures that an analysis draws today; drawing all would take most of its time, and each has its own tests."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -93,9 +93,9 @@ def test_output_has_tables_figures_settings_provenance_and_report(study: Path, d
     assert {path.name for path in default_output.iterdir()} == {
         *("tables", "figures", "settings.toml", "provenance.json", "report.html")
     }
-    said = json.loads((default_output / "provenance.json").read_text())
-    assert set(said["recordings"]) == {path.stem for path in study.glob("*.mcap")}
-    assert all(len(one["sha256"]) == 64 for one in said["recordings"].values())
+    provenance = json.loads((default_output / "provenance.json").read_text())
+    assert set(provenance["recordings"]) == {path.stem for path in study.glob("*.mcap")}
+    assert all(len(recording["sha256"]) == 64 for recording in provenance["recordings"].values())
     drawn = sorted(path.name for path in (default_output / "figures").iterdir())
     assert {Path(name).suffix for name in drawn} == {".svg", ".pdf", ".png"}
     assert len(drawn) == len({Path(name).stem for name in drawn}) * len(KINDS) == len(DRAWN) * len(KINDS)
@@ -107,18 +107,18 @@ def test_every_column_has_a_description_type_and_unit(default_output: Path) -> N
     for name, table in described.items():
         read = parquet.read_table(tables / f"{name}.parquet")
         assert read.schema.names == list(table["columns"])
-        for column, about in table["columns"].items():
-            assert about["description"]
-            assert read.schema.field(column).metadata[b"unit"].decode() == about["unit"]
-            assert about["unit"] or about["type"] == "text"
+        for column, description in table["columns"].items():
+            assert description["description"]
+            assert read.schema.field(column).metadata[b"unit"].decode() == description["unit"]
+            assert description["unit"] or description["type"] == "text"
         if name != "paths":
             with (tables / f"{name}.csv").open(encoding="utf-8", newline="") as file:
                 rows = list(csv.reader(file))
             assert rows[0] == read.schema.names
             assert len(rows) == read.num_rows + 1
     assert not (tables / "paths.csv").exists()
-    short = {"blocks", "trials", "movements", "people", "exclusions", "left_out", "results"}
-    assert set(described) == short | {"paths"}
+    written_as_csv = {"blocks", "trials", "movements", "people", "exclusions", "left_out", "results"}
+    assert set(described) == written_as_csv | {"paths"}
 
 
 def count_identical_files(one: Path, other: Path) -> int:
@@ -142,22 +142,22 @@ def test_output_is_bitwise_identical_for_any_number_of_workers(study: Path, defa
 @pytest.mark.usefixtures("without_figures")
 @pytest.mark.daily(1, of="same bytes")
 def test_output_is_bitwise_identical_with_the_cache_and_its_use_is_reported(study: Path, default_output: Path) -> None:
-    ways = {"anew": ("--no-cache",), "first": (), "kept": (), "measured": ("--set", "exclusions.warm_up=0")}
-    for name, words in ways.items():
+    runs = {"anew": ("--no-cache",), "first": (), "kept": (), "measured": ("--set", "exclusions.warm_up=0")}
+    for name, words in runs.items():
         result = analyse(study, "-o", name, "--workers", "1", *words)
         assert result.exit_code == 0
         assert ("; all from the cache" in result.output) == (name == "kept")
         assert ("; 4 from the cache" in result.output) == (name == "measured")
         assert count_identical_files(Path(name), default_output) > 10
-    for kept in (Path("user/netboard/measures"), default_output.with_name("other")):
-        assert len(list(kept.glob(f"*{TABLES}"))) == 4
+    for cache in (Path("user/netboard/measures"), default_output.with_name("other")):
+        assert len(list(cache.glob(f"*{TABLES}"))) == 4
 
 
 @pytest.mark.usefixtures("without_figures")
 def test_compare_paper_adds_a_table_with_the_values_of_the_paper(study: Path, default_output: Path) -> None:
     assert analyse(study, "-o", "out", "--workers", "1", "--compare-paper").exit_code == 0
-    beside = parquet.read_table("out/tables/comparison.parquet").to_pylist()
-    assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in beside}
+    comparison = parquet.read_table("out/tables/comparison.parquet").to_pylist()
+    assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in comparison}
     assert "comparison" in json.loads(Path("out/tables/dictionary.json").read_text())["tables"]
     assert not (default_output / "tables" / "comparison.csv").exists()
 
@@ -174,10 +174,10 @@ def test_analyse_never_overwrites_and_leaves_no_partial_output(study: Path) -> N
 
 @pytest.mark.usefixtures("without_figures")
 def test_recordings_without_attempts_are_reported(tmp_path: Path) -> None:
-    silent = recorded(tmp_path, two_trials()[:900])
-    result = analyse(silent, "-o", "out", "--workers", "1", "--no-cache")
+    empty = recorded(tmp_path, two_trials()[:900])
+    result = analyse(empty, "-o", "out", "--workers", "1", "--no-cache")
     assert result.exit_code == 0, result.output
-    assert f"no attempt at a trial: 1 of these, the first is {silent.stem}" in result.output
+    assert f"no attempt at a trial: 1 of these, the first is {empty.stem}" in result.output
 
 
 @pytest.mark.usefixtures("without_figures")
@@ -219,9 +219,9 @@ def test_template_is_a_file_of_the_default_settings(study: Path, default_output:
 
 @pytest.mark.parametrize(("name", "extra"), [("statsmodels", "analysis"), ("pyarrow", "analysis")])
 def test_missing_library_prints_one_line(study: Path, monkeypatch: pytest.MonkeyPatch, name: str, extra: str) -> None:
-    def without(hidden: str) -> Callable[[str], ModuleSpec | None]:
-        return lambda wanted: None if wanted == hidden else importlib.util.find_spec(wanted)
+    def find_spec_without(hidden: str) -> Callable[[str], ModuleSpec | None]:
+        return lambda module: None if module == hidden else importlib.util.find_spec(module)
 
-    monkeypatch.setattr(formats, "find_spec", without(name))
+    monkeypatch.setattr(formats, "find_spec", find_spec_without(name))
     line = refused(analyse(study, "-o", "out"))
     assert f"this needs {name}, which is not installed: pip install 'netboard[{extra}]'" in line

@@ -37,7 +37,11 @@ def test_check_exits_with_the_code_of_the_worst_recording() -> None:
     assert result.exit_code == 1
     report = json.loads(result.stdout)
     assert report["verdict"] == "damaged"
-    assert [one["verdict"] for one in report["recordings"]] == ["damaged", "complete with listed losses", "complete"]
+    assert [entry["verdict"] for entry in report["recordings"]] == [
+        "damaged",
+        "complete with listed losses",
+        "complete",
+    ]
     assert report["recordings"][2]["replay"]["identical"] is True
     assert report["recordings"][0]["replay"] is None
 

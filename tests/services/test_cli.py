@@ -78,13 +78,13 @@ def test_no_arguments_show_the_help() -> None:
 
 
 def test_control_accepts_exactly_the_commands_of_the_protocol() -> None:
-    taken = get_args(get_args(inspect.signature(control_command).parameters["command"].annotation)[0])
+    accepted = get_args(get_args(inspect.signature(control_command).parameters["command"].annotation)[0])
     page = (resources.files("netboard.network.protocol") / "PROTOCOL.md").read_text()
     tables = re.findall(r"^\| command \|.*\n\| ---.*\n((?:\|.*\n)+)", page, re.MULTILINE)
     listed = {
         name for table in tables for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])
     }
-    assert set(taken) == set(control.COMMANDS) == listed
+    assert set(accepted) == set(control.COMMANDS) == listed
 
 
 def test_version_option_prints_netboard_and_python_versions() -> None:
@@ -261,7 +261,7 @@ def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: P
     both = runner.invoke(app, ["config", "check", "rig.toml", "-c", "rig.toml"])
     assert (both.exit_code, "expected one of them" in both.output) == (2, True)
     Path("taken").write_text("a file")
-    for folder, why in (
+    for folder, reason in (
         ("taken", "Not a directory"),
         ("taken/deeper", "Not a directory"),
         ("/proc/recordings", "/proc"),
@@ -269,7 +269,7 @@ def test_config_check_takes_one_file_and_checks_the_recording_folder(tmp_path: P
         result = runner.invoke(app, ["config", "check", "--set", f'recording.directory="{folder}"'])
         assert result.exit_code == 2
         assert f'[recording] directory: found "{folder}", expected a folder that can be written' in result.output
-        assert why in result.output
+        assert reason in result.output
     assert {path.name for path in tmp_path.iterdir()} == {"rig.toml", "taken"}
 
 

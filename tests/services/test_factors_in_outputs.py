@@ -124,8 +124,8 @@ def test_info_and_sessions_print_role_and_factors(recordings: tuple[Path, ...]) 
 def test_every_table_of_the_analysis_has_every_factor(tables: Path) -> None:
     for name in ("trials", "movements", "blocks", "people"):
         rows = [row for row in rows_of(tables / f"{name}.csv") if row["role"] == "test"]
-        block_wise = {one: levels for one, levels in COLUMNS.items() if one != "factor_gain" or name != "blocks"}
-        check_columns(rows, block_wise)
+        expected = {factor: levels for factor, levels in COLUMNS.items() if factor != "factor_gain" or name != "blocks"}
+        check_columns(rows, expected)
     assert set(COLUMNS) <= set(rows_of(tables / "exclusions.csv")[0])
     assert set(COLUMNS) <= set(pd.read_parquet(tables / "paths.parquet").columns)
 
@@ -138,11 +138,11 @@ def test_data_dictionary_has_the_unit_of_every_numeric_factor(tables: Path) -> N
 
 
 def test_no_condition_pools_levels_of_a_factor(study: Study) -> None:
-    names = {one.name for one in conditions(study)}
+    names = {condition.name for condition in conditions(study)}
     assert len(names) == 2 * 2 * 2 * 2
     assert set(study.counted["condition"]) <= names
-    for _, own in study.counted.groupby("condition"):
-        assert all(own[column].nunique() == 1 for column in COLUMNS)
+    for _, trials in study.counted.groupby("condition"):
+        assert all(trials[column].nunique() == 1 for column in COLUMNS)
 
 
 def test_figures_state_the_factors_pooled_over(study: Study) -> None:
@@ -160,7 +160,7 @@ def test_models_have_numeric_factors_as_terms_with_units(study: Study) -> None:
 
 
 def test_each_level_is_compared_with_the_first_within_conditions(study: Study) -> None:
-    names = {one.question.name for one in comparisons(study).comparisons}
+    names = {comparison.question.name for comparison in comparisons(study).comparisons}
     assert any(name.startswith("mass heavy (0.05 kg) vs light (0.02 kg), dyadic") for name in names)
     assert any(name.startswith("gain strong (1) vs weak (0.5), dyadic") for name in names)
 
@@ -179,13 +179,13 @@ def test_practice_is_excluded_by_role_and_listed(study: Study) -> None:
     assert set(study.exclusions.loc[study.exclusions["recording"].isin(practice["recording"]), "why"]) == {
         "in a practice block"
     }
-    assert not any("practice" in one.name for one in conditions(study))
+    assert not any("practice" in condition.name for condition in conditions(study))
 
 
 def test_practice_trials_form_a_separate_condition_if_included(recordings: tuple[Path, ...]) -> None:
     readings = parse("", overrides=["exclusions.roles=[]"])
     found = study_of([measure(run, readings) for run in runs_of(recordings)], readings)
-    assert "dyadic, full, practice" in {one.name for one in conditions(found)}
+    assert "dyadic, full, practice" in {condition.name for condition in conditions(found)}
     assert set(found.counted.loc[found.counted["role"] == "practice", "condition"]) == {"dyadic, full, practice"}
 
 
@@ -242,7 +242,7 @@ def test_xdf_has_every_factor(recordings: tuple[Path, ...], tmp_path: Path) -> N
     pyxdf = pytest.importorskip("pyxdf")
     export(recordings[:3], "xdf", tmp_path / "xdf", lambda *_: None)
     path = tmp_path / "xdf" / f"{recordings[1].stem}.xdf"
-    streams = {one["info"]["name"][0]: one for one in pyxdf.load_xdf(path, dejitter_timestamps=False)[0]}
+    streams = {stream["info"]["name"][0]: stream for stream in pyxdf.load_xdf(path, dejitter_timestamps=False)[0]}
     (note,) = streams["netboard.markers"]["info"]["desc"][0]["design"]
     assert note["factor_mass"] == ["light (0.02 kg)"]
     assert note["role"] == ["test"]

@@ -17,11 +17,11 @@ TIMEOUT = 60.0
 @pytest.fixture
 def terminal_end(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """The end of a pseudo-terminal into which key presses are written."""
-    ours, theirs = os.openpty()
-    with os.fdopen(theirs) as terminal:
+    writing_end, reading_end = os.openpty()
+    with os.fdopen(reading_end) as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)
-        yield ours
-    os.close(ours)
+        yield writing_end
+    os.close(writing_end)
 
 
 def key(keyboard: Keyboard) -> str:

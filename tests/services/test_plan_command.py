@@ -37,27 +37,27 @@ def test_every_command_has_help_with_examples(command: str) -> None:
 
 
 def test_show_lists_the_blocks_of_a_dyad() -> None:
-    shown = run("show --study paper --dyad 3")
-    assert "dyad 3, seed 1, order paper, A sits right" in shown
-    assert [line.split()[:4] for line in shown.splitlines() if line.split()[:1] == ["9"]] == [
+    output = run("show --study paper --dyad 3")
+    assert "dyad 3, seed 1, order paper, A sits right" in output
+    assert [line.split()[:4] for line in output.splitlines() if line.split()[:1] == ["9"]] == [
         ["9", "dyadic", "dyad", "off"]
     ]
-    assert sum(line.split()[1:2] == ["bimanual"] for line in shown.splitlines()) >= 12
+    assert sum(line.split()[1:2] == ["bimanual"] for line in output.splitlines()) >= 12
 
 
 def test_show_tabulates_the_balance_over_several_dyads() -> None:
-    shown = run("show --study paper --dyads 8")
-    assert "Session 1" not in shown
-    assert shown.count(" 180 ") == 64
-    assert "Over 8 dyads" in shown
-    assert "uneven" not in shown
+    output = run("show --study paper --dyads 8")
+    assert "Session 1" not in output
+    assert output.count(" 180 ") == 64
+    assert "Over 8 dyads" in output
+    assert "uneven" not in output
 
 
 def test_show_prints_plan_and_balance_as_json() -> None:
-    shown = json.loads(run("show --study paper --dyad 3 --dyads 4 --seed 5 --json"))
-    assert shown["digest"] == digest(plan_of(paper_study(), 5, 3))
-    assert [block["number"] for block in shown["sessions"][0]["blocks"]] == list(range(1, 19))
-    assert shown["problems"] == shown["balance"]["uneven"] == []
+    output = json.loads(run("show --study paper --dyad 3 --dyads 4 --seed 5 --json"))
+    assert output["digest"] == digest(plan_of(paper_study(), 5, 3))
+    assert [block["number"] for block in output["sessions"][0]["blocks"]] == list(range(1, 19))
+    assert output["problems"] == output["balance"]["uneven"] == []
 
 
 @pytest.mark.slow
@@ -112,11 +112,11 @@ def test_show_lists_factor_levels_with_their_settings_and_units() -> None:
         "[factors.mass]\nlevels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.05\n"
         '[factors.felt]\nlevels.on.block.force = "full"\nlevels.on.block.force_delay_ms = 20\nlevels.off = {}\n'
     )
-    shown = " ".join(runner.invoke(app, ["plan", "show", "--study", "own.toml"]).output.split())
-    assert "mass light physics.M = 0.01 kg" in shown
-    assert "heavy physics.M = 0.05 kg" in shown
-    assert "felt on block.force = full, block.force_delay_ms = 20 ms" in shown
-    assert "off nothing" in shown
+    output = " ".join(runner.invoke(app, ["plan", "show", "--study", "own.toml"]).output.split())
+    assert "mass light physics.M = 0.01 kg" in output
+    assert "heavy physics.M = 0.05 kg" in output
+    assert "felt on block.force = full, block.force_delay_ms = 20 ms" in output
+    assert "off nothing" in output
 
 
 @pytest.mark.slow

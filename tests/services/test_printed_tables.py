@@ -54,11 +54,11 @@ UNBALANCED = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nle
 DATA = Path(__file__).parent.parent / "data"
 POWER = json.loads((DATA.parent.parent / "docs" / "data" / "power.json").read_text())
 RUNNER = CliRunner()
-assert rehearsal.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
+assert rehearsal.console.width  # imported here, because a console keeps the width of COLUMNS at its creation
 
-SHEET = BlockResult("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
-SHEETS = [
-    replace(SHEET, session=f"S{session:02}", block=block, label=f"{LONG}, {level}", given_up=block == 2)
+RESULT = BlockResult("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
+RESULTS = [
+    replace(RESULT, session=f"S{session:02}", block=block, label=f"{LONG}, {level}", given_up=block == 2)
     for session in (1, 2)
     for block, level in enumerate(("light", "heavy", "light again"), start=1)
 ]
@@ -83,26 +83,26 @@ PART = Part(
 )
 
 
-def printing(renderable: RenderableType) -> Callable[[int], str]:
+def printer_of(renderable: RenderableType) -> Callable[[int], str]:
     """Return a function that prints on a terminal of a given width."""
 
-    def on(width: int) -> str:
+    def print_at(width: int) -> str:
         console = Console(width=width, file=StringIO(), record=True)
         console.print(renderable)
         return console.export_text()
 
-    return on
+    return print_at
 
 
-def running(*words: str, code: int = 0) -> Callable[[int], str]:
+def runner_of(*words: str, code: int = 0) -> Callable[[int], str]:
     """Return a function that runs a command in a terminal of a given width."""
 
-    def on(width: int) -> str:
+    def print_at(width: int) -> str:
         result = RUNNER.invoke(app, words, env={"COLUMNS": str(width), "NO_COLOR": "1"})
         assert result.exit_code == code, result.output
         return result.output
 
-    return on
+    return print_at
 
 
 def shown_part(width: int) -> str:
@@ -123,66 +123,73 @@ def status() -> RenderableType:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recordings whose names differ only at their ends, keys, tables of hands, and an unbalanced study."""
-    made = tmp_path_factory.mktemp("printed")
-    (made / "rec").mkdir()
+    """Folder of recordings whose names differ only at their ends, hand tables and an unbalanced study."""
+    created = tmp_path_factory.mktemp("printed")
+    (created / "rec").mkdir()
     for end in ("practice", "test"):
-        proofs.write(made / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", proofs.rows())
+        proofs.write(created / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", proofs.rows())
         columns = np.stack([np.arange(201) / 1000, *np.zeros((4, 201))], 1)
-        np.savetxt(made / f"{end}.csv", columns, delimiter=",", header="t,z_left,v_left,z_right,v_right", comments="")
-    (made / "uneven.toml").write_text(UNBALANCED)
-    return made
+        np.savetxt(
+            created / f"{end}.csv", columns, delimiter=",", header="t,z_left,v_left,z_right,v_right", comments=""
+        )
+    (created / "uneven.toml").write_text(UNBALANCED)
+    return created
 
 
-def late(folder: Path) -> Path:
+def late_recording(folder: Path) -> Path:
     """A recording with several episodes of each of two causes."""
     path, rows = folder / "late.mcap", proofs.rows()
     for at in (700, 710, 720):
         rows["late_ns"][at] = 5_000_000
         rows["left_loop_ns"][at + 100] += 5_000_000
-    rows["left_stamp_ns"] -= rows["tick"] % 2  # else it is a robot's
+    rows["left_stamp_ns"] -= rows["tick"] % 2  # otherwise it looks like a robot's
     return path if path.exists() else proofs.write(path, rows)
 
 
 def cases(folder: Path) -> list[Callable[[int], str]]:
-    """Return a function for every command and table that is printed."""
+    """Functions that print each command's output and each table at a given width."""
     recording = str(min((folder / "rec").iterdir()))
     keys = ("--set", f'network.keys="{folder}"')
-    all_of_them = ("--output", f"{folder}/all/", "--force")
+    overwrite = ("--output", f"{folder}/all/", "--force")
     RUNNER.invoke(app, ["keys", "init", *keys])
     for role in ("logger", "console", "listener"):
         RUNNER.invoke(app, ["keys", "add", role, *keys])
     return [
-        printing(status()),
-        printing(rehearsal.table_of(SHEETS)),
-        printing(quality_table(VERDICTS)),
-        printing(listing_tables(LISTING)),
-        printing(findings_table("This computer", FINDINGS)),
-        printing(identified_table("Touch", Identified(*[ESTIMATE] * 6, 1e-5, 0.05, 7))),
-        printing(placement_table("Touch", Placement())),
-        printing(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),
+        printer_of(status()),
+        printer_of(rehearsal.table_of(RESULTS)),
+        printer_of(quality_table(VERDICTS)),
+        printer_of(listing_tables(LISTING)),
+        printer_of(findings_table("This computer", FINDINGS)),
+        printer_of(identified_table("Touch", Identified(*[ESTIMATE] * 6, 1e-5, 0.05, 7))),
+        printer_of(placement_table("Touch", Placement())),
+        printer_of(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),
         shown_part,
-        *(printing(power.table_of(part)) for part in POWER["parts"]),
-        running("info", recording),
-        running("sessions", str(folder / "rec")),
-        running("whatif", recording, "--set", "physics.k_h=400"),
-        running("replay", recording, "--markers"),
-        running("trace", str(late(folder)), "--scheduler", str(Path(__file__).parent.parent / "data/sched_switch.txt")),
-        running("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
-        running("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *all_of_them),
-        running("keys", "list", *keys),
-        running("bench", "faults", "--list"),
-        running("plan", "list"),
-        running("plan", "check", f"{folder}/uneven.toml", code=2),
-        *(running("plan", "show", "--study", name, "--dyads", "4", "--dyad", "2") for name in library.NAMES),
+        *(printer_of(power.table_of(part)) for part in POWER["parts"]),
+        runner_of("info", recording),
+        runner_of("sessions", str(folder / "rec")),
+        runner_of("whatif", recording, "--set", "physics.k_h=400"),
+        runner_of("replay", recording, "--markers"),
+        runner_of(
+            "trace",
+            str(late_recording(folder)),
+            "--scheduler",
+            str(Path(__file__).parent.parent / "data/sched_switch.txt"),
+        ),
+        runner_of("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
+        runner_of("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *overwrite),
+        runner_of("keys", "list", *keys),
+        runner_of("bench", "faults", "--list"),
+        runner_of("plan", "list"),
+        runner_of("plan", "check", f"{folder}/uneven.toml", code=2),
+        *(runner_of("plan", "show", "--study", name, "--dyads", "4", "--dyad", "2") for name in library.NAMES),
     ]
 
 
 def table_makers() -> set[str]:
-    """Return every function of the source that makes a table."""
+    """Return every function of the source that creates a table."""
     found = set()
-    for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
-        for path in place.rglob("*.py"):
+    for root in (Path(netboard.__file__).parent, Path(services.__file__).parent):
+        for path in root.rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.FunctionDef) and any(map(_makes, ast.walk(node))):
                     found.add(f"{path.name}: {node.name}")
@@ -193,31 +200,31 @@ def _makes(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == FittedTable.__name__
 
 
-@pytest.mark.parametrize(("module", "makes"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn")])
-def test_tables_and_progress_bars_are_made_in_one_module_each(module: str, makes: str) -> None:
-    for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
-        for path in place.rglob("*.py"):
-            assert (makes in path.read_text(encoding="utf-8")) == (path.name == module), path
+@pytest.mark.parametrize(("module", "name"), [("terminal.py", "rich.table"), ("bars.py", "BarColumn")])
+def test_tables_and_progress_bars_are_made_in_one_module_each(module: str, name: str) -> None:
+    for root in (Path(netboard.__file__).parent, Path(services.__file__).parent):
+        for path in root.rglob("*.py"):
+            assert (name in path.read_text(encoding="utf-8")) == (path.name == module), path
 
 
 def test_every_printed_table_keeps_its_rows_distinguishable(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tables: list[FittedTable] = []
-    made_by: set[str] = set()
+    creators: set[str] = set()
     make = FittedTable.__init__
 
     def record_table(self: FittedTable, *columns: object, **options: object) -> None:
         make(self, *columns, **options)  # type: ignore[arg-type]
         caller = sys._getframe(1).f_code
-        made_by.add(f"{Path(caller.co_filename).name}: {caller.co_name}")
+        creators.add(f"{Path(caller.co_filename).name}: {caller.co_name}")
         tables.append(self)
 
     monkeypatch.setattr(FittedTable, "__init__", record_table)
     monkeypatch.chdir(folder)
     for case in cases(folder):
         for width in WIDTHS:
-            shown = case(width)
-            assert "\N{HORIZONTAL ELLIPSIS}" not in shown, shown
-    assert made_by >= table_makers()
+            output = case(width)
+            assert "\N{HORIZONTAL ELLIPSIS}" not in output, output
+    assert creators >= table_makers()
     for table in tables:
         for width in WIDTHS:
             require_distinguishable_rows(table, width)
@@ -225,19 +232,19 @@ def test_every_printed_table_keeps_its_rows_distinguishable(folder: Path, monkey
 
 def require_distinguishable_rows(table: FittedTable, width: int) -> None:
     """Require that each row shows its names, whole or wrapped, and no broken number."""
-    shown = printing(table)(width)
-    words, names = set(shown.split()), table.names
-    assert all(cell_len(line.rstrip()) <= width for line in shown.splitlines()), shown
+    output = printer_of(table)(width)
+    words, names = set(output.split()), table.names
+    assert all(cell_len(line.rstrip()) <= width for line in output.splitlines()), output
     widest = [
-        max((cell_len(line) for row in table.rows for line in row[place].plain.split("\n")), default=0)
-        for place in range(names)
+        max((cell_len(line) for row in table.rows for line in row[index].plain.split("\n")), default=0)
+        for index in range(names)
     ]
     fits = sum(widest) + GAP * names <= round(width * WIDEST_NAMES)
     for row in table.rows:
-        for place, cell in enumerate(row):
+        for index, cell in enumerate(row):
             lines = cell.plain.splitlines()
-            if table.columns[place].number:
-                assert all(line in shown for line in lines), shown
-            if place < names and fits:
-                assert all(line.strip() in shown for line in lines), shown
-                assert words >= set(cell.plain.split()), shown
+            if table.columns[index].number:
+                assert all(line in output for line in lines), output
+            if index < names and fits:
+                assert all(line.strip() in output for line in lines), output
+                assert words >= set(cell.plain.split()), output

@@ -31,13 +31,13 @@ def writer(tmp_path: Path) -> RecordingWriter:
     config = Config()
     welcome = Welcome(session="a1b2c3d4", protocol=1, server_ns=0, config=resolve(config))
     metadata = provenance(welcome, config, 1, 10**18, 0)
-    made = RecordingWriter(tmp_path / "S01.mcap", metadata, welcome.config, config.recording, 0)
+    unfinished = RecordingWriter(tmp_path / "S01.mcap", metadata, welcome.config, config.recording, 0)
     rows = np.zeros(TICKS, TICK)
     rows["tick"] = np.arange(TICKS)
     for row in rows:
-        made.write(TickRecord(row=row.tobytes()), int(row["tick"]), int(row["tick"]) * 1_000_000)
-    made.flush(TICKS * 1_000_000)
-    return made
+        unfinished.write(TickRecord(row=row.tobytes()), int(row["tick"]), int(row["tick"]) * 1_000_000)
+    unfinished.flush(TICKS * 1_000_000)
+    return unfinished
 
 
 def test_info_describes_a_recording(writer: RecordingWriter) -> None:

@@ -24,17 +24,17 @@ def test_station_starts_an_agent_and_a_display() -> None:
 
 
 def test_server_starts_with_a_logger_and_gets_its_options() -> None:
-    wanted = up.processes(None, ["block.trials=2"], server=True, station=None, autostart=False, insecure=True)
-    assert wanted == {
+    processes = up.processes(None, ["block.trials=2"], server=True, station=None, autostart=False, insecure=True)
+    assert processes == {
         "logger": ["logger", "--set", "block.trials=2"],
         "server": ["server", "--no-autostart", "--insecure", "--set", "block.trials=2"],
     }
 
 
 def test_one_machine_may_run_all_processes() -> None:
-    wanted = up.processes(None, (), server=True, station="both")
-    assert list(wanted) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
-    assert {command[0] for command in wanted.values()} == set(launcher.STOP_ORDER)
+    processes = up.processes(None, (), server=True, station="both")
+    assert list(processes) == ["logger", "server", "left agent", "right agent", "left display", "right display"]
+    assert {command[0] for command in processes.values()} == set(launcher.STOP_ORDER)
 
 
 def test_up_requires_a_server_or_a_station() -> None:
