@@ -107,7 +107,8 @@ class ReferenceSafety:
         """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
         if self._mean <= (1.0 - MARGIN) * self._lasting:
             return self._clamp
-        share = max(self._lasting - self._mean, 0.0) / (MARGIN * self._lasting) if self._lasting > 0.0 else 0.0
+        reserve = MARGIN * self._lasting
+        share = max(self._lasting - self._mean, 0.0) / reserve if reserve > 0.0 else 0.0
         return self._lasting + (self._clamp - self._lasting) * share
 
     def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:

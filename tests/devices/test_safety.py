@@ -294,6 +294,13 @@ def test_device_without_motors_gets_no_force() -> None:
     assert bench.run(3000, (0.1, 0.0, 0.1))[:3] == STILL
 
 
+def test_device_with_the_smallest_rating_gets_practically_no_force() -> None:
+    """A tenth of the smallest float is 0, by which nothing may be divided."""
+    bench = Bench(lasting=5e-324)
+    bench.chain.arm()
+    assert abs(bench.run(3000, (0.0, 0.0, 3.0)).fz) <= 5e-324
+
+
 def test_emergency_stop_cuts_the_force_at_once_until_disarmed() -> None:
     bench = Bench().armed((0.0, 0.0, 2.0))
     bench.chain.stop()

@@ -216,7 +216,8 @@ def _most(c: Any) -> float:
     """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
     if c["mean"] <= (1.0 - MARGIN) * c["lasting"]:
         return float(c["clamp"])
-    share = max(c["lasting"] - c["mean"], 0.0) / (MARGIN * c["lasting"]) if c["lasting"] > 0.0 else 0.0
+    reserve = MARGIN * c["lasting"]  # 0 for the smallest of all floats, too
+    share = max(c["lasting"] - c["mean"], 0.0) / reserve if reserve > 0.0 else 0.0
     return float(c["lasting"] + (c["clamp"] - c["lasting"]) * share)
 
 
