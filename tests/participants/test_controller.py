@@ -1,6 +1,7 @@
 """The decisions of a simulated participant's controller, in one situation each."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -144,9 +145,10 @@ def test_controller_leaves_a_nearly_level_board_alone() -> None:
     assert moves_of(make(("left", "right")), scene("levelling", theta=np.radians(0.3)), 3.0) == []
 
 
-def test_partner_movement_is_felt_before_it_is_seen() -> None:
+@pytest.mark.parametrize("prediction", ["rate", "goal"])
+def test_partner_movement_is_felt_before_it_is_seen(prediction: Literal["rate", "goal"]) -> None:
     """The force shows that the partner has already made the intended tilt, so no movement is needed."""
-    person = replace(NOISELESS, haptic_gain=1.0, max_tilt_deg=1.5)
+    person = replace(NOISELESS, haptic_gain=1.0, max_tilt_deg=1.5, partner_prediction=prediction)
     physics, p = Physics(), -0.30
     partner = 2 * physics.l * np.radians(1.5)
     weight = (physics.M + physics.m) * physics.g
