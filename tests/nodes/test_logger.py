@@ -367,7 +367,7 @@ def test_session_without_records_ends_the_logger(tmp_path: Path) -> None:
     assert ticks_of(*logger.finished) == []
 
 
-def test_a_second_logger_after_the_end_has_nothing_to_write(tmp_path: Path) -> None:
+def test_second_logger_after_the_end_has_nothing_to_write(tmp_path: Path) -> None:
     rig = Rig(tmp_path, 100)
     assert rig.logger().run(never) == 0
     second = rig.logger()
