@@ -16,6 +16,12 @@ rng : numpy.random.Generator
     Source of the participant's variability: of its decisions, or of a hand's force noise and lateral rest position.
 state, k : record of STATE, record of CONSTANTS
     State of a controller, changed in place, and its constants.
+intent : record of INTENT
+    A submovement of one's own that is under way, with what is expected of the partner.
+side : int
+    An own hand: 0 left, 1 right [1].
+when : float
+    A time, later than the glimpse perceived, or infinity [s].
 now : float
     Present time, later than in the previous call [s].
 glimpse : Glimpse or None, or record of SEEN
@@ -26,6 +32,10 @@ senses : record of SENSES
     Memory of what was seen and felt; only `senses.store` changes it.
 own, sign : float
     Height of one's own hand [m], and `partner.SIGN` of its side [1].
+height, rate, goal : float
+    Height of the partner's hand, its rate and its goal [m, m/s, m].
+speed : float
+    Natural frequency with which the partner's hand approaches its goal [rad/s].
 device : VirtualDevice
     The table ``[virtual]`` of the configuration.
 held : bool

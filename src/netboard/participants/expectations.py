@@ -196,7 +196,13 @@ def follow_partner(state: Any, k: Any, now: float) -> None:
 
 @inlined
 def partner_at(state: Any, k: Any, when: float, force: float, side: int) -> float:
-    """Return the height of the partner's hand at a time, inferred from the force then [m]."""
+    """Return the height of the partner's hand at a time, inferred from the force then [m].
+
+    Parameters
+    ----------
+    force : float
+        Force on one's own hand, + = up [N].
+    """
     seen = state["percept"]
     own = own_height(state, side) + moved(state, k, side, when)
     return partner_height(force, own, seen["p"] + seen["v"] * (when - seen["time"]), 2.0 * side - 1.0, k)

@@ -101,8 +101,6 @@ def towards_goal(height: float, rate: float, goal: float, speed: float, dt: floa
 
     Parameters
     ----------
-    speed : float
-        Natural frequency of the approach [rad/s].
     dt : float
         Elapsed time [s].
     """
@@ -120,8 +118,6 @@ def goal_gains(speed: float, drift: float, felt: float, dt: float) -> NDArray[np
 
     Parameters
     ----------
-    speed : float
-        Natural frequency of the approach [rad/s].
     drift : float
         Variance of the goal's unforeseen movement per time [m2/s].
     felt : float
@@ -158,12 +154,8 @@ def follow_goal(estimate: Any, time: float, height: float, speed: float, gains: 
         Updated; its time is NaN before the first height.
     time : float
         Time of the height [s].
-    height : float
-        The height [m].
-    speed : float
-        Natural frequency of the approach [rad/s].
     gains : ndarray, shape (3,)
-        Those of `goal_gains`.
+        Those of `goal_gains` [1, 1/s, 1].
     """
     dt = time - estimate["time"]
     estimate["time"] = time
