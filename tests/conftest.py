@@ -2,6 +2,7 @@
 
 import gc
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -10,7 +11,9 @@ import daily
 
 # The first example of a test may compile a kernel, and the machine may be busy. It is loaded before any test is
 # imported: what is decorated keeps the profile in force then.
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=100 if daily.ALL else 50
+)
 settings.load_profile("untimed")
 
 
@@ -22,7 +25,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     quiet = [item.nodeid for item in items if item.get_closest_marker("quiet")]
     if lost := [name for name in quiet if not name.startswith("tests/integration/")]:
         raise pytest.UsageError(f"make test looks for quiet tests in tests/integration only, and would not run {lost}")
-    if out := daily.left_out(items):
+    words = [word.partition("::")[0] for word in config.args]
+    named = {str(path.relative_to(config.rootpath)) for word in words if (path := Path(word).absolute()).is_file()}
+    if out := daily.left_out(items, named):
         config.hook.pytest_deselected(items=sorted(out, key=items.index))
         items[:] = [item for item in items if item not in out]
 

@@ -1,20 +1,25 @@
-"""Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
+"""Slow tests take turns: what is left out today runs within days. NETBOARD_TEST_ALL=1 runs all.
 
-``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name; with
-``part="NAME"``, tests that give this name too, and share what is costly, are one of these. A test with two marks, its
-own and its module's, runs if both draw it. `some` draws from what one test runs together. The seed is printed at the
-head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+The slow tests of a file run every third day, those beside this file every day, and always those of a file that is named
+on the command line. ``@pytest.mark.daily(3)`` runs, every day instead, three cases of a test; with ``of="NAME"``, three
+of all tests that give this name; with ``part="NAME"``, tests that give this name too, and share what is costly, are one
+of these. A test with two marks, its own and its module's, runs if both draw it. `some` draws from what one test runs
+together. The seed, a date, is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases
+again.
 """
 
 import os
 import random
+import zlib
 from collections import defaultdict
 from collections.abc import Iterable
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
+from pathlib import Path
 
 import pytest
 
 SEED = os.environ.setdefault("NETBOARD_TEST_SEED", datetime.now(UTC).date().isoformat())
+DAY = date.fromisoformat(SEED).toordinal()
 ALL = os.environ.get("NETBOARD_TEST_ALL", "") not in ("", "0")
 
 
@@ -29,8 +34,27 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
     return every if ALL else chance(name).sample(every, count)
 
 
-def left_out(items: list[pytest.Item]) -> set[pytest.Item]:
-    """Draw the cases that are not run today."""
+TURNS = 3
+"""Days in which the slow tests of each file run once."""
+
+
+def left_out(items: list[pytest.Item], named: set[str]) -> set[pytest.Item]:
+    """Choose the tests that are not run today; all of the files that are named are."""
+    others = [item for item in items if not ALL and _file(item) not in named]
+    return _not_drawn(others) | {item for item in others if not _has_turn(item)}
+
+
+def _file(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]
+
+
+def _has_turn(item: pytest.Item) -> bool:
+    if "daily" in item.keywords or "slow" not in item.keywords or item.path.parent == Path(__file__).parent:
+        return True
+    return (DAY + zlib.crc32(_file(item).encode())) % TURNS == 0
+
+
+def _not_drawn(items: list[pytest.Item]) -> set[pytest.Item]:
     groups: dict[str, dict[str, list[pytest.Item]]] = defaultdict(lambda: defaultdict(list))
     most: dict[str, int] = {}
     for item in items:
@@ -42,11 +66,10 @@ def left_out(items: list[pytest.Item]) -> set[pytest.Item]:
 
 
 def _drawn(name: str, cases: dict[str, list[pytest.Item]], count: int) -> list[pytest.Item]:
-    drawn = chance(name).sample(list(cases), count) if count > 0 and not ALL else []
+    drawn = chance(name).sample(list(cases), count) if count > 0 else []
     return [item for case in drawn for item in cases[case]]
 
 
 def header() -> str:
-    """Say which cases are drawn."""
-    drawn = f"cases of NETBOARD_TEST_SEED={SEED}; NETBOARD_TEST_ALL=1 for all"
-    return f"slow tests: {'all cases' if ALL else drawn}"
+    """Say which slow tests run."""
+    return f"slow tests: {'all' if ALL else f'those of NETBOARD_TEST_SEED={SEED}; NETBOARD_TEST_ALL=1 for all'}"
