@@ -196,6 +196,7 @@ def test_coupling_at_both_ends_allows_full_or_no_force() -> None:
         ("[task]\nfall_distance = 0.40", "[task] fall_distance"),
         ("[task]\nstylus_range = 0.25", "[task] stylus_range"),
         ("[task]\nlevel_height = 0.08", "[task] level_height"),
+        ("[safety]\nstale_after_ms = 4", "[safety] stale_after_ms"),
         ("[safety]\nfade_ms = 95", "[safety] disarm_after_ms"),
         ("[safety]\nmax_force = 0.1", "[safety] arm_gate"),
         ("[physics]\nballs = 0\nball_inertia = 0.4", "[physics] ball_inertia"),

@@ -13,7 +13,7 @@ from motion_rig import TIMEOUT_NS, MotionRig
 
 from netboard.base.config import SIDES
 from netboard.base.tables.scene import Physics
-from netboard.base.tick import TICK, TICK_NS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.control import StatusRequest
@@ -22,7 +22,7 @@ from netboard.network.protocol.motion import Force, Heartbeat, Point, Safeguard,
 from netboard.network.transport import sockets
 from netboard.network.transport.sockets import MAX_SAMPLE
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.motion_port import HEARTBEAT_TICKS, SILENCE_TIMEOUT_NS
+from netboard.nodes.ports.motion_port import SILENCE_TIMEOUT_NS
 from netboard.nodes.ports.samples import ARMED, LIVE, MAX_STAMP_NS
 from netboard.nodes.ports.unregistered import UNREGISTERED_INTERVAL_NS
 

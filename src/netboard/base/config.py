@@ -21,7 +21,7 @@ from netboard.base.tables.forces import CONDITIONS, FORCES
 from netboard.base.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
 from netboard.base.tables.scene import FRICTION, Geometry, Physics, friction_rate
 from netboard.base.tables.simulated import Participant, VirtualDevice
-from netboard.base.tick import TICK_SECONDS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK_SECONDS
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -304,6 +304,12 @@ def _of_sizes(geometry: Geometry, task: Task, physics: Physics) -> Iterator[str]
 
 def _of_safety(safety: Safety) -> Iterator[str]:
     """Find contradictions between safety limits."""
+    between = HEARTBEAT_TICKS * TICK_SECONDS * 1e3
+    if safety.stale_after_ms <= between:
+        yield (
+            f"[safety] stale_after_ms: found {safety.stale_after_ms:g}, expected more than {between:g} ms, the time "
+            "between two heartbeats of the server without haptic feedback"
+        )
     if safety.disarm_after_ms < safety.stale_after_ms + safety.fade_ms:
         yield (
             f"[safety] disarm_after_ms: found {safety.disarm_after_ms:g}, expected at least "

@@ -20,6 +20,9 @@ START_NS = 1_000_000_000
 LATE_NS = TICK_NS // 2
 """A tick that starts later than this after its deadline is a deadline miss: half a tick [ns]."""
 
+HEARTBEAT_TICKS = 4
+"""Ticks between two heartbeats of the server while no forces are sent, so that no force becomes stale [1]."""
+
 KNOWN_NS = 3 * TICK_NS
 """Largest distance between a tick and the sample that tells its rendered force [ns]."""
 

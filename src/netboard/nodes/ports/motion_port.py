@@ -14,6 +14,7 @@ import numpy as np
 
 from netboard.base.config import SIDES, Side
 from netboard.base.errors import WireError
+from netboard.base.tick import HEARTBEAT_TICKS
 from netboard.network.protocol import fixed
 from netboard.network.protocol.admission import admit
 from netboard.network.protocol.codec import decode, encode, kind_of
@@ -28,9 +29,6 @@ from netboard.nodes.ports.peer import Link, Probes
 from netboard.nodes.ports.peer_events import News, PeerEvents
 from netboard.nodes.ports.refusals import TOO_MANY_MESSAGES, Refusals
 from netboard.nodes.ports.unregistered import UNREGISTERED
-
-HEARTBEAT_TICKS = 4
-"""Ticks between two heartbeats while no forces are sent, so that nothing becomes stale [1]."""
 
 SILENCE_TIMEOUT_NS = 2_000_000_000
 """Silence after which an agent has left [ns]."""
