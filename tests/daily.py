@@ -1,11 +1,11 @@
 """Slow tests take turns: what is left out today runs within days. NETBOARD_TEST_ALL=1 runs all.
 
-The slow tests of a file run every third day, those beside this file every day, and always those of a file that is named
-on the command line. ``@pytest.mark.daily(3)`` runs, every day instead, three cases of a test; with ``of="NAME"``, three
-of all tests that give this name; with ``part="NAME"``, tests that give this name too, and share what is costly, are one
-of these. A test with two marks, its own and its module's, runs if both draw it. `some` draws from what one test runs
-together. The seed, a date, is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases
-again.
+The slow tests of a file run every fourth day, those beside this file every day, and always those of a file that is
+named on the command line. ``@pytest.mark.daily(3)`` runs, every day instead, three cases of a test; with ``of="NAME"``,
+three of all tests that give this name; with ``part="NAME"``, tests that give this name too, and share what is costly,
+are one of these. A test with two marks, its own and its module's, runs if both draw it. `some` draws from what one test
+runs together. The seed, a date, is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 runs the same tests and
+cases again.
 """
 
 import os
@@ -34,7 +34,7 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
     return every if ALL else chance(name).sample(every, count)
 
 
-TURNS = 3
+TURNS = 4
 """Days in which the slow tests of each file run once."""
 
 
