@@ -142,9 +142,10 @@ def pack_constants(person: Participant, physics: Physics, task: Task, sides: tup
     packed["ball"] = physics.m if physics.balls else 0.0
     packed["level_angle"], packed["level_height"] = radians(task.level_angle_deg), task.level_height
     packed["hands"] = sum(1 << SIDES.index(side) for side in sides)
-    speed = GOAL_SPEED / person.movement_time
-    packed["goal_speed"] = speed
-    packed["goal_gains"] = goal_gains(speed, partner_drift(packed[0]), person.haptic_noise, DECISION_INTERVAL)
+    if person.partner_prediction == "goal":
+        speed = GOAL_SPEED / person.movement_time
+        packed["goal_speed"] = speed
+        packed["goal_gains"] = goal_gains(speed, partner_drift(packed[0]), person.haptic_noise, DECISION_INTERVAL)
     return packed
 
 
