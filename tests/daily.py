@@ -1,11 +1,11 @@
 """Slow tests take turns: what is left out today runs within days. NETBOARD_TEST_ALL=1 runs all.
 
-The slow tests of a file run every fourth day, those beside this file every day, and always those of a file that is
-named on the command line. ``@pytest.mark.daily(3)`` runs, every day instead, three cases of a test; with ``of="NAME"``,
-three of all tests that give this name; with ``part="NAME"``, tests that give this name too, and share what is costly,
-are one of these. A test with two marks, its own and its module's, runs if both draw it. `some` draws from what one test
-runs together. The seed, a date, is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 runs the same tests and
-cases again.
+The slow tests of a file run every fourth day; those beside this file and whole sessions with their faults run every
+day, and all tests of a file that is named on the command line. ``@pytest.mark.daily(3)`` runs three cases of a test;
+with ``of="NAME"``, three of all tests that give this name; with ``part="NAME"``, tests that give this name too, and
+share what is costly, are one of these. A test with two marks, its own and its module's, runs if both draw it. `some`
+draws from what one test runs together. The seed, a date, is printed at the head of a run:
+NETBOARD_TEST_SEED=2026-11-22 runs the same tests and cases again.
 """
 
 import os
@@ -38,10 +38,15 @@ TURNS = 4
 """Days in which the slow tests of each file run once."""
 
 
+EVERY_DAY = ("test_processes.py", "test_faults.py")
+"""Files with sessions of all processes, and with what can go wrong in them."""
+
+
 def left_out(items: list[pytest.Item], named: set[str]) -> set[pytest.Item]:
     """Choose the tests that are not run today; all of the files that are named are."""
     others = [item for item in items if not ALL and _file(item) not in named]
-    return _not_drawn(others) | {item for item in others if not _has_turn(item)}
+    waiting = {item for item in others if not _has_turn(item)}
+    return waiting | _not_drawn([item for item in others if item not in waiting])
 
 
 def _file(item: pytest.Item) -> str:
@@ -49,7 +54,8 @@ def _file(item: pytest.Item) -> str:
 
 
 def _has_turn(item: pytest.Item) -> bool:
-    if "daily" in item.keywords or "slow" not in item.keywords or item.path.parent == Path(__file__).parent:
+    path = item.path
+    if not item.get_closest_marker("slow") or path.parent == Path(__file__).parent or path.name in EVERY_DAY:
         return True
     return (DAY + zlib.crc32(_file(item).encode())) % TURNS == 0
 

@@ -14,13 +14,7 @@ from netboard.benchmarks.faults.bench import play_all
 from netboard.benchmarks.faults.case import RELAYED, Case
 from netboard.benchmarks.faults.cases import choose
 
-pytestmark = [
-    pytest.mark.integration,
-    pytest.mark.quiet,
-    pytest.mark.slow,
-    pytest.mark.timeout(900),
-    pytest.mark.daily(2, of="faults"),  # both tests, each with faults drawn by itself
-]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 
 WITH_RELAYS = (
     *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "line-cut-5s", "delay-10ms", "agent-killed"),

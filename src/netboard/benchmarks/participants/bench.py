@@ -225,7 +225,7 @@ def _behaviour(sample: Sample) -> Iterator[tuple[Any, ...]]:
 
 # --- parts of the force ----------------------------------------------------------------------------------------------
 
-CASES: dict[str, tuple[str, dict[str, float]]] = {
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "haptics off": ("none", {}),
     "full force": ("full", {}),
     "force of the other hand only": ("partner_only", {}),
