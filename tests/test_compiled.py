@@ -178,3 +178,35 @@ def test_kernels_with_different_constants_never_share_machine_code(tmp_path: Pat
     assert run("5") == [10.0]
     assert run("1", "5") == [2.0, 10.0]
     assert run("5", "1") == [10.0, 2.0]
+
+
+SHARED = """
+import sys
+from netboard.physics.arithmetic.trig import sincos as shared
+print("ready", flush=True)
+sys.stdin.readline()
+shared(0.5)
+print(sum(shared.stats.cache_misses.values()))
+"""
+"""A program that compiles a kernel or loads it, and tells how often it compiled it."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="files cannot be locked in this way")
+def test_processes_that_start_together_compile_a_kernel_once(tmp_path: Path) -> None:
+    """All are ready to call it before any is told to."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", SHARED]
+    started = [
+        subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    for one in started:
+        assert one.stdout is not None
+        assert one.stdout.readline() == "ready\n"
+    for one in started:
+        assert one.stdin is not None
+        one.stdin.write("go\n")
+        one.stdin.flush()
+    printed = [one.communicate()[0] for one in started]
+    assert sorted(map(int, printed)) == [0, 0, 1]

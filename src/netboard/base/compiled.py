@@ -9,6 +9,8 @@ another file; it would silently run the old code. Therefore each version of the 
 own cache folder: that of the modules that import this one, and of all that these import. A kernel is made of the text
 of such modules, of constants that they import, and of constants in its closure, which are in its name. Folders of
 other versions are removed after a day, because a running process may still use one.
+
+Processes that start together need the same kernels. One compiles a kernel, and the others wait and load it.
 """
 
 import hashlib
@@ -16,15 +18,21 @@ import inspect
 import os
 import re
 import shutil
+import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import CellType, FunctionType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import IO, Any, ParamSpec, TypeVar, cast
 
 import numba
 from numba.core import cgutils, types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic, overload
+
+if sys.platform != "win32":
+    import fcntl
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,6 +42,9 @@ PREFIX = "kernels-"
 
 UNUSED_S = 24 * 3600.0
 """Age at which an unchanged cache folder of another source version is removed [s]."""
+
+PATIENCE_S = 60.0
+"""Time after which a process compiles a kernel itself that another one has not finished: it may be suspended [s]."""
 
 
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+(netboard[\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
@@ -137,8 +148,56 @@ def waiting(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    compiled: Callable[P, R] = _once_for_all_integers(numba.njit(cache=True, **options)(_named_by_closure(function)))
+    dispatcher = numba.njit(cache=True, **options)(_named_by_closure(function))
+    compiled: Callable[P, R] = _once_for_all_processes(_once_for_all_integers(dispatcher))
     return compiled
+
+
+def _once_for_all_processes(compiled: Any) -> Any:
+    """Let one process compile a kernel while others wait, which then find it in the cache."""
+    if not hasattr(compiled, "overloads"):  # the compiler is switched off
+        return compiled
+    compile_now, name = compiled.compile, f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}"
+
+    def compile_once(signature: Any) -> Any:
+        if signature in compiled.overloads:
+            return compile_now(signature)
+        # A thread that waits for another process keeps Numba's lock: one without it could wait for this thread.
+        with global_compiler_lock, _locked(name):
+            return compile_now(signature)
+
+    compiled.compile = compile_once
+    return compiled
+
+
+@contextmanager
+def _locked(name: str) -> Iterator[None]:
+    """Hold the lock of a kernel among processes that share a cache, for `PATIENCE_S` at most waiting for it."""
+    place = folder() / "locks" / hashlib.sha256(name.encode()).hexdigest()[:16]
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        file = place.open("w")
+    except OSError:  # a cache that cannot be written to is shared with nobody
+        yield
+        return
+    with file:  # closing it unlocks it
+        until = time.monotonic() + PATIENCE_S
+        while not _take(file) and time.monotonic() < until:
+            time.sleep(0.02)
+        yield
+
+
+def _take(file: IO[str]) -> bool:
+    """Lock a file if no other process has; where files cannot be locked, each process compiles for itself."""
+    if sys.platform == "win32":
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _once_for_all_integers(compiled: Any) -> Any:
