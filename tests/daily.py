@@ -37,7 +37,6 @@ def some(name: str, cases: Iterable[str], count: int) -> list[str]:
 TURNS = 4
 """Days in which the slow tests of each file run once."""
 
-
 EVERY_DAY = ("test_processes.py", "test_faults.py")
 """Files with sessions of all processes, and with what can go wrong in them."""
 

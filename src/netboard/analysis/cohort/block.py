@@ -1,6 +1,6 @@
 """A rehearsed block as input of the measures, in memory and without a recording.
 
-The ticks are read as they come, and of each only the columns that the measures need are kept. Attempts, their quality
+The ticks are read as they come. Only the columns that the measures need are kept. Attempts, their quality
 flags and all measures are those that the analysis of a recording of the same block gives, computed by the same
 functions. The settings are the defaults, those of the paper.
 """
