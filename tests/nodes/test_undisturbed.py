@@ -12,7 +12,7 @@ from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS
 from netboard.network.protocol.motion import Force, Safeguard, Stylus
 from netboard.network.transport import sockets
-from netboard.nodes.server.undisturbed import ALL_FINE, answer_of
+from netboard.nodes.server.undisturbed import DONE, RUN, STEPS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause
 
@@ -30,7 +30,8 @@ class TickRunner:
         self.rows = np.zeros(ROWS, TICK)
         self.words = self.rows.view(np.int64).reshape(ROWS, -1)
         self.answered = 0
-        self._answer = answer_of(self.stage) if compiled else None
+        self._ticks = run_of(self.stage) if compiled else None
+        self._run = np.zeros(1, RUN)
         self._rig = MotionRig(context)
         for side, name in NAMES.items():
             self._rig.router.send_from(name, hello("agent", side))
@@ -47,16 +48,22 @@ class TickRunner:
         for side, sample in samples.items():
             self._rig.router.send_from(NAMES[side], sample)
         self._rig.drain(lambda: due_ns - 300_000, due_ns)
+        self._rig.port.fast.record["set_ns"] = due_ns + 7
         found = -1
-        if self._answer is not None and not command:
+        if self._ticks is not None and not command:
             parts = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
-            found = port.answer(self._answer, parts, number, self.stage.delay, due_ns, 7)
-            self.answered += found == ALL_FINE
-        if found != ALL_FINE:
-            found = port.fill(words, number, due_ns, 7) if found < 0 else found
-            words[(TICK.names or ()).index("command")] = command
-            self.stage.advance(self.state, self.rows, number)
-            port.force(words, self.stage.commanded_row(self.words, number))
+            run = self._run[0]
+            run["number"], run["due_ns"], run["until"] = number, due_ns, number + 1
+            ended = port.run(self._ticks, parts, self._run, self.stage.delay)
+            assert ended in (DONE, STEPS)
+            self.answered += ended == DONE
+            found = int(run["found"])
+            if ended == DONE:
+                return words.tobytes()
+        found = port.fill(words, number, due_ns, 7) if found < 0 else found
+        words[(TICK.names or ()).index("command")] = command
+        self.stage.advance(self.state, self.rows, number)
+        port.force(words, self.stage.commanded_row(self.words, number))
         return words.tobytes()
 
 

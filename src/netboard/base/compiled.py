@@ -245,13 +245,19 @@ _CHOICES: dict[Any, Callable[..., object]] = {}
 """Selection function that `specialised` registered for each function."""
 
 
-def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Callable[P, R]:
-    """Compile a function as `kernel` does, with kernels made at run time in place of those that it names.
+def composed(
+    function: Callable[P, R],
+    compiler: Callable[[Callable[P, R]], Callable[P, R]] = kernel,
+    **kernels: Callable[..., object],
+) -> Callable[P, R]:
+    """Compile a function with kernels made at run time in place of those that it names.
 
     Numba caches it under a name that depends on the constants of these kernels.
 
     Parameters
     ----------
+    compiler : callable
+        `kernel`, or `waiting` for a function that may sleep.
     **kernels : callable
         Kernels, by the name that they replace in the module of the function.
     """
@@ -260,7 +266,7 @@ def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Call
     known = {**function.__globals__, **kernels}
     copy = FunctionType(function.__code__, known, function.__name__)
     copy.__qualname__ = f"{function.__name__}-{hashlib.sha256(repr(made_with).encode()).hexdigest()[:16]}"
-    return kernel(copy)
+    return compiler(copy)
 
 
 def specialised(function: Callable[..., object]) -> Callable[[Callable[..., object]], None]:

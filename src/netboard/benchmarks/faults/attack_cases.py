@@ -18,6 +18,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
+from netboard.base.tick import LATE_NS
 from netboard.benchmarks.faults.case import Case
 from netboard.benchmarks.faults.checks import Check, agents_stood_still, noted, nothing_lost
 from netboard.benchmarks.faults.evidence import Evidence, between
@@ -30,7 +31,6 @@ from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, sockets
 from netboard.nodes.operator.operator import HELLO_INTERVAL_NS
-from netboard.nodes.server.tick_clock import LATE_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
 """Duration of an attack on the sink, and of one on the server [s]."""

@@ -20,7 +20,7 @@ from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
-from netboard.base.tick import TICK_NS
+from netboard.base.tick import LATE_NS, TICK_NS
 from netboard.benchmarks.faults import zmtp
 from netboard.benchmarks.faults.checks import gentle, goes_on, whole
 from netboard.benchmarks.faults.devices import read_traces
@@ -37,7 +37,6 @@ from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 from netboard.network.protocol.motion import Safeguard, Stylus
 from netboard.network.protocol.records import EventRecord, LogAck, LogRequest
 from netboard.network.transport import channels, sockets
-from netboard.nodes.server.tick_clock import LATE_NS
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.verification import verify_recording
 

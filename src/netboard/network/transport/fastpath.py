@@ -45,6 +45,8 @@ NOTHING, OTHER, FAILED = -1, -2, -3
 SENT, NOT_SENT = 0, 1
 """Results of sending, beside `FAILED`."""
 
+NO_FILE = -1
+
 FILES = 1024
 """Files that a call of select can wait for (FD_SETSIZE) [1]."""
 
@@ -55,6 +57,7 @@ FAST_PATH = np.dtype(
         ("sleep", "<i8", (2,)),  # another one: the longest time to sleep
         ("file", "<i4"),  # number of the file that signals a frame
         ("files", "<u8", (FILES // 64,)),  # fd_set: a bit for each file
+        ("watched", "<i4"),  # number of another file that ends a sleep, or NO_FILE
         ("set_ns", "<i8"),  # simulated time, or MACHINES [ns]
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
         ("keyed", "<i8"),  # 1: peers are known by their keys, too
@@ -256,17 +259,21 @@ def send_one(fast: Any, frame: Any) -> int:
 
 
 @kernel
-def sleep(fast: Any, longest_ns: int) -> None:
-    """Sleep until something may have arrived, a signal comes, or the time is over [ns].
+def sleep(fast: Any, longest_ns: int) -> bool:
+    """Sleep until something may have arrived, the watched file signals, a signal comes, or the time is over [ns].
 
-    The socket must have been read until it was empty, because only then its file signals again.
+    The socket must have been read until it was empty, because only then its file signals again. Returns whether the
+    watched file has signalled.
     """
     us = fast[0]
-    file, files, time = us["file"], us["files"], us["sleep"]
+    file, watched, files, time = us["file"], us["watched"], us["files"], us["sleep"]
     files[:] = 0
     files[file // 64] = np.uint64(1) << np.uint64(file % 64)
+    if watched != NO_FILE:
+        files[watched // 64] |= np.uint64(1) << np.uint64(watched % 64)
     time[0], time[1] = longest_ns // 1_000_000_000, longest_ns % 1_000_000_000
-    _pselect(file + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0)
+    ready = _pselect(max(file, watched) + 1, files.ctypes.data, 0, 0, time.ctypes.data, 0)
+    return bool(ready > 0 and watched != NO_FILE and files[watched // 64] >> np.uint64(watched % 64) & np.uint64(1))
 
 
 class Sender(NamedTuple):
@@ -303,7 +310,7 @@ class FastPath:
         us = self.record[0]
         us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
         us["file"] = 0 if socket is None else _file_of(socket)
-        us["set_ns"] = MACHINES
+        us["watched"], us["set_ns"] = NO_FILE, MACHINES
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
             us[name][: len(text)] = np.frombuffer(text, np.uint8)
 
@@ -313,6 +320,10 @@ class FastPath:
         us["known"][place] = len(name)
         us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
         us["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
+
+    def watch(self, socket: Socket) -> None:
+        """Let signals of another socket end a sleep."""
+        self.record[0]["watched"] = _file_of(socket)
 
     def forget(self, place: int) -> None:
         """Remove the peer at a place."""

@@ -134,9 +134,13 @@ class LogPort:
         peers = [*(logger.peer for logger in self._loggers.values()), *self.subscribers.peers]
         return self._probes.records(peers, seq)
 
+    def listens(self, now_ns: int) -> bool:
+        """Return whether the channel must be read after each tick: a ping's answer may come, or frames are left."""
+        return now_ns < self._listen_until_ns or self._unhandled
+
     def listen(self, now_ns: int) -> None:
-        """Read the channel if a ping's answer may come or frames are left; at other ticks this costs nothing."""
-        if now_ns < self._listen_until_ns or self._unhandled:
+        """Read the channel if it must be read after each tick."""
+        if self.listens(now_ns):
             self._drain()
 
     def pump(self, now_ns: int) -> None:

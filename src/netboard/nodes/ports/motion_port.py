@@ -7,7 +7,7 @@ No peer can hold up a tick. Compiled code keeps frames of unregistered peers, a 
 handled after the tick, a few at a time. Of a registered agent, frames other than fixed-form samples are rate-limited.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -108,7 +108,7 @@ class MotionPort:
                 break
             if found & samples.FAILED:
                 self.fast.fail("motion")
-            self._read_other_frame(clock(), due_ns)
+            self.read_other_frame(clock(), due_ns)
             left -= found // samples.FRAMES
             odd -= 1
         if not signalled:
@@ -135,16 +135,11 @@ class MotionPort:
         """Begin the row of a tick with both sides' samples; see `netboard.nodes.ports.samples.fill`."""
         return samples.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
-    def answer(self, undisturbed: Callable[..., int], stage: Sequence[Any], *tick: int) -> int:
-        """Begin a tick, and run it and send its forces if nothing is the matter.
-
-        ``undisturbed``, ``stage``, ``tick``: as in `netboard.nodes.server.undisturbed`.
-        """
-        ours = self.fast.record, self._words, self.gains, self._force, self._force_words
-        found = undisturbed(*ours, *stage, *tick, self._timeout_ns)
-        if found == fastpath.FAILED:
-            self.fast.fail("motion")
-        return found
+    def run(self, ticks: Callable[..., int], stage: tuple[Any, ...], run: Any, delay: int) -> int:
+        """Run undisturbed ticks and send their forces; see `netboard.nodes.server.undisturbed`, also for the result."""
+        _, _, sample = self._form
+        taken = self.fast.record, self._words, self.gains, self._frame, sample, self._unregistered
+        return ticks((*taken, self._force, self._force_words), stage, run, delay, self._timeout_ns)
 
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
@@ -236,7 +231,7 @@ class MotionPort:
         self.fast.close()
         self._router.close_after_goodbye()
 
-    def _read_other_frame(self, now_ns: int, due_ns: int) -> None:
+    def read_other_frame(self, now_ns: int, due_ns: int) -> None:
         """Handle a registered agent's frame that is not a fixed-form sample, unless it sends too many."""
         peer, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         agent = self._by_peer.get(peer)

@@ -30,7 +30,7 @@ class ViewPort:
         where = channels.addresses(network, authenticator)
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
-        self._turn: dict[Side, int] = {"left": 0, "right": self._every // 2}
+        self._turn = dict.fromkeys(SIDES, 0)
         self._seen: dict[Side, tuple[int, bytes]] = {}
         self._seq = dict.fromkeys(SIDES, 0)
         self.renew()
@@ -39,6 +39,11 @@ class ViewPort:
     def wanted(self) -> bool:
         """Whether anybody has subscribed to a view."""
         return any(publisher.wanted() for publisher in self._views.values())
+
+    @property
+    def due(self) -> int:
+        """Elapsed time at which the next view is due [ms]."""
+        return min(self._turn.values()) + 1
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""

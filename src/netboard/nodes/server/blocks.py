@@ -11,7 +11,7 @@ from netboard.base.tables.experiment import Session
 from netboard.nodes.ports import samples
 from netboard.nodes.ports.round_trips import Delays
 from netboard.nodes.server.robot import Robot
-from netboard.nodes.server.undisturbed import answer_of
+from netboard.nodes.server.undisturbed import run_of
 from netboard.recording.files.reader import Recording
 from netboard.stage.curtain import Curtain, make_curtain
 from netboard.stage.stage import Stage, make_stage
@@ -31,7 +31,7 @@ class PreparedBlock:
     people: tuple[Side, ...]
     robots: tuple[Robot, ...]
     unrelated: Unrelated | None
-    answer: Callable[..., int] | None  # the undisturbed tick, if the block can have one
+    run: Callable[..., int] | None  # its undisturbed ticks, if the block can have some
 
     def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
         """Fill in the inputs of a tick that come from no agent.
@@ -106,7 +106,7 @@ def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
         people=people,
         robots=robots,
         unrelated=_unrelated(config.block.unrelated) if config.block.unrelated else None,
-        answer=answer_of(stage) if plain else None,
+        run=run_of(stage) if plain else None,
     )
 
 

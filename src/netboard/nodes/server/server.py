@@ -65,6 +65,8 @@ class Server:
 
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
         """Run the sessions until one begins to end or is over, which changes the sockets to wait for."""
+        for session in running:
+            session.sleeps = len(running) == 1
         files = [file for session in running if not session.records.ending for file in session.files]
         while True:
             sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), MAX_SLEEP_NS)

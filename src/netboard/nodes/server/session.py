@@ -28,10 +28,11 @@ from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
-from netboard.nodes.server.undisturbed import ALL_FINE
+from netboard.nodes.server.undisturbed import ALL_FINE, FAILED, MESSAGE, RUN, STEPS, WAITS
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
-HOUSEKEEPING_TICKS = 10
+HOUSEKEEPING_TICKS = 8
+"""Ticks between two rounds of periodic work, as between two views at the usual rate [1]."""
 
 DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 """Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
@@ -70,7 +71,9 @@ class Session:
         self._clock = state.clock
         self.files = state.ports.files
         self._stopping = False
-        self._undisturbed = False  # whether the next tick can be run in one call
+        self.sleeps = False  # whether no other session runs in the loop
+        self._undisturbed = False  # whether the next ticks can be run in one call
+        self._run = np.zeros(1, RUN)
         self._unhandled, self._deferred_due_ns, self._answer_ns = False, 0, 0
         self._postponed = 0
 
@@ -106,16 +109,14 @@ class Session:
             self.records.continue_ending(now)
             clock.wake_ns = now + TICK_NS
             return
-        idle = state.idle
-        complete = self._motion.drain(now_ns, clock.due_ns, motion)
-        now = now_ns()
-        if moved_ns := clock.catch_up(now, idle):
-            self._undisturbed = False
-            state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
-        if idle:
-            self._idle_ticks(now)
-        elif clock.is_due(now, complete):
-            self._tick(clock.due_ns, now - clock.due_ns)
+        ended = self._run_undisturbed(python_due=control or state.end_requested) if self._undisturbed else None
+        if ended == WAITS:
+            self._sleep(complete=bool(self._run["complete"][0]))
+            return
+        if ended == STEPS:
+            self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
+        else:
+            self._tick_if_due(motion)
         complete = self._motion.drain(now_ns, clock.due_ns)
         self._unhandled |= control
         self._do_deferred_work(now_ns())
@@ -123,10 +124,30 @@ class Session:
             self._end()
             return
         self._undisturbed = self._can_run_in_one_call
-        idle = state.idle
-        clock.sleep(idle, complete, alone=idle and state.alone)
+        if self._undisturbed:
+            self._plan_run()
+        self._sleep(complete)
+
+    def _tick_if_due(self, motion: bool) -> None:
+        """Take the samples that have arrived, and run the tick if it is due, or all ticks that are due while idle."""
+        clock, idle = self._clock, self._state.idle
+        complete = self._motion.drain(now_ns, clock.due_ns, motion)
+        now = now_ns()
+        if moved_ns := clock.catch_up(now, idle):
+            self._state.note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
+        if idle:
+            self._idle_ticks(now)
+        elif clock.is_due(now, complete):
+            self._tick(clock.due_ns, now - clock.due_ns)
+
+    def _sleep(self, complete: bool) -> None:
+        """Set when the session runs next; a run that sleeps itself begins at once."""
+        clock, idle = self._clock, self._state.idle
+        clock.sleep(idle, complete, alone=idle and self._state.alone)
         if self._unhandled or self._motion.unhandled:
             clock.wake_ns = min(clock.wake_ns, self._deferred_due_ns)
+        if self._undisturbed and self.sleeps:
+            clock.wake_ns = 0
 
     def _do_deferred_work(self, now: int) -> None:
         """Do a bounded part of the work that can wait, once a millisecond, and after a tick rather than before one.
@@ -164,26 +185,51 @@ class Session:
 
     # --- ticks -----------------------------------------------------------------------------------------------------
 
-    def _tick(self, due_ns: int, late_ns: int) -> None:
-        """Run one tick."""
-        number = self._state.number
-        found = self._answer(number, due_ns, late_ns) if self._undisturbed else -1
-        if found != ALL_FINE:
-            self._tick_by_steps(number, due_ns, late_ns, found)
+    def _plan_run(self) -> None:
+        """Set how many undisturbed ticks may run before other work is due."""
+        number, run = self._state.number, self._run[0]
+        until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due)
+        if self._unhandled or self._motion.unhandled or self._log.listens(now_ns()):
+            until = number + 1
+        run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
+
+    def _run_undisturbed(self, *, python_due: bool) -> int:
+        """Run the next ticks in one call, and do what follows them; return why they have ended.
+
+        ``python_due``: run none, and only do what follows the ticks that have run.
+        """
+        state, run, clock, stage = self._state, self._run[0], self._clock, self._state.block.stage
+        assert state.block.run is not None
+        if python_due:
+            run["until"] = run["number"]
+        scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
+        ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
+        if ended == WAITS:
+            return ended
+        self._unhandled |= bool(run["number"] < run["until"])
+        clock.late_ticks += int(run["late_ticks"])
+        run["late_ticks"] = 0
+        if count := int(run["number"]) - state.number:
+            self._follow_up(count)
+        if ended == FAILED:
+            self._motion.fast.fail("motion")
+        if ended == MESSAGE:
+            self._motion.read_other_frame(now_ns(), clock.due_ns)
+        return ended
+
+    def _tick(self, due_ns: int, late_ns: int, found: int = -1) -> None:
+        """Run one tick by steps; ``found``: what its samples tell if they have been taken, -1 if not."""
+        self._tick_by_steps(self._state.number, due_ns, late_ns, found)
         self._clock.began(late_ns)
-        self._count(1)
-        if number % HOUSEKEEPING_TICKS == 0:
+        self._follow_up(1)
+
+    def _follow_up(self, count: int) -> None:
+        """Do what follows some ticks."""
+        self._count(count)
+        if (self._state.number - 1) % HOUSEKEEPING_TICKS == 0:
             self._housekeeping()
         else:
             self._log.listen(now_ns())
-
-    def _answer(self, number: int, due_ns: int, late_ns: int) -> int:
-        """Run a tick in one call, unless something is the matter; return what its samples tell."""
-        state, block = self._state, self._state.block
-        assert block.answer is not None
-        stage = block.stage
-        parts = (state.stage, state.rows, state.words, stage.book, stage.tables)
-        return self._motion.answer(block.answer, parts, number, stage.delay, due_ns, late_ns)
 
     @property
     def _no_command_due(self) -> bool:
@@ -197,7 +243,7 @@ class Session:
     def _can_run_in_one_call(self) -> bool:
         """Whether the next tick can be run in one call if all samples are fine."""
         state = self._state
-        if state.block.answer is None or not state.active or state.emergency_stop.halted or self._blocks.coming:
+        if state.block.run is None or not state.active or state.emergency_stop.halted or self._blocks.coming:
             return False
         return self._no_command_due
 

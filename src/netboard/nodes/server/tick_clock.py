@@ -5,13 +5,10 @@ it runs at its deadline. While the session is idle, due ticks run together, a fe
 second if it has no peer. Pure: time is an argument.
 """
 
-from netboard.base.tick import TICK_NS
+from netboard.base.tick import LATE_NS, TICK_NS
 
 EARLIEST_NS = TICK_NS // 2
 """Earliest start of a tick before its deadline [ns]."""
-
-LATE_NS = TICK_NS // 2
-"""Delay after its deadline from which a tick counts as a deadline miss [ns]."""
 
 CATCH_UP_TICKS = 20
 """Backlog beyond which the deadlines move instead of the ticks running in a burst [ticks]."""

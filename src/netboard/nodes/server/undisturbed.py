@@ -1,9 +1,10 @@
-"""The undisturbed tick of a felt trial: from both samples to both sent forces in one compiled call.
+"""Undisturbed ticks of a trial with haptic feedback, in one compiled call from waiting for samples to the sent forces.
 
-A force waits for whatever its tick does first, and in a loop that sleeps most of the time a few lines of Python take 10
-us. While a trial runs and nothing is the matter, a tick needs no Python until its forces have left. Anything else (a
-missing sample, a device that is not armed, an operator's wish, a robot partner) is handled by
-`netboard.nodes.server.session`, which does the same steps one by one.
+A force waits for whatever the loop does first, and in a loop that sleeps most of the time a few lines of Python take 10
+us. While a trial runs and nothing is the matter, several ticks in a row need no Python. It follows when something else
+is due: records for the loggers, views, a message other than a sample. Anything out of the ordinary (a missing sample, a
+device that is not armed, an operator's command, a robot partner) is handled by `netboard.nodes.server.session`, which
+does the same steps one by one.
 """
 
 from collections.abc import Callable
@@ -12,74 +13,122 @@ from typing import Any
 
 import numpy as np
 
-from netboard.base.compiled import composed, machine_code
-from netboard.base.tick import TICK
+from netboard.base.compiled import composed, kernel, machine_code, waiting
+from netboard.base.tick import LATE_NS, TICK, TICK_NS
 from netboard.network.protocol import fixed
 from netboard.network.transport import fastpath
 from netboard.nodes.ports import samples
-from netboard.nodes.ports.samples import fill, send_forces
+from netboard.nodes.ports.samples import awaited, drain, fill, send_forces
+from netboard.nodes.ports.unregistered import UNREGISTERED
+from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
 from netboard.stage.stage import Stage
 
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
 """What `netboard.nodes.ports.samples.fill` finds while nothing is the matter."""
 
-_HEAD, _MARKERS, _ = fixed.FORCE
+DONE, WAITS, STEPS, MESSAGE, FAILED = range(5)
+"""Why a call returns: Python is due, the next tick is not, the tick that has begun needs single steps, a message of an
+agent other than a sample has arrived, or the socket is unusable."""
+
+RUN = np.dtype(
+    [
+        ("number", "<i8"),  # of the next tick
+        ("due_ns", "<i8"),  # its deadline [ns]
+        ("until", "<i8"),  # number of the tick before which Python is due
+        ("sleeps", "<i8"),  # 1: sleep until the next tick; 0: return
+        ("complete", "<i8"),  # 1: no sample is awaited for the next tick
+        ("late_ns", "<i8"),  # how long after its deadline the newest tick began [ns]
+        ("late_ticks", "<i8"),  # deadline misses
+        ("found", "<i8"),  # what the samples of the newest tick tell (`netboard.nodes.ports.samples.fill`)
+    ]
+)
+"""A run of undisturbed ticks."""
+
+_BEHIND_NS = CATCH_UP_TICKS * TICK_NS
+_EVENT = (TICK.names or ()).index("event")
+_HEAD, _MARKERS = fixed.FORCE[:2]
+_SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
+_UNREAD = samples.OTHER | samples.FAILED
 
 
 def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
     """Stand for the ticks of a stage."""
 
 
-def _answer(
-    fast: Any,
-    agents: Any,
-    gains: Any,
-    frame: Any,
-    force: Any,
-    state: Any,
-    rows: Any,
-    words: Any,
-    book: Any,
-    tables: Any,
-    number: int,
-    delay: int,
-    due_ns: int,
-    late_ns: int,
-    timeout_ns: int,
-) -> int:
-    """Begin a tick with the newest samples and, where these are `ALL_FINE`, run it and send both forces.
+@kernel
+def _take(motion: Any, due_ns: int, eager: bool) -> int:
+    """Take the samples that have arrived; see `netboard.nodes.ports.samples.drain`."""
+    fast, agents, _, frame, sample, unregistered, _, _ = motion
+    head, markers, most = _SAMPLE_HEAD, _SAMPLE_MARKERS, samples.MAX_FRAMES
+    return drain(agents, fast, frame, head, markers, sample, due_ns, eager, most, unregistered)
 
-    Returns what `netboard.nodes.ports.samples.fill` has found, or `netboard.network.transport.fastpath.FAILED`.
+
+def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
+    """Run the ticks of a trial while their samples are `ALL_FINE`, and send both forces of each.
+
+    ``motion``, ``stage``: as in `run_of`. Returns why it returns.
     """
-    row = words[number % len(words)]
-    found = fill(row, agents, number, due_ns, late_ns, timeout_ns)
-    if found != ALL_FINE:
-        return found
-    _ticks(state, rows, number, 1, book, tables)
-    commanded = words[(number - delay) % len(words)]
-    sent = send_forces(fast, frame, row, commanded, agents, gains, _HEAD, _MARKERS, force)
-    return sent if sent == fastpath.FAILED else found
+    fast, agents, gains, _, _, unregistered, frame, numbers = motion
+    state, rows, words, book, tables = stage
+    us = run[0]
+    while us["number"] < us["until"]:
+        due_ns = us["due_ns"]
+        found = _take(motion, due_ns, True)
+        us["complete"] = not awaited(agents)
+        wait_ns = due_ns - fastpath.now_ns(fast) - (EARLIEST_NS if us["complete"] else 0)
+        begins = wait_ns <= 0 and not found & _UNREAD
+        if begins:
+            number = us["number"]
+            row, late_ns = words[number % len(words)], fastpath.now_ns(fast) - due_ns
+            if late_ns > _BEHIND_NS:
+                return DONE
+            us["late_ns"], us["found"] = late_ns, fill(row, agents, number, due_ns, late_ns, timeout_ns)
+            if us["found"] != ALL_FINE:
+                return STEPS
+            _ticks(state, rows, number, 1, book, tables)
+            commanded = words[(number - delay) % len(words)]
+            if send_forces(fast, frame, row, commanded, agents, gains, _HEAD, _MARKERS, numbers) == fastpath.FAILED:
+                return FAILED
+            us["late_ticks"] += late_ns > LATE_NS
+            us["number"], us["due_ns"] = number + 1, due_ns + TICK_NS
+            if row[_EVENT]:
+                us["until"] = number + 1
+        if begins or us["complete"]:
+            found = _take(motion, us["due_ns"], False)  # the socket signals again once it is empty
+        if found & _UNREAD:
+            return FAILED if found & samples.FAILED else MESSAGE
+        if unregistered[0]["kept"] or unregistered[0]["dropped"]:
+            return DONE
+        if begins:
+            continue
+        if not us["sleeps"]:
+            return WAITS
+        if fastpath.sleep(fast, wait_ns):
+            return DONE
+    return DONE
 
 
 @cache
 def _composed(ticks: Callable[..., None]) -> Callable[..., int]:
-    return composed(_answer, _ticks=ticks)
+    return composed(_run, waiting, _ticks=ticks)
 
 
-def answer_of(stage: Stage) -> Callable[..., int]:
-    """Compile the undisturbed tick of a stage, or load it from the cache."""
-    row = np.zeros(1, TICK)
-    arguments = (
+def run_of(stage: Stage) -> Callable[..., int]:
+    """Compile the undisturbed ticks of a stage, or load them from the cache.
+
+    The arguments are those of `netboard.nodes.ports.motion_port.MotionPort.run`, the stage's state, rows, words, book
+    and tables, a run (`RUN`), the force delay in ticks, and the age from which a sample no longer counts [ns].
+    """
+    rows = np.zeros(1, TICK)
+    motion = (
         fastpath.FastPath(None).record,
         np.zeros((2, samples.WORDS), np.int64),
         np.ones(2),
+        np.zeros(1, np.uint8),
+        np.zeros(samples.SAMPLE_WORDS, np.int64),
+        np.zeros(1, UNREGISTERED),
         np.zeros(fixed.FORCE.size, np.uint8),
         np.zeros(len(fixed.FORCE.markers), np.int64),
-        stage.initial(),
-        row,
-        row.view(np.int64).reshape(1, -1),
-        stage.book,
-        stage.tables,
-        *(0,) * 5,
     )
-    return machine_code(_composed(stage.ticks), *arguments)
+    scene = stage.initial(), rows, rows.view(np.int64).reshape(1, -1), stage.book, stage.tables
+    return machine_code(_composed(stage.ticks), motion, scene, np.zeros(1, RUN), 0, 0)
