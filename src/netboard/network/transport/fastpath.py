@@ -290,12 +290,11 @@ def sender_of(row: Any) -> Sender:
     return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
 
 
-def _file_of(socket: Socket) -> int:
-    """Return the number of the file that signals a socket's frames."""
-    number = socket.fileno()
-    if number >= FILES:
-        raise NetboardError(f"file {number} of this process is a socket; only the first {FILES} can be waited for")
-    return number
+def _waitable(file: int) -> int:
+    """Return the number of a socket's file, or raise an error if it cannot be waited for."""
+    if file >= FILES:
+        raise NetboardError(f"file {file} of this process is a socket; only the first {FILES} can be waited for")
+    return file
 
 
 class FastPath:
@@ -309,7 +308,7 @@ class FastPath:
         self.record = np.zeros(1, FAST_PATH)
         us = self.record[0]
         us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
-        us["file"] = 0 if socket is None else _file_of(socket)
+        us["file"] = 0 if socket is None else _waitable(socket.fileno())
         us["watched"], us["set_ns"] = NO_FILE, MACHINES
         for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
             us[name][: len(text)] = np.frombuffer(text, np.uint8)
@@ -321,9 +320,9 @@ class FastPath:
         us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
         us["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
 
-    def watch(self, socket: Socket) -> None:
-        """Let signals of another socket end a sleep."""
-        self.record[0]["watched"] = _file_of(socket)
+    def watch(self, file: int) -> None:
+        """Let signals of another socket's file end a sleep; `NO_FILE` for none."""
+        self.record[0]["watched"] = _waitable(file)
 
     def forget(self, place: int) -> None:
         """Remove the peer at a place."""

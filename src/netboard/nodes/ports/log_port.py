@@ -225,6 +225,8 @@ class LogPort:
                 self._acknowledge(durable, free_bytes)
             case Pong() as pong:
                 logger.peer.answered(pong, now_ns)
+                if len(self._loggers) == 1 and not self.subscribers:  # no other answer can be on its way
+                    self._listen_until_ns = 0
             case Goodbye(reason=reason):
                 self._farewell = reason
                 self._forget(name, reason, now_ns)

@@ -45,7 +45,6 @@ class Ports:
         ring = int(network.log_ring_s * 1000 * RING_SHARE)
         self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
         self.views = ViewPort(network, context, authenticator)
-        self.motion.fast.watch(control.socket)
         # Numbers of the files that wake the session when a message arrives: motion, control.
         self.files = (motion.socket.fileno(), control.socket.fileno())
 

@@ -30,7 +30,7 @@ class ViewPort:
         where = channels.addresses(network, authenticator)
         self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
-        self._turn = dict.fromkeys(SIDES, 0)
+        self._turn = 0
         self._seen: dict[Side, tuple[int, bytes]] = {}
         self._seq = dict.fromkeys(SIDES, 0)
         self.renew()
@@ -43,7 +43,7 @@ class ViewPort:
     @property
     def due(self) -> int:
         """Elapsed time at which the next view is due [ms]."""
-        return min(self._turn.values()) + 1
+        return self._turn + 1
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""
@@ -52,13 +52,13 @@ class ViewPort:
     def show(
         self, following: int, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None
     ) -> None:
-        """Publish a station's view if it is due, somebody subscribes, and it has changed.
+        """Publish the stations' views if they are due; each if somebody subscribes to it, and it has changed.
 
         ``following``: elapsed time by which views are due [ms]; live, the number of the following tick.
         """
-        for side, turn in self._turn.items():
-            if following > turn:
-                self._turn[side] = max(turn, following - self._every) + self._every
+        if following > self._turn:
+            self._turn = following - following % self._every + self._every
+            for side in SIDES:
                 self._show_to(side, following, curtain, row, words, best, rest)
 
     def _show_to(

@@ -19,6 +19,7 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
 from netboard.network.transport.authenticator import Authenticator
+from netboard.network.transport.fastpath import NO_FILE
 from netboard.nodes.ports import samples
 from netboard.nodes.server.answers import SessionAnswers
 from netboard.nodes.server.attempts import Attempts
@@ -28,11 +29,11 @@ from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
-from netboard.nodes.server.undisturbed import ALL_FINE, FAILED, MESSAGE, RUN, STEPS, WAITS
+from netboard.nodes.server.undisturbed import ALL_FINE, DONE, FAILED, INTERRUPTED, MESSAGE, RUN, STEPS, WAITS
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
-HOUSEKEEPING_TICKS = 8
-"""Ticks between two rounds of periodic work, as between two views at the usual rate [1]."""
+HOUSEKEEPING_TICKS = 16
+"""Ticks between two rounds of periodic work; a multiple of the ticks between two views at their usual rate [1]."""
 
 DEADLINE_MARGIN_NS, MAX_POSTPONED = 400_000, 4
 """Work that can wait is not begun so shortly before a deadline [ns], at most this many times in a row [1]."""
@@ -115,7 +116,7 @@ class Session:
             return
         if ended == STEPS:
             self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
-        else:
+        elif ended != DONE:
             self._tick_if_due(motion)
         complete = self._motion.drain(now_ns, clock.due_ns)
         self._unhandled |= control
@@ -191,6 +192,7 @@ class Session:
         until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due)
         if self._unhandled or self._motion.unhandled or self._log.listens(now_ns()):
             until = number + 1
+        self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
 
     def _run_undisturbed(self, *, python_due: bool) -> int:
@@ -206,7 +208,7 @@ class Session:
         ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
         if ended == WAITS:
             return ended
-        self._unhandled |= bool(run["number"] < run["until"])
+        self._unhandled |= ended == INTERRUPTED
         clock.late_ticks += int(run["late_ticks"])
         run["late_ticks"] = 0
         if count := int(run["number"]) - state.number:

@@ -26,9 +26,10 @@ from netboard.stage.stage import Stage
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
 """What `netboard.nodes.ports.samples.fill` finds while nothing is the matter."""
 
-DONE, WAITS, STEPS, MESSAGE, FAILED = range(5)
-"""Why a call returns: Python is due, the next tick is not, the tick that has begun needs single steps, a message of an
-agent other than a sample has arrived, or the socket is unusable."""
+DONE, WAITS, STEPS, INTERRUPTED, MESSAGE, FAILED = range(6)
+"""Why a call returns: all ticks have run; the next one is not due; the one that has begun needs single steps; the loop
+is too late, or another peer has sent something; an agent has sent something other than a sample; the socket has failed.
+"""
 
 RUN = np.dtype(
     [
@@ -81,7 +82,7 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
             number = us["number"]
             row, late_ns = words[number % len(words)], fastpath.now_ns(fast) - due_ns
             if late_ns > _BEHIND_NS:
-                return DONE
+                return INTERRUPTED
             us["late_ns"], us["found"] = late_ns, fill(row, agents, number, due_ns, late_ns, timeout_ns)
             if us["found"] != ALL_FINE:
                 return STEPS
@@ -98,13 +99,13 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
         if found & _UNREAD:
             return FAILED if found & samples.FAILED else MESSAGE
         if unregistered[0]["kept"] or unregistered[0]["dropped"]:
-            return DONE
+            return INTERRUPTED
         if begins:
             continue
         if not us["sleeps"]:
             return WAITS
         if fastpath.sleep(fast, wait_ns):
-            return DONE
+            return INTERRUPTED
     return DONE
 
 
