@@ -112,9 +112,13 @@ class MotionPort:
             left -= found // samples.FRAMES
             odd -= 1
         if not signalled:
-            for agent in self.agents.values():
-                agent.probe_clock()
+            self.probe_clocks()
         return not samples.awaited(self._words)
+
+    def probe_clocks(self) -> None:
+        """Use the newest samples as clock probes."""
+        for agent in self.agents.values():
+            agent.probe_clock()
 
     def attend(self, now_ns: int, due_ns: int) -> None:
         """Handle a few frames of unregistered peers, and count those that were dropped."""

@@ -41,9 +41,9 @@ class ViewPort:
         return any(publisher.wanted() for publisher in self._views.values())
 
     @property
-    def due(self) -> int:
-        """Elapsed time at which the next view is due [ms]."""
-        return self._turn + 1
+    def due(self) -> int | None:
+        """Elapsed time at which the next view is due, None as long as nobody subscribes [ms]."""
+        return self._turn + 1 if self.wanted else None
 
     def renew(self) -> None:
         """Forget the last views, because a new block changes everything."""

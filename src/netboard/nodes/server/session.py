@@ -118,7 +118,11 @@ class Session:
             self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
         elif ended != DONE:
             self._tick_if_due(motion)
-        complete = self._motion.drain(now_ns, clock.due_ns)
+        if ended == DONE:  # all has been read
+            self._motion.probe_clocks()
+            complete = bool(self._run["complete"][0])
+        else:
+            complete = self._motion.drain(now_ns, clock.due_ns)
         self._unhandled |= control
         self._do_deferred_work(now_ns())
         if state.end_requested:
@@ -189,7 +193,9 @@ class Session:
     def _plan_run(self) -> None:
         """Set how many undisturbed ticks may run before other work is due."""
         number, run = self._state.number, self._run[0]
-        until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due)
+        until = number + -number % HOUSEKEEPING_TICKS + 1
+        if (view := self._state.ports.views.due) is not None:
+            until = min(until, view)
         if self._unhandled or self._motion.unhandled or self._log.listens(now_ns()):
             until = number + 1
         self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])

@@ -96,6 +96,7 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
                 us["until"] = number + 1
         if begins or us["complete"]:
             found = _take(motion, us["due_ns"], False)  # the socket signals again once it is empty
+            us["complete"] = not awaited(agents)
         if found & _UNREAD:
             return FAILED if found & samples.FAILED else MESSAGE
         if unregistered[0]["kept"] or unregistered[0]["dropped"]:
