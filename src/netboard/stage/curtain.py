@@ -100,7 +100,7 @@ _shown = itemgetter(*((TICK.names or ()).index(name) for name in _SHOWN))
 
 def view_of(
     curtain: Curtain,
-    row: NDArray[Any] | np.void,
+    row: NDArray[Any] | np.void | tuple[Any, ...],
     station: Side,
     best: float | None,
     sent_ns: int,
@@ -113,8 +113,8 @@ def view_of(
     ----------
     curtain : Curtain
         Who may see what.
-    row : netboard.base.tick.TICK record
-        The tick.
+    row : netboard.base.tick.TICK record, or tuple
+        The tick, or its values (`numpy.ndarray.item`).
     station : str
         ``left`` or ``right``.
     best : float or None
@@ -127,7 +127,7 @@ def view_of(
         What is left of the rest before the block; None without one [s].
     """
     phase, attempt, target, tick, z, theta, p, left, right, trial, failures, completion, counted, extra = _shown(
-        row.item()
+        row if isinstance(row, tuple) else row.item()
     )
     away = station in curtain.away
     lasting = curtain.lasting.get(phase, 0)

@@ -176,7 +176,9 @@ class HostileServer:
         if isinstance(decode_or_none(frame), EFFECTIVE):
             return
         if channel == "view":
-            self.malformed[channel] += self._views["left"].send(frame)
+            if self._views["left"].wanted():
+                self._views["left"].send(frame)
+                self.malformed[channel] += 1
         elif channel == "moves" and self._moves is not None:
             self.malformed[channel] += sockets.send(self._moves, frame)
         else:

@@ -43,7 +43,8 @@ def encode(message: Message) -> bytes:
         If the message breaks the protocol: our own mistake.
     """
     plan = _PLANS_BY_CLASS[type(message)]
-    frame: bytes = msgpack.packb([plan.number, *map(_call, plan.writers, plan.values(message))])
+    values = zip(plan.kinds, plan.writers, plan.values(message), strict=True)
+    frame: bytes = msgpack.packb([plan.number, *(v if type(v) is kind else write(v) for kind, write, v in values)])
     if len(frame) > plan.most_bytes:
         raise ValueError(f"{plan.name}: {len(frame)} bytes, at most {plan.most_bytes} are allowed")
     return frame
@@ -205,6 +206,7 @@ class _Plan:
     values: Callable[[Message], tuple[Any, ...]]
     readers: tuple[Check, ...]
     writers: tuple[Check, ...]
+    kinds: tuple[type | None, ...]  # types whose values need no writer
     unpack: Callable[[bytes], Any]
 
 
@@ -248,8 +250,15 @@ def _plan(number: int, kind: Kind) -> _Plan:
         _getter(names),
         checks(_READ),
         checks(_WRITE),
+        tuple(_kind_as_it_is(hints[name], (message, name) in CHOICES) for name in names),
         unpack,
     )
+
+
+def _kind_as_it_is(hint: Any, chosen: bool) -> type | None:
+    """Return the type of those values of a field that are packed as they are, without a writer."""
+    kinds = [kind for kind in (float, bool, str, bytes) if kind is hint or kind in typing.get_args(hint)]
+    return kinds[0] if len(kinds) == 1 and not chosen and typing.get_origin(hint) in (None, types.UnionType) else None
 
 
 def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:

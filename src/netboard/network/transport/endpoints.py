@@ -176,12 +176,9 @@ class Publisher:
                 self._wanted = word == SUBSCRIBED
         return self._wanted
 
-    def send(self, frame: bytes) -> bool:
-        """Send to all subscribers that keep up, without waiting; return False if there are none."""
-        if not self.wanted():
-            return False
+    def send(self, frame: bytes) -> None:
+        """Send to all subscribers that keep up, without waiting."""
         self.socket.send(frame, NOBLOCK)
-        return True
 
     def close(self) -> None:
         """Close at once."""

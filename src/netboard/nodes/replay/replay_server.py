@@ -7,8 +7,6 @@ control. Nothing is computed and there are no forces: agents and loggers are ref
 import logging
 from collections.abc import Callable
 
-import numpy as np
-
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
 from netboard.base.tables.rig import Network
@@ -83,7 +81,6 @@ class ReplayServer:
     ) -> None:
         begin = min(reel.begin if at is None else at, reel.length)
         self.state = ReplayState(reel, Playback(reel.length, begin, now_ns() * 1e-9, speed))
-        self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
         self._authenticator = authenticator
         self._over = False
         where = channels.addresses(network, authenticator)
@@ -138,8 +135,7 @@ class ReplayServer:
     def _show(self, milliseconds: int) -> None:
         """Send each station its view, if it is due."""
         index, reel = self.state.index, self.state.reel
-        seen = reel.ticks[index], self._words[index]
-        self._views.show(milliseconds, reel.curtain, *seen, reel.best(index), reel.rest(index))
+        self._views.show(milliseconds, reel.curtain, reel.ticks[index], reel.best(index), reel.rest(index))
 
     def _grant(self, request: CommandRequest) -> str:
         """Carry out a command and reply to it."""

@@ -193,9 +193,7 @@ class Session:
     def _plan_run(self) -> None:
         """Set how many undisturbed ticks may run before other work is due."""
         number, run = self._state.number, self._run[0]
-        until = number + -number % HOUSEKEEPING_TICKS + 1
-        if (view := self._state.ports.views.due) is not None:
-            until = min(until, view)
+        until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due(number))
         if self._unhandled or self._motion.unhandled or self._log.listens(now_ns()):
             until = number + 1
         self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
@@ -331,10 +329,9 @@ class Session:
                 self._record_decision(number)
         state.number += count
         self._clock.advance(count)
-        newest = (state.number - 1) % RING_ROWS
         rest = state.rest(now_ns()) if state.rest_until_ns else None
-        seen = state.rows[newest], state.words[newest]
-        state.ports.views.show(state.number, state.block.curtain, *seen, state.attempts.best, rest)
+        newest = state.rows[(state.number - 1) % RING_ROWS]
+        state.ports.views.show(state.number, state.block.curtain, newest, state.attempts.best, rest)
 
     def _command(self, found: int) -> Cause:
         """Return the command of a tick: from the supervisor, from an earlier request, or from an operator."""
