@@ -186,11 +186,11 @@ def test_poller_reports_which_sockets_have_signalled(made: Made) -> None:
 def test_views_reach_subscribers_and_only_the_newest_is_kept(made: Made) -> None:
     publisher = made.view_publisher(ANYWHERE)
     assert not publisher.wanted()
-    assert not publisher.send(b"for nobody")
+    publisher.send(b"for nobody")
     eye = made.view_subscriber(endpoint_of(publisher))
     until(publisher.wanted)
     for number in range(100):
-        assert publisher.send(b"%d" % number)
+        publisher.send(b"%d" % number)
     seen = [-1]
 
     def look() -> bool:
@@ -204,7 +204,6 @@ def test_views_reach_subscribers_and_only_the_newest_is_kept(made: Made) -> None
     assert seen == sorted(seen)
     eye.close()
     until(lambda: not publisher.wanted())
-    assert not publisher.send(b"for nobody")
 
 
 def test_subscription_to_another_topic_is_not_counted(made: Made) -> None:
