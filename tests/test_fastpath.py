@@ -1,5 +1,6 @@
 """The fast path: libzmq's functions called from kernels, with real sockets."""
 
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,6 +14,9 @@ from netboard.network.transport.fastpath import FAILED, NOT_SENT, NOTHING, OTHER
 
 A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
 HERE = channels.Endpoint("inproc://fast")
+
+LONG_NS = 10_000_000_000
+"""Longer than any test may sleep [ns]."""
 
 
 class FastPathRig:
@@ -135,3 +139,24 @@ def test_fast_path_time_is_the_clocks_or_the_set_time(rig: FastPathRig) -> None:
     assert before <= read <= now_ns()
     rig.fast.record["set_ns"] = 5
     assert fastpath.now_ns(rig.fast.record) == 5
+
+
+def test_sleep_ends_when_the_time_is_over_or_the_watched_file_signals(rig: FastPathRig) -> None:
+    reader, writer = os.pipe()
+    record = rig.fast.record
+    assert not fastpath.sleep(record, 1_000_000)
+    rig.fast.watch(reader)
+    assert not fastpath.sleep(record, 1_000_000)
+    os.write(writer, b"x")
+    before = now_ns()
+    assert fastpath.sleep(record, LONG_NS)
+    assert now_ns() - before < LONG_NS
+    rig.fast.watch(fastpath.NO_FILE)
+    assert not fastpath.sleep(record, 1_000_000)
+    for file in (reader, writer):
+        os.close(file)
+
+
+def test_file_that_cannot_be_waited_for_is_refused(rig: FastPathRig) -> None:
+    with pytest.raises(NetboardError, match="only the first 1024 can be waited for"):
+        rig.fast.watch(fastpath.FILES)

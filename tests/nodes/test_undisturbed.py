@@ -1,5 +1,7 @@
-"""The undisturbed tick in one compiled call equals the single steps: same rows, same forces, to the bit."""
+"""Undisturbed ticks in one compiled call equal the single steps, to the bit, and end when Python is due."""
 
+import os
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -8,11 +10,16 @@ import pytest
 from fake_router import hello
 from motion_rig import MotionRig
 
+from netboard.base.clock import now_ns
 from netboard.base.config import Config
 from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol import fixed
+from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Safeguard, Stylus
 from netboard.network.transport import sockets
-from netboard.nodes.server.undisturbed import DONE, RUN, STEPS, run_of
+from netboard.network.transport.fastpath import MACHINES
+from netboard.nodes.server.tick_clock import CATCH_UP_TICKS
+from netboard.nodes.server.undisturbed import DONE, INTERRUPTED, MESSAGE, RUN, STEPS, WAITS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause
 
@@ -32,7 +39,7 @@ class TickRunner:
         self.answered = 0
         self._ticks = run_of(self.stage) if compiled else None
         self._run = np.zeros(1, RUN)
-        self._rig = MotionRig(context)
+        self.rig = self._rig = MotionRig(context)
         for side, name in NAMES.items():
             self._rig.router.send_from(name, hello("agent", side))
         self._rig.drain(lambda: 0)
@@ -41,6 +48,28 @@ class TickRunner:
     def received(self) -> list[Any]:
         """The messages sent to both agents."""
         return [self._rig.router.received_by(name) for name in NAMES.values()]
+
+    def send(self, seq: int) -> None:
+        """Send a sample of each agent in its fixed form, with the stylus at rest and the device armed."""
+        numbers = (seq, seq * TICK_NS, *(0.0,) * 6, 0, int(Safeguard.ARMED), 0.0, -1, *(0,) * 4)
+        words = np.frombuffer(fixed.packer_of(Stylus).pack(*numbers), np.int64)
+        frame = np.zeros(fixed.STYLUS.size, np.uint8)
+        fixed.write(frame, *fixed.STYLUS[:2], words)
+        for name in NAMES.values():
+            self.rig.router.send_from(name, frame.tobytes())
+
+    @property
+    def progress(self) -> Any:
+        """The run, a record of RUN."""
+        return self._run[0]
+
+    def run(self, number: int, due_ns: int, until: int, *, sleeps: bool = False) -> int:
+        """Run ticks in one call, and return why it has ended."""
+        assert self._ticks is not None
+        run = self.progress
+        run["number"], run["due_ns"], run["until"], run["sleeps"] = number, due_ns, until, sleeps
+        scene = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
+        return self._rig.port.run(self._ticks, scene, self._run, self.stage.delay)
 
     def tick(self, number: int, due_ns: int, samples: dict[str, Stylus], command: int) -> bytes:
         """Run a tick with these samples, and return its row."""
@@ -51,13 +80,10 @@ class TickRunner:
         self._rig.port.fast.record["set_ns"] = due_ns + 7
         found = -1
         if self._ticks is not None and not command:
-            parts = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
-            run = self._run[0]
-            run["number"], run["due_ns"], run["until"] = number, due_ns, number + 1
-            ended = port.run(self._ticks, parts, self._run, self.stage.delay)
+            ended = self.run(number, due_ns, number + 1)
             assert ended in (DONE, STEPS)
             self.answered += ended == DONE
-            found = int(run["found"])
+            found = int(self.progress["found"])
             if ended == DONE:
                 return words.tobytes()
         found = port.fill(words, number, due_ns, 7) if found < 0 else found
@@ -99,3 +125,117 @@ def test_compiled_tick_equals_the_single_steps(delay: int) -> None:
         assert runners[0].state.tobytes() == runners[1].state.tobytes()
         assert 0.7 * TICKS < runners[0].answered < TICKS  # both paths were used
         assert forces == 2 * TICKS
+
+
+DUE_NS = 11 * TICK_NS
+"""Deadline of the next tick in simulated time [ns]."""
+
+
+@pytest.fixture
+def felt() -> Iterator[TickRunner]:
+    """A trial with haptic feedback whose next tick, number 10, is due at `DUE_NS`."""
+    plain = Config()
+    with sockets.open_context() as context:
+        runner = TickRunner(context, replace(plain, block=replace(plain.block, force="full")), compiled=True)
+        for number in range(10):
+            command = int(Cause.START) if number == STARTS_AT else 0
+            runner.send(number)
+            runner.tick(number, (number + 1) * TICK_NS, {}, command)
+        runner.received()
+        yield runner
+
+
+def at(runner: TickRunner, now: int) -> None:
+    """Set the simulated time [ns]."""
+    runner.rig.port.fast.record["set_ns"] = now
+
+
+def test_run_waits_for_the_samples_that_a_tick_needs(felt: TickRunner) -> None:
+    at(felt, DUE_NS - 400_000)
+    assert felt.run(10, DUE_NS, 20) == WAITS
+    assert (felt.progress["number"], felt.progress["complete"]) == (10, 0)
+    felt.send(10)
+    assert felt.run(10, DUE_NS, 20) == WAITS  # for the samples of the tick after
+    assert (felt.progress["number"], felt.progress["due_ns"]) == (11, DUE_NS + TICK_NS)
+    assert [[message.tick for message in messages] for messages in felt.received()] == [[10], [10]]
+
+
+def test_tick_whose_samples_come_early_waits_until_it_may_begin(felt: TickRunner) -> None:
+    felt.send(10)
+    at(felt, DUE_NS - 600_000)
+    assert felt.run(10, DUE_NS, 20) == WAITS
+    assert (felt.progress["number"], felt.progress["complete"]) == (10, 1)
+
+
+def test_tick_runs_at_its_deadline_without_new_samples(felt: TickRunner) -> None:
+    at(felt, DUE_NS)
+    assert felt.run(10, DUE_NS, 20) == WAITS
+    assert felt.progress["number"] == 11
+    assert felt.rows["left_seq"][10] == 9  # the newest that there is
+
+
+def test_run_ends_before_the_tick_at_which_other_work_is_due(felt: TickRunner) -> None:
+    at(felt, DUE_NS + 3 * TICK_NS)
+    assert felt.run(10, DUE_NS, 12) == DONE
+    assert (felt.progress["number"], felt.progress["late_ticks"]) == (12, 2)
+    assert felt.run(12, DUE_NS + 2 * TICK_NS, 12) == DONE
+    assert felt.progress["number"] == 12
+
+
+def test_run_that_is_too_late_ends_before_a_tick_begins(felt: TickRunner) -> None:
+    at(felt, DUE_NS + (CATCH_UP_TICKS + 1) * TICK_NS)
+    assert felt.run(10, DUE_NS, 20) == INTERRUPTED
+    assert felt.progress["number"] == 10
+
+
+def test_message_of_an_agent_ends_a_run(felt: TickRunner) -> None:
+    at(felt, DUE_NS - 400_000)
+    felt.rig.router.send_from(NAMES["left"], Goodbye("switched off"))
+    assert felt.run(10, DUE_NS, 20) == MESSAGE
+    felt.rig.port.read_other_frame(DUE_NS, DUE_NS)
+    assert felt.rig.port.agents["left"].hello is None
+    at(felt, DUE_NS)
+    assert felt.run(10, DUE_NS, 20) == STEPS  # the tick has no sample of the left hand
+
+
+def test_frame_of_an_unregistered_peer_ends_a_run(felt: TickRunner) -> None:
+    at(felt, DUE_NS - 400_000)
+    felt.rig.router.send_from(b"stranger@1", hello("agent", "left"))
+    assert felt.run(10, DUE_NS, 20) == INTERRUPTED
+    assert felt.rig.port.unhandled
+
+
+def test_event_ends_a_run(felt: TickRunner) -> None:
+    plain = Config()
+    needed = round(plain.task.level_time * 1000)
+    number = 10
+    while not felt.rows["event"][(number - 1) % ROWS]:
+        assert number < 10 + 2 * needed
+        felt.send(number)
+        at(felt, (number + 1) * TICK_NS)
+        ended = felt.run(number, (number + 1) * TICK_NS, number + 20)
+        number = int(felt.progress["number"])
+    assert ended == DONE
+    assert felt.progress["until"] == number
+
+
+def test_run_sleeps_between_its_ticks(felt: TickRunner) -> None:
+    at(felt, MACHINES)
+    felt.send(10)
+    begun = now_ns()
+    assert felt.run(10, begun + TICK_NS, 18, sleeps=True) == DONE
+    assert now_ns() - begun >= 7 * TICK_NS
+    assert felt.progress["number"] == 18
+    assert (felt.rows["late_ns"][11:18] >= 0).all()  # no sample came, so each began at its deadline
+    assert [len(messages) for messages in felt.received()] == [8, 8]
+
+
+def test_watched_socket_ends_the_sleep_of_a_run(felt: TickRunner) -> None:
+    reader, writer = os.pipe()
+    os.write(writer, b"x")
+    at(felt, MACHINES)
+    felt.rig.port.fast.watch(reader)
+    assert felt.run(10, now_ns() + 5 * TICK_NS, 20, sleeps=True) == INTERRUPTED
+    assert felt.progress["number"] == 10
+    for file in (reader, writer):
+        os.close(file)
