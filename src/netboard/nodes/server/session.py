@@ -110,9 +110,10 @@ class Session:
             self.records.continue_ending(now)
             clock.wake_ns = now + TICK_NS
             return
-        ended = self._run_undisturbed(python_due=control or state.end_requested) if self._undisturbed else None
+        self._unhandled |= control
+        ended = self._run_undisturbed() if self._undisturbed else None
         if ended == WAITS:
-            self._sleep(complete=bool(self._run["complete"][0]))
+            clock.sleep(False, bool(self._run["complete"][0]))
             return
         if ended == STEPS:
             self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
@@ -123,7 +124,6 @@ class Session:
             complete = bool(self._run["complete"][0])
         else:
             complete = self._motion.drain(now_ns, clock.due_ns)
-        self._unhandled |= control
         self._do_deferred_work(now_ns())
         if state.end_requested:
             self._end()
@@ -194,20 +194,19 @@ class Session:
         """Set how many undisturbed ticks may run before other work is due."""
         number, run = self._state.number, self._run[0]
         until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due(number))
-        if self._unhandled or self._motion.unhandled or self._log.listens(now_ns()):
+        if self._motion.unhandled or self._log.listens(now_ns()):
             until = number + 1
-        self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
 
-    def _run_undisturbed(self, *, python_due: bool) -> int:
-        """Run the next ticks in one call, and do what follows them; return why they have ended.
-
-        ``python_due``: run none, and only do what follows the ticks that have run.
-        """
+    def _run_undisturbed(self) -> int:
+        """Run the next ticks in one call, and do what follows them; return why they have ended."""
         state, run, clock, stage = self._state, self._run[0], self._clock, self._state.block.stage
         assert state.block.run is not None
-        if python_due:
+        if state.end_requested:
             run["until"] = run["number"]
+        elif self._unhandled:
+            run["until"] = run["number"] + 1
+        self._motion.fast.watch(NO_FILE if self._unhandled else self.files[1])
         scene = (state.stage, state.rows, state.words, stage.book, stage.tables)
         ended = self._motion.run(state.block.run, scene, self._run, stage.delay)
         if ended == WAITS:
