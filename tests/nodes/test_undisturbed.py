@@ -18,7 +18,7 @@ from netboard.network.protocol.joining import Goodbye
 from netboard.network.protocol.motion import Force, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINES
-from netboard.nodes.server.tick_clock import CATCH_UP_TICKS
+from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
 from netboard.nodes.server.undisturbed import DONE, INTERRUPTED, MESSAGE, RUN, STEPS, WAITS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause
@@ -153,10 +153,11 @@ def at(runner: TickRunner, now: int) -> None:
 def test_run_waits_for_the_samples_that_a_tick_needs(felt: TickRunner) -> None:
     at(felt, DUE_NS - 400_000)
     assert felt.run(10, DUE_NS, 20) == WAITS
-    assert (felt.progress["number"], felt.progress["complete"]) == (10, 0)
+    assert (felt.progress["number"], felt.progress["wake_ns"]) == (10, DUE_NS)
     felt.send(10)
     assert felt.run(10, DUE_NS, 20) == WAITS  # for the samples of the tick after
-    assert (felt.progress["number"], felt.progress["due_ns"]) == (11, DUE_NS + TICK_NS)
+    assert felt.progress["number"] == 11
+    assert felt.progress["wake_ns"] == felt.progress["due_ns"] == DUE_NS + TICK_NS
     assert [[message.tick for message in messages] for messages in felt.received()] == [[10], [10]]
 
 
@@ -164,7 +165,7 @@ def test_tick_whose_samples_come_early_waits_until_it_may_begin(felt: TickRunner
     felt.send(10)
     at(felt, DUE_NS - 600_000)
     assert felt.run(10, DUE_NS, 20) == WAITS
-    assert (felt.progress["number"], felt.progress["complete"]) == (10, 1)
+    assert (felt.progress["number"], felt.progress["wake_ns"]) == (10, DUE_NS - EARLIEST_NS)
 
 
 def test_tick_runs_at_its_deadline_without_new_samples(felt: TickRunner) -> None:

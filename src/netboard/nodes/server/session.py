@@ -113,7 +113,7 @@ class Session:
         self._unhandled |= control
         ended = self._run_undisturbed() if self._undisturbed else None
         if ended == WAITS:
-            clock.sleep(False, bool(self._run["complete"][0]))
+            clock.wake_ns = int(self._run["wake_ns"][0])
             return
         if ended == STEPS:
             self._tick(clock.due_ns, int(self._run["late_ns"][0]), int(self._run["found"][0]))
@@ -121,7 +121,7 @@ class Session:
             self._tick_if_due(motion)
         if ended == DONE:  # all has been read
             self._motion.probe_clocks()
-            complete = bool(self._run["complete"][0])
+            complete = bool(self._run["wake_ns"] < self._run["due_ns"])
         else:
             complete = self._motion.drain(now_ns, clock.due_ns)
         self._do_deferred_work(now_ns())

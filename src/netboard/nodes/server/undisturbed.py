@@ -37,7 +37,7 @@ RUN = np.dtype(
         ("due_ns", "<i8"),  # its deadline [ns]
         ("until", "<i8"),  # number of the tick before which Python is due
         ("sleeps", "<i8"),  # 1: sleep until the next tick; 0: return
-        ("complete", "<i8"),  # 1: no sample is awaited for the next tick
+        ("wake_ns", "<i8"),  # when it can begin, if no sample arrives first [ns]
         ("late_ns", "<i8"),  # how long after its deadline the newest tick began [ns]
         ("late_ticks", "<i8"),  # deadline misses
         ("found", "<i8"),  # what the samples of the newest tick tell (`netboard.nodes.ports.samples.fill`)
@@ -64,6 +64,12 @@ def _take(motion: Any, due_ns: int, eager: bool) -> int:
     return drain(agents, fast, frame, head, markers, sample, due_ns, eager, most, unregistered)
 
 
+@kernel
+def _wake(agents: Any, due_ns: int) -> int:
+    """Return when a tick can begin if no other sample arrives [ns]."""
+    return due_ns if awaited(agents) else due_ns - EARLIEST_NS
+
+
 def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
     """Run the ticks of a trial while their samples are `ALL_FINE`, and send both forces of each.
 
@@ -75,8 +81,8 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
     while us["number"] < us["until"]:
         due_ns = us["due_ns"]
         found = _take(motion, due_ns, True)
-        us["complete"] = not awaited(agents)
-        wait_ns = due_ns - fastpath.now_ns(fast) - (EARLIEST_NS if us["complete"] else 0)
+        us["wake_ns"] = _wake(agents, due_ns)
+        wait_ns = us["wake_ns"] - fastpath.now_ns(fast)
         begins = wait_ns <= 0 and not found & _UNREAD
         if begins:
             number = us["number"]
@@ -94,9 +100,9 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
             us["number"], us["due_ns"] = number + 1, due_ns + TICK_NS
             if row[_EVENT]:
                 us["until"] = number + 1
-        if begins or us["complete"]:
+        if begins or us["wake_ns"] < due_ns:
             found = _take(motion, us["due_ns"], False)  # the socket signals again once it is empty
-            us["complete"] = not awaited(agents)
+            us["wake_ns"] = _wake(agents, us["due_ns"])
         if found & _UNREAD:
             return FAILED if found & samples.FAILED else MESSAGE
         if unregistered[0]["kept"] or unregistered[0]["dropped"]:
