@@ -19,7 +19,7 @@ from netboard.network.protocol.motion import Force, Safeguard, Stylus
 from netboard.network.transport import sockets
 from netboard.network.transport.fastpath import MACHINES
 from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS
-from netboard.nodes.server.undisturbed import DONE, INTERRUPTED, MESSAGE, RUN, STEPS, WAITS, run_of
+from netboard.nodes.server.undisturbed import DONE, IN_TRIAL, INTERRUPTED, MESSAGE, RUN, STEPS, WAITING, WAITS, run_of
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause
 
@@ -63,11 +63,12 @@ class TickRunner:
         """The run, a record of RUN."""
         return self._run[0]
 
-    def run(self, number: int, due_ns: int, until: int, *, sleeps: bool = False) -> int:
+    def run(self, number: int, due_ns: int, until: int, *, sleeps: bool = False, forces: bool = True) -> int:
         """Run ticks in one call, and return why it has ended."""
         assert self._ticks is not None
         run = self.progress
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, due_ns, until, sleeps
+        run["forces"], (run["relevant"], run["fine"]) = forces, IN_TRIAL if forces else WAITING
         scene = (self.state, self.rows, self.words, self.stage.book, self.stage.tables)
         return self._rig.port.run(self._ticks, scene, self._run, self.stage.delay)
 
@@ -204,6 +205,13 @@ def test_frame_of_an_unregistered_peer_ends_a_run(felt: TickRunner) -> None:
     felt.rig.router.send_from(b"stranger@1", hello("agent", "left"))
     assert felt.run(10, DUE_NS, 20) == INTERRUPTED
     assert felt.rig.port.unhandled
+
+
+def test_run_between_trials_sends_no_force_and_needs_no_sample(felt: TickRunner) -> None:
+    at(felt, DUE_NS + 60 * TICK_NS)  # longer than a sample counts
+    assert felt.run(10, DUE_NS + 60 * TICK_NS, 11) == STEPS
+    assert felt.run(10, DUE_NS + 60 * TICK_NS, 11, forces=False) == DONE
+    assert felt.received() == [[], []]
 
 
 def test_event_ends_a_run(felt: TickRunner) -> None:

@@ -95,7 +95,7 @@ def _prepared(config: Config, watches: dict[Any, Delays]) -> PreparedBlock:
         watches[scene] = Delays(config)
     robots = tuple(Robot(config, side) for side in SIDES if side not in people)
     both = config.physics.coupling_at == "both"
-    plain = config.block.haptics and not (robots or config.block.unrelated or both)
+    plain = not (robots or config.block.unrelated or both)
     return PreparedBlock(
         config=config,
         text=resolve(config),

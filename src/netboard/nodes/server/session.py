@@ -14,7 +14,7 @@ import numpy as np
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.tick import TICK, TICK_NS
+from netboard.base.tick import HEARTBEAT_TICKS, TICK, TICK_NS
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.records import TickRecord
 from netboard.network.transport import sockets
@@ -29,7 +29,18 @@ from netboard.nodes.server.event_log import change_of
 from netboard.nodes.server.operator_requests import OperatorRequests
 from netboard.nodes.server.record_keeping import RecordKeeping
 from netboard.nodes.server.state import RING_ROWS, SessionState
-from netboard.nodes.server.undisturbed import ALL_FINE, DONE, FAILED, INTERRUPTED, MESSAGE, RUN, STEPS, WAITS
+from netboard.nodes.server.undisturbed import (
+    ALL_FINE,
+    DONE,
+    FAILED,
+    IN_TRIAL,
+    INTERRUPTED,
+    MESSAGE,
+    RUN,
+    STEPS,
+    WAITING,
+    WAITS,
+)
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 HOUSEKEEPING_TICKS = 16
@@ -194,6 +205,10 @@ class Session:
         """Set how many undisturbed ticks may run before other work is due."""
         number, run = self._state.number, self._run[0]
         until = min(number + -number % HOUSEKEEPING_TICKS + 1, self._state.ports.views.due(number))
+        run["forces"] = self._state.felt
+        run["relevant"], run["fine"] = IN_TRIAL if self._state.active else WAITING
+        if not run["forces"]:
+            until = min(until, number + -number % HEARTBEAT_TICKS)
         if self._motion.unhandled or self._log.listens(now_ns()):
             until = number + 1
         run["number"], run["due_ns"], run["until"], run["sleeps"] = number, self._clock.due_ns, until, self.sleeps
@@ -246,11 +261,14 @@ class Session:
 
     @property
     def _can_run_in_one_call(self) -> bool:
-        """Whether the next tick can be run in one call if all samples are fine."""
+        """Whether the next tick can be run in one call if nothing is the matter with its samples.
+
+        While no forces are sent, every `HEARTBEAT_TICKS` the supervisor is asked, and heartbeats are sent.
+        """
         state = self._state
-        if state.block.run is None or not state.active or state.emergency_stop.halted or self._blocks.coming:
+        if state.block.run is None or state.idle or state.emergency_stop.halted or self._blocks.coming:
             return False
-        return self._no_command_due
+        return (state.felt or state.number % HEARTBEAT_TICKS != 0) and self._no_command_due
 
     def _tick_by_steps(self, number: int, due_ns: int, late_ns: int, found: int) -> None:
         """Run one tick; ``found``: what its samples tell if they have been taken, -1 if not."""
@@ -262,12 +280,12 @@ class Session:
             found = self._motion.fill(words, number, due_ns, late_ns)
         if block.robots or block.unrelated is not None:
             found |= block.stand_in(state.rows[number % RING_ROWS], words, number, due_ns, state.stage[0])
-        active = state.active
+        active, felt = state.active, state.felt
         if not active or found != ALL_FINE or not self._no_command_due:  # asking for a command would delay the forces
             words[_COMMAND] = self._command(found)
         block.stage.advance(state.stage, state.rows, number)
         halted = bool(state.emergency_stop.halted)
-        if active and block.config.block.haptics and not halted:
+        if felt and not halted:
             self._motion.force(words, block.stage.commanded_row(state.words, number))
         else:
             self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
@@ -376,8 +394,7 @@ class Session:
         """Do the periodic work that is not urgent: missing peers, latencies, quality rules, records."""
         now, state = now_ns(), self._state
         self._motion.expire(now)
-        felt = state.active and state.block.config.block.haptics
-        state.block.delays.poll(self._motion.loops_ns, felt=felt)
+        state.block.delays.poll(self._motion.loops_ns, felt=state.felt)
         state.attempts.poll(state.rows, state.number)
         state.missing = state.find_missing()
         self._control.pump(now)

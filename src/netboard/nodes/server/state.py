@@ -76,6 +76,11 @@ class SessionState:
         return bool(_FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE)
 
     @property
+    def felt(self) -> bool:
+        """Whether a trial with haptic feedback is under way."""
+        return self.active and self.block.config.block.haptics
+
+    @property
     def idle(self) -> bool:
         """Whether no trial is under way and no agent is connected."""
         return self.ports.motion.empty and not self.active

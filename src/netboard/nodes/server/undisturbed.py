@@ -1,10 +1,10 @@
-"""Undisturbed ticks of a trial with haptic feedback, in one compiled call from waiting for samples to the sent forces.
+"""Undisturbed ticks, in one compiled call from waiting for samples to the sent forces.
 
 A force waits for whatever the loop does first, and in a loop that sleeps most of the time a few lines of Python take 10
-us. While a trial runs and nothing is the matter, several ticks in a row need no Python. It follows when something else
-is due: records for the loggers, views, a message other than a sample. Anything out of the ordinary (a missing sample, a
-device that is not armed, an operator's command, a robot partner) is handled by `netboard.nodes.server.session`, which
-does the same steps one by one.
+us. While nothing is the matter, several ticks in a row need no Python. It follows when something else is due: records
+for the loggers, views, heartbeats, a message other than a sample. Anything out of the ordinary (in a trial: a missing
+sample, a device that is not armed; an operator's command, a robot partner) is handled by
+`netboard.nodes.server.session`, which does the same steps one by one.
 """
 
 from collections.abc import Callable
@@ -26,6 +26,10 @@ from netboard.stage.stage import Stage
 ALL_FINE = 3 * (samples.LIVE | samples.ARMED)
 """What `netboard.nodes.ports.samples.fill` finds while nothing is the matter."""
 
+IN_TRIAL = (3 * (samples.LIVE | samples.ARMED | samples.STOPPED | samples.TRIPPED), ALL_FINE)
+WAITING = (3 * (samples.STOPPED | samples.TRIPPED), 0)
+"""``relevant`` and ``fine`` of a run during a trial, and between trials."""
+
 DONE, WAITS, STEPS, INTERRUPTED, MESSAGE, FAILED = range(6)
 """Why a call returns: all ticks have run; the next one is not due; the one that has begun needs single steps; the loop
 is too late, or another peer has sent something; an agent has sent something other than a sample; the socket has failed.
@@ -37,6 +41,9 @@ RUN = np.dtype(
         ("due_ns", "<i8"),  # its deadline [ns]
         ("until", "<i8"),  # number of the tick before which Python is due
         ("sleeps", "<i8"),  # 1: sleep until the next tick; 0: return
+        ("forces", "<i8"),  # 1: send forces; 0: heartbeats follow some ticks, and Python sends them
+        ("relevant", "<i8"),  # which bits that `samples.fill` returns matter
+        ("fine", "<i8"),  # what these must be
         ("wake_ns", "<i8"),  # when it can begin, if no sample arrives first [ns]
         ("late_ns", "<i8"),  # how long after its deadline the newest tick began [ns]
         ("late_ticks", "<i8"),  # deadline misses
@@ -49,6 +56,7 @@ _BEHIND_NS = CATCH_UP_TICKS * TICK_NS
 _EVENT = (TICK.names or ()).index("event")
 _HEAD, _MARKERS = fixed.FORCE[:2]
 _SAMPLE_HEAD, _SAMPLE_MARKERS = fixed.STYLUS[:2]
+_BROKEN = fastpath.FAILED
 _UNREAD = samples.OTHER | samples.FAILED
 
 
@@ -71,7 +79,7 @@ def _wake(agents: Any, due_ns: int) -> int:
 
 
 def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
-    """Run the ticks of a trial while their samples are `ALL_FINE`, and send both forces of each.
+    """Run ticks while nothing is the matter with their samples, and send both forces of each.
 
     ``motion``, ``stage``: as in `run_of`. Returns why it returns.
     """
@@ -90,11 +98,11 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
             if late_ns > _BEHIND_NS:
                 return INTERRUPTED
             us["late_ns"], us["found"] = late_ns, fill(row, agents, number, due_ns, late_ns, timeout_ns)
-            if us["found"] != ALL_FINE:
+            if us["found"] & us["relevant"] != us["fine"]:
                 return STEPS
             _ticks(state, rows, number, 1, book, tables)
-            commanded = words[(number - delay) % len(words)]
-            if send_forces(fast, frame, row, commanded, agents, gains, _HEAD, _MARKERS, numbers) == fastpath.FAILED:
+            commanded, form = words[(number - delay) % len(words)], (_HEAD, _MARKERS)
+            if us["forces"] and send_forces(fast, frame, row, commanded, agents, gains, *form, numbers) == _BROKEN:
                 return FAILED
             us["late_ticks"] += late_ns > LATE_NS
             us["number"], us["due_ns"] = number + 1, due_ns + TICK_NS
