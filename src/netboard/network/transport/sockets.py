@@ -26,7 +26,7 @@ from zmq import Again, ZMQError
 
 from netboard.base.errors import NetboardError
 from netboard.network.transport import authenticator
-from netboard.network.transport.authenticator import Authenticator, Credentials
+from netboard.network.transport.authenticator import Authenticator, Credentials, readable
 from netboard.network.transport.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.network.transport.endpoints import GOODBYE_LINGER_MS, Publisher, Router
 
@@ -351,10 +351,7 @@ felt_publisher, felt_subscriber = view_publisher, view_subscriber
 
 def receive(socket: Socket) -> bytes | None:
     """Return the next frame of a single-frame socket, or None if there is none now."""
-    try:
-        return socket.recv(zmq.NOBLOCK)
-    except Again:
-        return None
+    return socket.recv(zmq.NOBLOCK) if readable(socket) else None
 
 
 def send(socket: Socket, frame: bytes) -> bool:
