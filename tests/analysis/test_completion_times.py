@@ -18,7 +18,7 @@ from netboard.base.config import Config
 from netboard.base.tick import STATE
 from netboard.recording.export.runs import runs_of
 from netboard.recording.importing.table_import import ImportOptions, import_table
-from netboard.stage.stage import _decide
+from netboard.stage.trial_steps import decide
 from netboard.task.trials.state_machine import Cause, Phase, pack_rules
 
 RATE = 1000.0
@@ -33,7 +33,7 @@ def ticks_to_entry(p: np.ndarray, hold: float) -> int | None:
     s["phase"], s["target"], s["trial"], s["attempt"] = Phase.RUNNING, 1, 1, 1
     for place in p:
         s["p"] = place
-        if _decide(s, Cause.NONE, rules) == Cause.HELD:
+        if decide(s, Cause.NONE, rules) == Cause.HELD:
             return int(s["mark_ticks"])
     return None
 

@@ -20,17 +20,10 @@ from numpy.typing import NDArray
 from netboard.base.compiled import borrowed, inlined, kernel, specialised
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
-from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require
+from netboard.base.tables.declared import number_of
 from netboard.base.tick import STATE, TICK, TICK_SECONDS
 from netboard.physics.arithmetic.vectors import State, calm
-from netboard.physics.hands.extrapolation import (
-    ACCELERATION_HORIZON,
-    VELOCITY_HORIZON,
-    later,
-    moving,
-    reached,
-    resting,
-)
+from netboard.physics.hands.extrapolation import later
 from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.scene.models import coupling, stopped
 from netboard.physics.scene.parameters import SCENE, Parts, pack_scene, parts_of
@@ -44,115 +37,16 @@ from netboard.physics.scene.rendering import (
     scale_in,
 )
 from netboard.physics.stability.method_choice import Choice, choose
-from netboard.task.trials.state_machine import (
-    ACTION,
-    HAS_EDGE,
-    RULES,
-    SUCCESSOR,
-    Action,
-    Cause,
-    Phase,
-    first_target,
-    is_active,
-    is_level,
-    pack_rules,
-    sense,
-    wished,
-)
-
-MIN_SAMPLE_INTERVAL = 0.25e-3
-"""Samples closer than this give no acceleration: their difference in velocity is noise [s]."""
-
-MAX_STYLUS_SPEED = 10.0
-"""A faster sample is implausible and ignored [m/s]."""
+from netboard.stage.styluses import KNOWN_EXTRAPOLATIONS, drives, sense_left, sense_right
+from netboard.stage.trial_steps import decide, take_transition
+from netboard.task.trials.state_machine import RULES, Cause, Phase, first_target, is_active, pack_rules
 
 MAX_TILT = 1.5
 """A larger tilt of the board is a fault: styluses within their range cannot cause it [rad]."""
 
-MAX_STYLUS_ACCELERATION = 50.0
-"""Estimated accelerations are clipped to this magnitude [m/s2]."""
-
-KNOWN_EXTRAPOLATIONS = ("zoh", "cv", "ca")
-"""Extrapolations that the kernels implement; their number is their place."""
-
-require("the extrapolation in netboard/stage/stage.py", KNOWN_EXTRAPOLATIONS, EXTRAPOLATIONS)
-
-# Plain integers: what numba folds into the kernel below.
-_NONE, _FAULT, _REPEAT, _VETO = int(Cause.NONE), int(Cause.FAULT), int(Cause.REPEAT), int(Cause.VETO)
-_LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
-_PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), int(Action.MARK), int(Action.SUCCEED)
-_FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
-_EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.PASS)
-
-
-@inlined
-def _slope(vz: float, stamp_ns: int, seen_vz: float, seen_ns: int) -> float:
-    """Return the acceleration of a stylus from its two newest samples; 0 if these are too close or too far apart."""
-    gap = (stamp_ns - seen_ns) * 1e-9
-    if MIN_SAMPLE_INTERVAL <= gap <= ACCELERATION_HORIZON:
-        return min(max((vz - seen_vz) / gap, -MAX_STYLUS_ACCELERATION), MAX_STYLUS_ACCELERATION)
-    return 0.0
-
-
-@inlined
-def _used(
-    live: int, z: float, vz: float, az: float, age: float, last: float, limit: float, hold: int
-) -> tuple[float, float, float]:
-    """Return height, rate and acceleration of a stylus at the tick; without a sample the last height, at rest."""
-    if live == 0:
-        return last, 0.0, 0.0
-    if hold == 1:
-        az = 0.0
-    if hold != 0:
-        z, vz = reached(z, vz, az, age, ACCELERATION_HORIZON, VELOCITY_HORIZON)
-    if abs(z) > limit:
-        return limit if z > 0.0 else -limit, 0.0, 0.0
-    return z, vz, az
-
-
-@kernel
-def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Update state and row from the left stylus. Records have constant field names in kernels: one for each side."""
-    z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
-    live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
-    if live and stamp_ns != s["left_seen_ns"]:
-        s["left_az"] = _slope(vz, stamp_ns, s["left_seen_vz"], s["left_seen_ns"])
-        s["left_seen_ns"], s["left_seen_vz"] = stamp_ns, vz
-    age = (row["time_ns"] - stamp_ns) * 1e-9
-    used = _used(live, z, vz, s["left_az"], age, s["left_z"], limit, hold)
-    row["left_used_z"], row["left_used_vz"], row["left_used_az"] = used
-    s["left_z"] = used[0]
-
-
-@kernel
-def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Update state and row from the right stylus."""
-    z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
-    live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= MAX_STYLUS_SPEED
-    if live and stamp_ns != s["right_seen_ns"]:
-        s["right_az"] = _slope(vz, stamp_ns, s["right_seen_vz"], s["right_seen_ns"])
-        s["right_seen_ns"], s["right_seen_vz"] = stamp_ns, vz
-    age = (row["time_ns"] - stamp_ns) * 1e-9
-    used = _used(live, z, vz, s["right_az"], age, s["right_z"], limit, hold)
-    row["right_used_z"], row["right_used_vz"], row["right_used_az"] = used
-    s["right_z"] = used[0]
-
-
-@inlined
-def _drives(row: Any, hold: int, scene: Any) -> State:
-    """Return the drives of both hands during the tick, as polynomials in time."""
-    left_z, left_vz, right_z, right_vz = (
-        row["left_used_z"],
-        row["left_used_vz"],
-        row["right_used_z"],
-        row["right_used_vz"],
-    )
-    k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]
-    if hold == 0:
-        return (*resting(left_z, left_vz, k_left, c_left), *resting(right_z, right_vz, k_right, c_right))
-    left = moving(left_z, left_vz, row["left_used_az"], k_left, c_left)
-    right = moving(right_z, right_vz, row["right_used_az"], k_right, c_right)
-    return (*left, *right)
+# Plain integers, which numba folds into the kernels below as constants.
+_NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
+_RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 
 
 @inlined
@@ -172,83 +66,6 @@ def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Rendering, number
     if felt.right and row["right_live"] != 0:
         gains = numbers["right_free"] if rolls else numbers["right_fixed"]
         row["right_force"] = force_on_hand(on_right, right_z, left_z, p, row["right_other"], gains, scale, felt)
-
-
-@kernel
-def _place_ball(s: Any, rules: Any) -> None:
-    """Put the ball at rest opposite the target."""
-    s["p"] = -s["target"] * rules["target_distance"]
-    s["vp"] = 0.0
-
-
-@kernel
-def _act(s: Any, action: int, rules: Any) -> None:
-    """Apply an action of the trial state machine to the state."""
-    if action == _RELEASE:
-        s["run_ticks"] = 0
-    elif action == _MARK:
-        s["mark_ticks"] = s["run_ticks"]
-    elif action == _SUCCEED:
-        s["successes"] += 1
-        s["completion"] = s["mark_ticks"] * TICK_SECONDS
-    elif action == _FAIL:
-        s["failures"] += 1
-    elif action == _PREPARE:
-        _place_ball(s, rules)
-    elif action in (_ADVANCE, _PASS):
-        s["target"] = -s["target"]
-        s["trial"] += 1
-        s["attempt"] = 1 if action == _ADVANCE else 0
-        _place_ball(s, rules)
-    elif action == _RETRY:
-        s["attempt"] += 1
-        _place_ball(s, rules)
-    elif action == _HALT:
-        s["vp"] = 0.0
-    elif action in (_EXTEND, _SHORTEN):
-        s["extra"] = s["extra"] + 1 if action == _EXTEND else max(s["extra"] - 1, 0)
-        return
-    s["counted"] = 0
-
-
-@kernel
-def _count(s: Any, rules: Any) -> None:
-    """Update the tick counters: of the block, since the release, while level, inside the target."""
-    phase = s["phase"]
-    if is_active(phase):
-        s["block_ticks"] += 1
-    if phase == _LEVELLING:
-        s["counted"] = s["counted"] + 1 if is_level(s["z"], s["theta"], s["omega"], rules) else 0
-    elif phase == _RUNNING:
-        s["run_ticks"] += 1
-    elif phase == _HOLDING:
-        s["run_ticks"] += 1
-        s["counted"] += 1
-
-
-@kernel
-def _move(s: Any, cause: int, rules: Any) -> int:
-    """Take the transition for a cause and return the cause; return 0 if there is none."""
-    phase = s["phase"]
-    if not HAS_EDGE[phase, cause]:
-        return _NONE
-    s["phase"] = SUCCESSOR[phase, cause]
-    _act(s, ACTION[phase, cause], rules)
-    return cause
-
-
-@kernel
-def _decide(s: Any, command: int, rules: Any) -> int:
-    """Run the trial state machine; return the cause of the transition taken, 0 for none."""
-    _count(s, rules)
-    phase = s["phase"]
-    cause = _move(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
-    if cause not in (_NONE, _REPEAT, _VETO):
-        return cause
-    centre = s["target"] * rules["target_distance"]
-    trial, extra, block_ticks = s["trial"], s["extra"], s["block_ticks"]
-    sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], trial, extra, block_ticks, rules)
-    return _move(s, sensed, rules) or cause
 
 
 @inlined
@@ -296,11 +113,11 @@ def _make_ticks(
             row = rows[place]
             place = place + 1 if place + 1 < len(rows) else 0
             _keep(row, s)
-            _sense_left(s, row, limit, HOLD)
-            _sense_right(s, row, limit, HOLD)
-            hands = _drives(row, HOLD, scene)
+            sense_left(s, row, limit, HOLD)
+            sense_right(s, row, limit, HOLD)
+            hands = drives(row, HOLD, scene)
             _force(s, row, hands, FIXED, HANDS, numbers, scene)
-            cause = _decide(s, row["command"], rules)
+            cause = decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
             x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
             for step in range(SUBSTEPS):
@@ -311,7 +128,7 @@ def _make_ticks(
                 else:
                     x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
             if not _settle(s, calm(x)):
-                cause = _move(s, _FAULT, rules) or cause
+                cause = take_transition(s, _FAULT, rules) or cause
             row["event"] = cause
 
     return ticks
