@@ -184,7 +184,12 @@ def test_end_of_session_is_not_shown_as_a_lost_link(impatient_rig):
 def test_malformed_view_is_logged_and_skipped(rig, caplog):
     server = rig.serve()
     assert rig.shows(PictureState.RUN, tick=1)
-    assert until(rig.app, lambda: server.views.send(b"\xc1 not a message") and bool(caplog.records))
+
+    def logged():
+        server.views.send(b"\xc1 not a message")
+        return bool(caplog.records)
+
+    assert until(rig.app, logged)
     assert rig.shows(PictureState.LEVEL, phase="levelling")
 
 

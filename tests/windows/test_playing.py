@@ -110,7 +110,11 @@ def test_agents_force_is_shown_and_disappears_when_no_longer_received(rig):
     assert rig.shows(lambda grip: bool(grip.mark), left=0.01)
 
     def felt(force):
-        return lambda grip: rig.felt.send(encode(Felt("left", force))) and grip.label == f"{abs(force):.1f} N"
+        def shown(grip):
+            rig.felt.send(encode(Felt("left", force)))
+            return grip.label == f"{abs(force):.1f} N"
+
+        return shown
 
     assert rig.shows(felt(-1.5), left=0.01)
     rig.app.processEvents()

@@ -184,7 +184,7 @@ class Player:
         frame = sockets.receive(self._pointer)
         if frame is not None:
             self._take(frame, now_ns)
-        if now_ns - self._published_ns >= FORCE_VIEW_INTERVAL_NS:
+        if now_ns - self._published_ns >= FORCE_VIEW_INTERVAL_NS and self._felt.wanted():
             self._published_ns = now_ns
             self._felt.send(encode(Felt(self._device.side, self._device.felt)))
 
