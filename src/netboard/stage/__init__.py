@@ -4,4 +4,19 @@ Open `stage.py`: the samples of both styluses and a command go in; state, forces
 it live, `replay --verify` over a recording, `simulate` and rehearsals faster than real time, and all get the same
 bits. `styluses.py` and `trial_steps.py` are its parts. `curtain.py` is the only place that makes a `View`: what a
 participant sees of a tick. This wing uses no clock, no socket and no file.
+
+Parameters
+----------
+s : record of netboard.base.tick.STATE
+    State of the stage, updated in place.
+row : record of netboard.base.tick.TICK
+    The tick, updated in place.
+limit : float
+    Largest height of a stylus [m].
+hold : int
+    Number of the extrapolation in `netboard.stage.styluses.KNOWN_EXTRAPOLATIONS` [1].
+scene : record of netboard.physics.scene.parameters.SCENE
+    Constants of the scene [SI].
+rules : record of netboard.task.trials.state_machine.RULES
+    Constants of the task [SI].
 """

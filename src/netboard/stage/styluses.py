@@ -89,7 +89,7 @@ def sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
 
 @inlined
 def drives(row: Any, hold: int, scene: Any) -> State:
-    """Return the drives of both hands during the tick, as polynomials in time."""
+    """Return the drives of both hands during the tick, as polynomials in time [SI]."""
     left_z, left_vz, right_z, right_vz = (
         row["left_used_z"],
         row["left_used_vz"],

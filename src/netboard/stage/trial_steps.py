@@ -82,7 +82,13 @@ def _count(s: Any, rules: Any) -> None:
 
 @kernel
 def take_transition(s: Any, cause: int, rules: Any) -> int:
-    """Take the transition for a cause and return the cause; return 0 if there is none."""
+    """Take the transition for a cause and return the cause; return 0 if there is none [1].
+
+    Parameters
+    ----------
+    cause : int
+        A `netboard.task.trials.state_machine.Cause` [1].
+    """
     phase = s["phase"]
     if not HAS_EDGE[phase, cause]:
         return _NONE
@@ -93,7 +99,13 @@ def take_transition(s: Any, cause: int, rules: Any) -> int:
 
 @kernel
 def decide(s: Any, command: int, rules: Any) -> int:
-    """Run the trial state machine; return the cause of the transition taken, 0 for none."""
+    """Run the trial state machine; return the cause of the transition taken, 0 for none [1].
+
+    Parameters
+    ----------
+    command : int
+        The command of the tick, a `netboard.task.trials.state_machine.Cause`; 0 for none [1].
+    """
     _count(s, rules)
     phase = s["phase"]
     cause = take_transition(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
