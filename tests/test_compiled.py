@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -145,6 +146,26 @@ def test_borrowed_arguments_keep_their_values_and_reference_counts() -> None:
     assert summed_through_a_tuple(parts, 1000) == expected
     assert machine_code(summed_through_a_tuple, parts, 1000)(parts, 1000) == expected
     assert [sys.getrefcount(one) for one in (*arrays, chance)] == counts
+
+
+COUNTER = np.dtype([("count", "<i8"), ("values", "<f8", (2,))])
+
+
+@kernel
+def counted(record: Any, rows: Any, more: tuple[Any, Any]) -> float:
+    record["count"] += 1
+    return rows[1]["values"][0] + more[0][0]["values"][1] + more[1]
+
+
+def test_machine_code_tells_records_of_one_type_in_arrays_of_different_layouts_apart() -> None:
+    rows = np.zeros(4, COUNTER)
+    rows["values"] = [(1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (7.0, 8.0)]
+    locked = rows.copy()
+    locked.setflags(write=False)
+    for given, second in ((rows, 3.0), (rows[::2], 5.0), (locked, 3.0)):
+        arguments = rows[0], given, (given, 0.5)
+        assert machine_code(counted, *arguments)(*arguments) == second + 2.0 + 0.5
+    assert rows[0]["count"] == 3
 
 
 MADE = """

@@ -27,6 +27,7 @@ from types import CellType, FunctionType
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core import cgutils, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic, overload
@@ -391,6 +392,24 @@ def machine_code(compiled: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     dispatcher: Any = compiled
     if not hasattr(dispatcher, "overloads"):  # the compiler is switched off
         return compiled
-    signature = tuple(numba.typeof(argument) for argument in arguments)
+    signature = tuple(_type_of(argument) for argument in arguments)
     dispatcher.compile(signature)
     return cast("Callable[P, R]", dispatcher.overloads[signature].entry_point)
+
+
+_RECORD_TYPES: dict[tuple[Any, ...], Any] = {}
+"""Numba's types of records and arrays of records, by what distinguishes them: `numba.typeof` takes up to 1 ms each."""
+
+
+def _type_of(value: Any) -> Any:
+    """Return Numba's type of an argument."""
+    if isinstance(value, tuple):
+        return types.BaseTuple.from_types([_type_of(part) for part in value])
+    if not isinstance(value, np.ndarray | np.void) or value.dtype.names is None:
+        return numba.typeof(value)
+    flags = value.flags
+    layout = (flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned)
+    key = (type(value), value.dtype, value.ndim, *layout)
+    if key not in _RECORD_TYPES:
+        _RECORD_TYPES[key] = numba.typeof(value)
+    return _RECORD_TYPES[key]

@@ -327,6 +327,14 @@ def advance_hand(
         done += part
 
 
+@kernel
+def draw_noise(rng: np.random.Generator, white: NDArray[np.float64]) -> None:
+    """Fill an array with the next normal numbers of a hand, as `Hand.noise` returns them."""
+    for update in range(white.shape[0]):
+        for axis in range(white.shape[1]):
+            white[update, axis] = rng.standard_normal()
+
+
 class Hand:
     """One simulated hand on one stylus.
 
@@ -419,10 +427,6 @@ class Hand:
             self._white, start = np.concatenate([self._white[start:], fresh]), 0
         self._drawn = start + updates
         return self._white[start : self._drawn]
-
-    def draw(self, white: NDArray[np.float64]) -> None:
-        """Fill an array with the next normal numbers, as `noise` returns them."""
-        self._rng.standard_normal(out=white)
 
     @property
     def tip(self) -> tuple[float, float, float]:

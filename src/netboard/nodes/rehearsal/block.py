@@ -31,6 +31,7 @@ from netboard.nodes.rehearsal.closed_loop import (
     seats_of,
     see,
 )
+from netboard.participants.hand import draw_noise
 from netboard.stage.stage import make_stage
 from netboard.task.trials.state_machine import Cause, Phase
 
@@ -67,16 +68,19 @@ def _loop(
     bodies: Any,
     force_queue: NDArray[np.float64],
     white: NDArray[np.float64],
+    noise: Any,
     participants: Any,
     hands: NDArray[np.int64],
 ) -> int:
     """Run ticks with both hands and all participants, to the end of the block at most.
 
     ``rows``: the last `KEPT` ticks and room for the next ones, also as ``words`` and ``numbers`` of the same memory;
-    ``number``: that of the first tick; ``hands``: for each participant, the hand whose force it feels, 0 left, 1 right.
-    Returns how many ticks were run.
+    ``number``: that of the first tick; ``noise``: generator of each hand's force noise; ``hands``: for each
+    participant, the hand whose force it feels, 0 left, 1 right. Returns how many ticks were run.
     """
     count = len(rows) - KEPT
+    for side in range(2):
+        draw_noise(noise[side], white[side])
     state, rows, words, numbers = borrowed(state), borrowed(rows), borrowed(words), borrowed(numbers)
     book, tables, bodies, force_queue = borrowed(book), borrowed(tables), borrowed(bodies), borrowed(force_queue)
     white, participants, hands, commands = borrowed(white), borrowed(participants), borrowed(hands), borrowed(commands)
@@ -84,8 +88,7 @@ def _loop(
         place, tick = KEPT + k, number + k
         words[place, _TICK], words[place, _TIME], words[place, _LATE] = tick, START_NS + tick * TICK_NS, -LEAD_NS
         words[place, _COMMAND] = commands[k]
-        for side in range(2):
-            advance(bodies, side, white, k, words, numbers, place)
+        advance(bodies, 0, 2, white, k, words, numbers, place)
         for side in range(2):
             read(bodies, side, words, numbers, place)
         _ticks(state, rows, place, 1, book, tables)
@@ -140,10 +143,9 @@ class Rehearsal:
         moving = {side: person_at(config, side, people) for side in SIDES}
         seed = (block.seed, block.number)
         self._bodies = np.zeros(len(SIDES), BODY)
-        self._noise_sources = [
-            pack_body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)), self._bodies)
-            for place, side in enumerate(SIDES)
-        ]
+        self._noise = tuple(np.random.default_rng((*seed, 1 + place)) for place in range(len(SIDES)))
+        for side, own in zip(SIDES, self._noise, strict=True):
+            pack_body(config, side, moving[side], own, self._bodies)
         self._force_queue = np.zeros((len(SIDES), block.force_delay_ms + 1))
         participants = [
             SimulatedParticipant(
@@ -179,8 +181,6 @@ class Rehearsal:
         while not over:
             rows[:KEPT] = rows[-KEPT:].copy()
             self._command(commands)
-            for hand, own in zip(self._noise_sources, white, strict=True):
-                hand.draw(own)
             before = int(self._state["successes"][0])
             count = self._run(rows, words, numbers, commands, white)
             self._ticks += count
@@ -212,7 +212,7 @@ class Rehearsal:
         """Run the next ticks; return their number."""
         stage = self._stage
         parts = (self._state, rows, words, numbers, self._ticks, commands, stage.book, stage.tables)
-        seats = (self._bodies, self._force_queue, white, self._participants, self._hands)
+        seats = (self._bodies, self._force_queue, white, self._noise, self._participants, self._hands)
         if self._code is None:
             self._code = machine_code(_loop_around(stage.ticks), *parts, *seats)
         return self._code(*parts, *seats)

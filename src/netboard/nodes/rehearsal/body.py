@@ -100,22 +100,29 @@ BODY = np.dtype(
 
 
 @inlined
-def _integrate(body: Any, fx: float, fy: float, fz: float, steps: int) -> None:
-    """Integrate a hand for some steps under a constant force."""
-    if body["rigid"]:
-        integrate(body["hand"], body["arm"], fx, fy, fz, steps)
-    else:
-        integrate_on_cables(body["hand"], body["tip"], body["cables"], fx, fy, fz, steps)
+def _integrate(bodies: Any, first: int, stop: int, steps: int) -> None:
+    """Integrate some of the hands for some steps, each under the force that acts on it."""
+    for side in range(first, stop):
+        body = bodies[side]
+        d = body["device"]
+        if body["rigid"]:
+            integrate(body["hand"], body["arm"], d["fx"], d["fy"], d["fz"], steps)
+        else:
+            integrate_on_cables(body["hand"], body["tip"], body["cables"], d["fx"], d["fy"], d["fz"], steps)
 
 
 @inlined
-def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
+def advance(bodies: Any, first: int, stop: int, white: Any, update: int, words: Any, numbers: Any, place: int) -> None:
     """Integrate from the last reading to that of this tick, and write the forces and the agent's account into its row.
+
+    Each phase is done for all hands before the next one, so that the processor can overlap their computations.
 
     Parameters
     ----------
     bodies : ndarray of BODY, shape (2,)
         The left and the right hand.
+    first, stop : int
+        Place of the first hand to advance, and of the hand after the last one [1].
     white : ndarray, shape (2, n, 3)
         Standard normal numbers that drive the force noise of both hands: one update in a tick [1].
     update : int
@@ -127,23 +134,30 @@ def advance(bodies: Any, side: int, white: Any, update: int, words: Any, numbers
     place : int
         The row of this tick [1].
     """
-    body = bodies[side]
-    d, hand = body["device"], body["hand"]
     stamp_ns = words[place, _TIME] - LEAD_NS
-    words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
-    words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
+    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
+    for side in range(first, stop):
+        body = bodies[side]
+        words[place, _LIVE[side]], words[place, _SEQ[side]] = 1, words[place, _TICK]
+        words[place, _STAMP[side]], words[place, _LEAD[side]] = stamp_ns, LEAD_NS
+        wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
+        update_muscles(body["hand"], body["arm"], body["submovements"], when, body["device"]["fz"], wx, wy, wz)
+    _integrate(bodies, first, stop, _BEFORE)
+    for side in range(first, stop):
+        _render(bodies[side]["device"], side, words, numbers, place)
+    _integrate(bodies, first, stop, STEPS - _BEFORE)
+
+
+@inlined
+def _render(d: Any, side: int, words: Any, numbers: Any, place: int) -> None:
+    """Let the commanded force act, with that of the fixture, and write what a device has rendered."""
     words[place, _GUARDS[side]] = _ARMED
     numbers[place, _RENDERED[side]] = 0.0
     if d["simulated"] == 0:
         return
-    when = (stamp_ns - TICK_NS) * 1e-9 + 0.5 * UPDATE_STEPS * STEP
-    wx, wy, wz = white[side, update, 0], white[side, update, 1], white[side, update, 2]
-    update_muscles(hand, body["arm"], body["submovements"], when, d["fz"], wx, wy, wz)
-    _integrate(body, d["fx"], d["fy"], d["fz"], _BEFORE)
     fx, fy = fixture_force(d["k"], d["c"], d["x"], d["vx"]), fixture_force(d["k"], d["c"], d["y"], d["vy"])
     fx, fy, fz = within(d["limit"], fx, fy, d["commanded"])
     d["fx"], d["fy"], d["fz"] = fx, fy, fz
-    _integrate(body, fx, fy, fz, STEPS - _BEFORE)
     numbers[place, _RENDERED[side]], words[place, _LOOP[side]] = fz, LEAD_NS
     if fz != d["commanded"]:
         words[place, _GUARDS[side]] = _ARMED | _CLAMPED
@@ -281,7 +295,7 @@ class Body:
         self._white[self._place] = self._hand.noise(STEPS)
         row = words.reshape(1, -1)
         numbers = row.view(np.float64)
-        advance(self.bodies, self._place, self._white, 0, row, numbers, 0)
+        advance(self.bodies, self._place, self._place + 1, self._white, 0, row, numbers, 0)
         read(self.bodies, self._place, row, numbers, 0)
 
     def apply_force(self, words: NDArray[np.int64]) -> float:
