@@ -150,6 +150,19 @@ def _not_sent() -> int:
 
 
 @kernel
+def copy(target: Any, source: Any, count: int) -> None:
+    """Copy the first elements of an array; for a slice Numba compiles the text of an error, which takes seconds."""
+    for k in range(count):
+        target[k] = source[k]
+
+
+@kernel
+def _clear(target: Any) -> None:
+    for k in range(len(target)):
+        target[k] = 0
+
+
+@kernel
 def _known(fast: Any) -> int:
     """Return the place of the newest frame's sender, or `OTHER`."""
     us = fast[0]
@@ -168,8 +181,8 @@ def _note_sender(fast: Any) -> None:
     """Store the key and the address of the newest frame's sender."""
     us = fast[0]
     message = us["message"].ctypes.data
-    us["key"][:] = 0
-    us["address"][:] = 0
+    _clear(us["key"])
+    _clear(us["address"])
     user = _msg_gets(message, us["user_id"].ctypes.data)
     if user != 0:
         _strncpy(us["key"].ctypes.data, user, KEY_SIZE)
@@ -267,7 +280,7 @@ def sleep(fast: Any, longest_ns: int) -> bool:
     """
     us = fast[0]
     file, watched, files, time = us["file"], us["watched"], us["files"], us["sleep"]
-    files[:] = 0
+    _clear(files)
     files[file // 64] = np.uint64(1) << np.uint64(file % 64)
     if watched != NO_FILE:
         files[watched // 64] |= np.uint64(1) << np.uint64(watched % 64)

@@ -95,7 +95,7 @@ def take(link: Any, kind: int, lead_ns: int, now_ns: int) -> bool:
     if not us["in_session"] or (us["kind"] != NONE and us["came"][0] <= us["words"][0]):
         return False
     us["kind"], us["lead_ns"], us["heard_ns"] = kind, lead_ns, now_ns
-    us["words"][:] = us["came"]
+    fastpath.copy(us["words"], us["came"], _LENGTH)
     if _is_fresh(link, us["came"][2]):
         us["received_ns"] = now_ns
     return True

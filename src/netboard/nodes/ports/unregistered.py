@@ -70,8 +70,8 @@ def keep(unregistered: Any, fast: Any, frame: Any, now_ns: int) -> None:
     them["deaf_until_ns"][place] = now_ns + UNREGISTERED_INTERVAL_NS
     stranger = them["strangers"][row]
     stranger["size"], stranger["name_size"] = size, us["name_size"]
-    stranger["name"][:] = us["name"]
-    stranger["key"][:] = us["key"]
-    stranger["address"][:] = us["address"]
-    stranger["frame"][:size] = frame[:size]
+    fastpath.copy(stranger["name"], us["name"], len(us["name"]))
+    fastpath.copy(stranger["key"], us["key"], len(us["key"]))
+    fastpath.copy(stranger["address"], us["address"], len(us["address"]))
+    fastpath.copy(stranger["frame"], frame, size)
     them["kept"] = row + 1
