@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services import options
+from netboard.services import loading, options
 from netboard.services.options import examples
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ def display(
     ] = None,
 ) -> None:
     """Latency of a display, from sending a view to painting it: late views, dropped frames, cost."""
-    settings = options.load(config, overrides)
+    settings = loading.load(config, overrides)
     from netboard.benchmarks.loop import display as study
 
     raise typer.Exit(study.main(settings, output, json, seconds, quick=quick, force=force))

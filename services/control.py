@@ -7,7 +7,8 @@ import typer
 
 from netboard.base.errors import ConfigError, NetboardError
 from netboard.network.protocol.control import CommandName
-from netboard.services.options import ConfigFile, Json, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Json, Overrides, examples
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import ConfigFile, HandSide, Json, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, HandSide, Json, Overrides, examples
 
 app = typer.Typer(
     name="devices",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ConfigFile, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, examples
 
 if TYPE_CHECKING:
     from netboard.recording.importing.table_import import Imported

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import STUDY_HELP, ConfigFile, Json, Overrides, PlanSeed, Study, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import STUDY_HELP, ConfigFile, Json, Overrides, PlanSeed, Study, examples
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,7 +50,6 @@ def show(
     settings = load(config, overrides)
     from rich.console import Console
 
-    from netboard.services.studies import load_study
     from netboard.task.plans import plan as plans
     from netboard.task.plans.balance import balance_of
     from netboard.task.plans.tables import blocks_table, levels_table, misfits
@@ -87,7 +87,6 @@ def check(
 ) -> None:
     """Check whether a study is valid and its trial counts are balanced; exit code 2 and the reasons if not."""
     settings = load(config, overrides)
-    from netboard.services.studies import load_study
 
     check_study(settings, load_study(study), study, seed, dyads)
 
@@ -118,7 +117,6 @@ def list_() -> None:
     from rich.console import Console
 
     from netboard.base.terminal import FittedTable
-    from netboard.services.studies import load_study
     from netboard.task.studies import library
 
     studies = {name: load_study(name) for name in library.NAMES}

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples
 
 if TYPE_CHECKING:
     from netboard.base.config import Config

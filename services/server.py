@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples
 
 if TYPE_CHECKING:
     from netboard.nodes.server.attempts import Attempts
@@ -75,7 +76,6 @@ def server(
         blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
     from netboard.nodes.server.planned import Planned, StudySession
-    from netboard.services.studies import load_study
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resumed(confirm(yes)) if resume else planned.begun()

@@ -30,8 +30,8 @@ from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.replay.text import provenance_table
+from netboard.services.loading import load_study
 from netboard.services.plan import check_study
-from netboard.services.studies import load_study
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import parse_study
 
