@@ -14,7 +14,7 @@ from netboard.services.options import examples
 
 COMMANDS = {
     "Run an experiment": ("demo", "up", "server", "agent", "display", "logger", "lsl", "plan", "session"),
-    "Operate a session": ("console", "status", "control"),
+    "Operate a session": ("console", "status", "control", "stop"),
     "Recordings": ("replay", "info", "tracing", "check", "recover", "sessions", "whatif", "export", "importing"),
     "Analysis and simulation": ("analyse", "explain", "simulate", "cohort", "power", "bench"),
     "Set-up": ("doctor", "configuration", "keys", "devices"),

@@ -113,10 +113,10 @@ def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -
     from netboard.base.process import Stopping, log_to_stderr
     from netboard.network import keys
     from netboard.network.transport import sockets
+    from netboard.nodes.operator.keyboard import Keyboard
     from netboard.nodes.replay.replay_server import ReplayServer
     from netboard.nodes.server.event_log import printable_line
     from netboard.recording.replay.commands import KEYS
-    from netboard.services.keyboard import Keyboard
 
     authenticator = keys.make_authenticator(config.network)
     console = Console(highlight=False)
