@@ -2,7 +2,8 @@
 
 import typer
 
-from netboard.services.options import ConfigFile, HandSide, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, HandSide, Overrides, examples
 
 app = typer.Typer()
 

@@ -1,31 +1,15 @@
 """``netboard analyse``: a study as tables, results, figures and a report."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import Dask, NewFolder, Overrides, Recordings, Workers, examples, text_of
-
-if TYPE_CHECKING:
-    from netboard.analysis.extraction.settings import Readings
+from netboard.services.loading import load_readings
+from netboard.services.options import Dask, NewFolder, Overrides, Recordings, SettingsFile, Workers, examples
 
 app = typer.Typer()
-
-SettingsFile = Annotated[
-    Path | None,
-    typer.Option("--settings", metavar="FILE", help="Settings of the analysis (TOML); default: those of the paper."),
-]
-
-
-def load_readings(file: Path | None, overrides: list[str] | None) -> "Readings":
-    """Read the settings of an analysis."""
-    from netboard.analysis.extraction import settings  # imports the whole analysis
-
-    if file is None:
-        return settings.parse("", "defaults", overrides or ())
-    return settings.parse(text_of(file, f"netboard analyse --template > {file}"), str(file), overrides or ())
 
 
 def _print_template(wanted: bool) -> None:

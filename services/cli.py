@@ -1,53 +1,25 @@
-"""The ``netboard`` command: its subcommands and the handling of their errors.
+"""The ``netboard`` command, and the table of its subcommands.
 
 A command imports its libraries when it runs, so that ``netboard --help`` is fast and a machine needs only the libraries
-of its own services. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. An expected error (`NetboardError`)
-is printed as one line on stderr; ``--debug`` shows its traceback.
+of its own services.
 """
 
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from netboard.base.errors import ConfigError, NetboardError
-from netboard.services.options import examples, missing_extra
+from netboard.services.guard import OK, Guarded
+from netboard.services.options import examples
 
 COMMANDS = {
     "Run an experiment": ("demo", "up", "server", "agent", "display", "logger", "lsl", "plan", "session"),
-    "Operate a session": ("console", "status", "control"),
+    "Operate a session": ("console", "status", "control", "stop"),
     "Recordings": ("replay", "info", "tracing", "check", "recover", "sessions", "whatif", "export", "importing"),
-    "Analysis and simulation": ("analyse", "explain", "simulate", "cohort", "power", "bench"),
-    "Set-up": ("doctor", "configuration", "keys", "devices"),
+    "Analysis and simulation": ("analyse", "explain", "simulate", "cohort", "power", "bench.group"),
+    "Set-up": ("doctor", "configuration", "keys", "devices.group"),
 }
 """Modules of this package, in the groups and in the order in which ``netboard --help`` lists their commands."""
-
-OK, FAULT, WRONG = 0, 1, 2
-
-
-class Guarded(TyperGroup):
-    """A group of commands that turns expected errors into one line and an exit code."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the subcommand."""
-        try:
-            return super().invoke(ctx)
-        except NetboardError as error:
-            if ctx.params["debug"]:
-                raise
-            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
-            raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
-        except ModuleNotFoundError as error:
-            advice = missing_extra(error)
-            if ctx.params["debug"] or not advice:
-                raise
-            typer.secho(f"netboard: {advice}", err=True, fg=typer.colors.RED)
-            raise typer.Exit(WRONG) from None
-        except KeyboardInterrupt:
-            typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
-            raise typer.Exit(FAULT) from None
-
 
 app = typer.Typer(
     cls=Guarded,

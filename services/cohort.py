@@ -5,12 +5,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.services.options import STUDY_HELP, ConfigFile, Dask, Overrides, Workers, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import STUDY_HELP, CohortSeed, ConfigFile, Dask, Overrides, Studies, Workers, examples
 
 app = typer.Typer()
-
-Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
-CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
 
 
 @app.command(
@@ -52,7 +50,6 @@ def cohort(
     from netboard.analysis.cohort.virtual import Design
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
-    from netboard.services.studies import load_study
 
     design = Design(load_study(study), settings, dyads, seed, trials is not None)
     began = time.perf_counter()

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import DEFAULT_FILE, ConfigFile, Overrides, examples, load
+from netboard.services.loading import DEFAULT_FILE, load
+from netboard.services.options import ConfigFile, Overrides, examples
 
 app = typer.Typer(name="config", help="Check, show or create the configuration file.", no_args_is_help=True)
 

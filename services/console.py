@@ -4,7 +4,8 @@ import os
 
 import typer
 
-from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Offscreen, Overrides, Screenshot, ScreenshotDelay, examples
 
 app = typer.Typer()
 

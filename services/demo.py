@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples, load
+from netboard.services.loading import load
+from netboard.services.options import Blocks, ConfigFile, Dyad, Overrides, SessionOf, examples
 
 app = typer.Typer()
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError
+from netboard.services.loading import load
 from netboard.services.options import (
     ConfigFile,
     Offscreen,
@@ -14,7 +15,6 @@ from netboard.services.options import (
     ScreenshotDelay,
     Side,
     examples,
-    load,
 )
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import ConfigFile, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, examples
 
 app = typer.Typer()
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from netboard.base.errors import ConfigError, RecordingError
-from netboard.services.analyse import SettingsFile, load_readings
-from netboard.services.options import Overrides, RecordingFile, examples
+from netboard.services.loading import load_readings
+from netboard.services.options import Overrides, RecordingFile, SettingsFile, examples
 
 if TYPE_CHECKING:
     from netboard.analysis.extraction.settings import Readings

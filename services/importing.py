@@ -1,18 +1,14 @@
 """``netboard import``: tables as recordings, given one by one or listed in a manifest."""
 
 import time
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ConfigFile, Overrides, examples, load
-
-if TYPE_CHECKING:
-    from netboard.recording.importing.table_import import Imported
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, examples
 
 app = typer.Typer()
 
@@ -67,7 +63,7 @@ def import_(
     if manifest is not None and others:
         raise ConfigError(f"--manifest: found with {', '.join(others)}; set these in {manifest} instead")
     from netboard.base.bars import telling
-    from netboard.recording.importing.table_import import ImportOptions, import_table
+    from netboard.recording.importing.table_import import ImportOptions, import_table, in_words
 
     if manifest is not None:
         raise typer.Exit(import_study(manifest, output, workers))
@@ -76,7 +72,7 @@ def import_(
     for table in tables or ():
         with telling() as tell:
             found = import_table(table, output, rig, chosen, time.time_ns(), tell)
-        print_imported([found])
+        typer.echo("\n".join(in_words([found])))
 
 
 def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
@@ -84,22 +80,14 @@ def import_study(manifest: Path, folder: Path, workers: int | None) -> int:
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
     from netboard.recording.importing.study_import import examine, run
+    from netboard.recording.importing.table_import import in_words
 
     began = time.perf_counter()
     with telling() as tell:
         plan = examine(manifest, folder, tell)
         done, failed = run(plan, folder, workers or cores(), tell) if plan.jobs else ([], [])
-    print_imported(done)
     total = f"{len(done)} imported, {len(plan.there)} already there, {len(failed)} failed"
-    typer.echo(f"{total}; {time.perf_counter() - began:.1f} s")
+    typer.echo("\n".join((*in_words(done), f"{total}; {time.perf_counter() - began:.1f} s")))
     for line in failed:
         typer.echo(line, err=True)
     return 1 if failed else 0
-
-
-def print_imported(done: Sequence["Imported"]) -> None:
-    """Print the new recordings, then the notes on them, each once."""
-    for found in done:
-        typer.echo(f"{found.path}: {found.ticks} ticks, {found.what}")
-    for note, count in Counter(note for found in done for note in found.notes).items():
-        typer.echo(f"  {note}" + f" ({count} recordings)" * (count > 1))

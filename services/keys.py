@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.services.options import ConfigFile, Overrides, Side, examples, load
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, Side, examples
 
 app = typer.Typer(
     name="keys",

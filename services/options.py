@@ -1,24 +1,20 @@
-"""Shared parts of commands: options, reading the configuration, examples in help texts.
+"""Options that several commands have, and the examples in help texts.
 
 Importing a command must be quick, because ``netboard --help`` imports them all: libraries are imported when they are
 needed, and so is `netboard.base.config`.
 """
 
-import re
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from netboard.base.errors import ConfigError
-
-if TYPE_CHECKING:
-    from netboard.base.config import Config
+from netboard.base.errors import NetboardError
 
 Side = Literal["left", "right"]  # as in netboard.base.config, which takes too long to import here
 
-DEFAULT_FILE = Path("netboard.toml")
 USED_FILE = "Configuration file (TOML); default: ./netboard.toml if it exists, else the built-in defaults."
 
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help=USED_FILE)]
@@ -27,6 +23,8 @@ Overrides = Annotated[
     typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; repeat for several."),
 ]
 HandSide = Annotated[Side, typer.Option(help="Side of the board that the device moves.")]
+Agreed = Annotated[bool, typer.Option("--yes", help="Do not ask; everybody at the device has agreed.")]
+ReplaceProfile = Annotated[bool, typer.Option("--replace", help="Keep no backup (.bak) of the previous profile.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one line of JSON.")]
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first frame as a PNG file, then stop.")]
 ScreenshotDelay = Annotated[
@@ -49,6 +47,8 @@ SessionOf = Annotated[
 ]
 Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
 PlanSeed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed of the plan.")]
+Studies = Annotated[int, typer.Option(min=1, max=999_999, help="Number of virtual studies.")]
+CohortSeed = Annotated[int, typer.Option(min=0, max=2146, help="Random seed of the whole cohort.")]
 Blocks = Annotated[int | None, typer.Option(min=1, help="Run only the first blocks (pilot runs).")]
 Trials = Annotated[int | None, typer.Option(min=1, help="Limit the trials per block (pilot runs).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording (.mcap).")]
@@ -57,24 +57,14 @@ Workers = Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes
 Dask = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Use a Dask cluster, for example tcp://10.0.0.5:8786.")
 ]
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option("--settings", metavar="FILE", help="Settings of the analysis (TOML); default: those of the paper."),
+]
 NewFolder = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FOLDER", help="New folder; default: named after the first recording."),
 ]
-
-IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
-"""Packages whose module has another name."""
-
-
-def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
-    """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults."""
-    from netboard.base.config import parse
-
-    if file is None:
-        if not DEFAULT_FILE.exists():
-            return parse("", "defaults", overrides or ())
-        file = DEFAULT_FILE
-    return parse(text_of(file, f"netboard config init {file}"), str(file), overrides or ())
 
 
 def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
@@ -82,30 +72,18 @@ def changes_of(overrides: Sequence[str] | None, model: str | None) -> list[str]:
     return [*(overrides or ()), *([f"physics.model={model}"] if model else ())]
 
 
-def text_of(file: Path, create: str) -> str:
-    """Read a file of settings; `create` is the command that creates one."""
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: no such file; create it with: {create}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read: {error}") from error
+def refuse_figure(figure: Path | None) -> None:
+    """Refuse a figure that exists already, or that cannot be drawn here."""
+    if figure is None:
+        return
+    if find_spec("matplotlib") is None:
+        raise NetboardError("--figure: needs matplotlib, which is not installed: pip install 'netboard[analysis]'")
+    if figure.exists():
+        raise NetboardError(f"{figure}: exists already; give the figure another name")
+    if figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
 
 
 def examples(*lines: str) -> str:
     """Return the epilog of a help text."""
     return "\n\n".join(("Examples:", *(f"  {line}" for line in lines)))
-
-
-def missing_extra(error: ModuleNotFoundError) -> str:
-    """Return how to install a missing module with an extra of netboard; empty if no extra has it."""
-    from importlib.metadata import requires
-
-    module = (error.name or "").partition(".")[0]
-    package = IMPORTED_AS.get(module, module)
-    requirement = re.compile(r"(?P<package>[\w.-]+).*extra == [\"'](?P<extra>\w+)[\"']")
-    for line in requires("netboard") or ():
-        found = requirement.match(line)
-        if found and found["package"].casefold() == package.casefold() and found["extra"] != "dev":
-            return f"this needs {package}, which is not installed: pip install 'netboard[{found['extra']}]'"
-    return ""

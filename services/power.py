@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.cohort import CohortSeed, Studies
-from netboard.services.options import ConfigFile, Dask, Overrides, Study, Workers, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import CohortSeed, ConfigFile, Dask, Overrides, Studies, Study, Workers, examples
 
 if TYPE_CHECKING:
     from netboard.base.terminal import FittedTable
@@ -62,7 +62,6 @@ def power(
     from netboard.analysis.cohort.planning import Request, answer
     from netboard.analysis.extraction.workers import cores
     from netboard.base.bars import telling
-    from netboard.services.studies import load_study
 
     asked = Request(
         load_study(study),

@@ -1,21 +1,15 @@
 """``netboard replay``: shows, serves, lists or verifies a recording."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples, load
-
-if TYPE_CHECKING:
-    from netboard.base.config import Config
-    from netboard.recording.replay.loaded import LoadedRecording
+from netboard.services.loading import load
+from netboard.services.options import ConfigFile, Overrides, Screenshot, Side, examples
 
 app = typer.Typer()
-
-KEYS_LINE = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: quit"
-"""Keys of a terminal that serves a replay."""
 
 
 @app.command(
@@ -66,80 +60,38 @@ def replay(
     if len(recordings) > (1 if chosen else 2):
         raise ConfigError(f"replay: found {len(recordings)} recordings, expected one, or two to show side by side")
     path = recordings[0]
+    from rich.console import Console
+
     from netboard.base.process import Stopping
 
+    console = Console(highlight=False)
     if verify:
-        raise typer.Exit(0 if is_verified(path) else 1)
+        from netboard.recording.files.reader import Recording
+        from netboard.recording.integrity.verification import verify_recording
+        from netboard.recording.replay.text import verification_line
+
+        with Recording(path) as recording:
+            result = verify_recording(recording)
+        console.print(verification_line(result))
+        raise typer.Exit(0 if result.identical else 1)
     if headless:
         from netboard.nodes.replay.replay import print_events
 
         with Stopping() as stopping:
             print_events(path, speed, stopping, print)
     elif markers:
-        from rich.console import Console
-
+        from netboard.recording.replay.loading import load_with_progress
         from netboard.recording.replay.text import marks_table
 
-        Console(highlight=False).print(marks_table(loaded(path)))
+        console.print(marks_table(load_with_progress(path)))
     elif serve:
-        serve_replay(path, load(config, overrides), speed, at)
+        from netboard.nodes.replay.replay_server import serve_recording
+
+        serve_recording(path, load(config, overrides).network, speed, at)
     else:
+        from netboard.recording.replay.loading import load_with_progress
         from netboard.windows.replay.player import run
 
-        reels = [loaded(path) for path in recordings]
+        reels = [load_with_progress(path) for path in recordings]
         with Stopping() as stopping:
             run(reels, station, stopping, speed, screenshot, sync, at)
-
-
-def is_verified(path: Path) -> bool:
-    """Recompute a recording, print the result, and return whether every tick is identical."""
-    from rich.console import Console
-
-    from netboard.recording.files.reader import Recording
-    from netboard.recording.integrity.verification import verify_recording
-    from netboard.recording.replay.text import verification_line
-
-    with Recording(path) as recording:
-        result = verify_recording(recording)
-    Console(highlight=False).print(verification_line(result))
-    return result.identical
-
-
-def serve_replay(path: Path, config: "Config", speed: float, at: float | None) -> None:
-    """Replay a recording on the ports of a server, from a position or from the start of the block [s]."""
-    from rich.console import Console
-
-    from netboard.base.process import Stopping, log_to_stderr
-    from netboard.network import keys
-    from netboard.network.transport import sockets
-    from netboard.nodes.replay.replay_server import ReplayServer
-    from netboard.nodes.server.event_log import printable_line
-    from netboard.recording.replay.commands import KEYS
-    from netboard.services.keyboard import Keyboard
-
-    authenticator = keys.make_authenticator(config.network)
-    console = Console(highlight=False)
-    reel = loaded(path)
-    log_to_stderr("replay")
-    with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
-        server = ReplayServer(reel, config.network, context, authenticator, speed, at)
-        console.print(f"{reel.name} is replayed at {config.network.bind}:{config.network.port}")
-        if keyboard.there:
-            console.print(KEYS_LINE)
-        server.run(
-            stopping,
-            lambda: KEYS.get(keyboard.pressed() or ""),
-            lambda words: console.print(printable_line(words), markup=False),
-        )
-
-
-def loaded(path: Path) -> "LoadedRecording":
-    """Read a recording, with a progress bar on a terminal."""
-    from rich.console import Console
-
-    from netboard.base.bars import progress_bars
-    from netboard.recording.replay.loading import load as load_recording
-
-    with progress_bars(Console(stderr=True), "{task.completed} ticks") as progress:
-        task = progress.add_task(f"Reading {path.name}", total=None)
-        return load_recording(path, lambda ticks: progress.update(task, completed=ticks))

@@ -1,22 +1,20 @@
 """``netboard server``: the physics server, for one or several dyads, or for a session of a study."""
 
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import USED_FILE, Blocks, Dyad, Insecure, Overrides, SessionOf, Trials, examples
 
 if TYPE_CHECKING:
     from netboard.nodes.server.attempts import Attempts
     from netboard.nodes.server.blocks import BlockSequence
 
 app = typer.Typer()
-
-YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
 
 
 @app.command(
@@ -74,8 +72,7 @@ def server(
     if study is None:
         blocks_alone = [(BlockSequence([one]), Attempts()) for one in settings]
         raise typer.Exit(serve(blocks_alone, autostart=autostart is not False))
-    from netboard.nodes.server.planned import Planned, StudySession
-    from netboard.services.studies import load_study
+    from netboard.nodes.server.planned import Planned, StudySession, confirm
 
     planned = Planned(settings[0], load_study(study), StudySession(study, dyad, session, seed, blocks, trials))
     opened = planned.resumed(confirm(yes)) if resume else planned.begun()
@@ -101,18 +98,3 @@ def serve(sessions: Sequence[tuple["BlockSequence", "Attempts"]], *, autostart: 
         server = Server(sessions, context, authenticators, autostart=autostart)
         server.run(stopping, granted)
     return 0 if server.everything_recorded else 1
-
-
-def confirm(yes: bool) -> Callable[[str], bool]:
-    """Make a function that shows what will be done and asks for confirmation, unless `yes` gives it."""
-
-    def ask(words: str) -> bool:
-
-        typer.echo(words)
-        if yes:
-            return True
-        if not sys.stdin.isatty():
-            raise ConfigError("--resume: needs a confirmation; add --yes, or run it in a terminal")
-        return input("Resume there? [y/N] ").strip().casefold() in YES
-
-    return ask

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from netboard.services.options import Blocks, ConfigFile, Dyad, Json, Overrides, PlanSeed, Study, Trials, examples, load
+from netboard.services.loading import load, load_study
+from netboard.services.options import Blocks, ConfigFile, Dyad, Json, Overrides, PlanSeed, Study, Trials, examples
 
 app = typer.Typer(
     name="session", help="Rehearse the sessions of a study with simulated participants.", no_args_is_help=True
@@ -37,7 +38,6 @@ def rehearse(
     """Rehearse all blocks of a dyad with simulated participants, without devices, network or clock."""
     settings = load(config, overrides)
     from netboard.nodes.rehearsal.session import rehearse_blocks
-    from netboard.services.studies import load_study
     from netboard.task.plans.plan import blocks_of, shortened
 
     wanted = list(shortened(blocks_of(settings, load_study(study), seed, dyad), blocks, trials))

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import examples, load
+from netboard.services.loading import load
+from netboard.services.options import examples
 
 app = typer.Typer()
 

@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from netboard.base.errors import RecordingError
-from netboard.services.options import RecordingFile, examples
-from netboard.services.whatif import refuse_figure
+from netboard.services.options import RecordingFile, examples, refuse_figure
 
 app = typer.Typer()
 

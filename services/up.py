@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from netboard.base.errors import ConfigError
-from netboard.services.options import USED_FILE, Insecure, Overrides, examples, load
+from netboard.services.loading import load
+from netboard.services.options import USED_FILE, Insecure, Overrides, examples
 
 if TYPE_CHECKING:
     from netboard.base.tables.rig import Network

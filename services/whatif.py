@@ -1,14 +1,13 @@
 """``netboard whatif``: counterfactual replay of a recording, attempt by attempt."""
 
 import json
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from netboard.base.errors import NetboardError, RecordingError
-from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples
+from netboard.base.errors import RecordingError
+from netboard.services.options import Model, Overrides, RecordingFile, changes_of, examples, refuse_figure
 
 if TYPE_CHECKING:
     from netboard.recording.counterfactual.what_if import Comparison, WhatIf
@@ -70,18 +69,6 @@ def whatif(
         save(output, found, config, source, recording.name, changes)
     if figure is not None:
         draw(found, changes, shown).savefig(figure, dpi=100)
-
-
-def refuse_figure(figure: Path | None) -> None:
-    """Refuse a figure that exists already, or that cannot be drawn here."""
-    if figure is None:
-        return
-    if find_spec("matplotlib") is None:
-        raise NetboardError("--figure: needs matplotlib, which is not installed: pip install 'netboard[analysis]'")
-    if figure.exists():
-        raise NetboardError(f"{figure}: exists already; give the figure another name")
-    if figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
 
 
 def attempt_at(found: "WhatIf", trial: int, path: Path) -> "Comparison":

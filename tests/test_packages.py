@@ -12,14 +12,18 @@ VERSION = PROJECT["project"]["version"]
 
 
 def folder(package: str) -> Path:
-    name = package.removeprefix("netboard").lstrip(".")
-    return ROOT / "services" if name == "services" else ROOT / "src" / "netboard" / name.replace(".", "/")
+    _, *names = package.split(".")
+    return (ROOT if names[:1] == ["services"] else ROOT / "src" / "netboard").joinpath(*names)
 
 
 def test_listed_packages_equal_the_tree() -> None:
     source = ROOT / "src"
     found = {".".join(init.parent.relative_to(source).parts) for init in source.rglob("__init__.py")}
-    assert sorted(SETUPTOOLS["packages"]) == sorted(found | {"netboard.services"})
+    services = {
+        ".".join(("netboard", *init.parent.relative_to(ROOT).parts))
+        for init in (ROOT / "services").rglob("__init__.py")
+    }
+    assert sorted(SETUPTOOLS["packages"]) == sorted(found | services)
 
 
 def test_every_folder_with_modules_is_a_package() -> None:
@@ -38,12 +42,12 @@ def test_data_files_are_packaged() -> None:
 
 
 def test_init_holds_only_a_docstring() -> None:
-    for init in [*(ROOT / "src" / "netboard").rglob("__init__.py"), ROOT / "services" / "__init__.py"]:
+    for init in [*(ROOT / "src" / "netboard").rglob("__init__.py"), *(ROOT / "services").rglob("__init__.py")]:
         assert re.fullmatch(r'"""[^"]+"""\n', init.read_text(encoding="utf-8")), init
 
 
 def test_no_service_shadows_a_standard_module() -> None:
-    names = {service.stem for service in (ROOT / "services").glob("*.py")}
+    names = {service.stem for service in (ROOT / "services").rglob("*.py")}
     assert names & set(sys.stdlib_module_names) == set()
 
 

@@ -28,7 +28,7 @@ from netboard.benchmarks.loop.scale import Served, holds, scale_part, waiting_pa
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
 from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
-from netboard.services.options import load
+from netboard.services.loading import load
 from netboard.task.trials.state_machine import Phase
 
 COUNT = 1000

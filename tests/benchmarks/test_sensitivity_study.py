@@ -17,10 +17,15 @@ from netboard.benchmarks.analysis.multiverse import HEADLINES, count_holding
 from netboard.benchmarks.analysis.open_questions import AMBIGUITIES
 from netboard.benchmarks.analysis.question_tables import change, signed
 from netboard.benchmarks.analysis.reported_numbers import STATEMENTS
-from netboard.benchmarks.analysis.sensitivity_bench import recordings_to_disturb, study, variants_of, window_settings
+from netboard.benchmarks.analysis.sensitivity_bench import (
+    QUICK,
+    recordings_to_disturb,
+    study,
+    variants_of,
+    window_settings,
+)
 from netboard.benchmarks.harness.results import Folder, Part
 from netboard.services.cli import app
-from netboard.services.sensitivity import QUICK
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import paper_study
 

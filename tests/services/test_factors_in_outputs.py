@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from netboard.analysis.extraction.recordings import measure
 from netboard.analysis.extraction.settings import Readings, parse
@@ -30,8 +31,7 @@ from netboard.recording.export.runs import runs_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.replay.text import provenance_table
-from netboard.services.plan import check_study
-from netboard.services.studies import load_study
+from netboard.services.cli import app
 from netboard.task.plans.plan import blocks_of, shortened
 from netboard.task.studies.study import parse_study
 
@@ -99,9 +99,11 @@ def printed(item: Any) -> str:
 # --- plan, info, sessions ----------------------------------------------------------------------------------------
 
 
-def test_plan_check_prints_factors_and_roles(capsys: pytest.CaptureFixture[str]) -> None:
-    check_study(Config(), load_study(str(FILE)), "mine", 1, 2)
-    console_text = capsys.readouterr().out
+def test_plan_check_prints_factors_and_roles(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["plan", "check", str(FILE), "--dyads", "2"])
+    assert result.exit_code == 0
+    console_text = result.output
     assert "4 blocks, 32 trials, 1 practice block with 2 trials" in console_text
     assert "factor mass: light (0.02 kg), heavy (0.05 kg); numeric, between blocks" in console_text
     assert "factor gain: weak (0.5), strong (1); numeric, within blocks" in console_text

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from netboard.base.config import Config
 from netboard.nodes.server.planned import Planned, StudySession
 from netboard.services.cli import app
-from netboard.services.studies import load_study
+from netboard.services.loading import load_study
 from netboard.task.plans.plan import digest, plan_of
 from netboard.task.studies import library
 from netboard.task.studies.study import paper_study, parse_study

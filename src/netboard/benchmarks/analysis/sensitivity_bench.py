@@ -5,6 +5,7 @@ paths through all questions. Each disturbed attempt is compared with the same at
 """
 
 import os
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -14,7 +15,8 @@ from typing import Any
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
 from netboard.analysis.measures.performance import window_sizes
-from netboard.base.errors import RecordingError
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, RecordingError
 from netboard.benchmarks.analysis import multiverse
 from netboard.benchmarks.analysis import question_tables as tables
 from netboard.benchmarks.analysis.disturbance_tables import all_disturbances_part, disturbances_part
@@ -30,9 +32,22 @@ from netboard.benchmarks.analysis.open_questions import (
 )
 from netboard.benchmarks.analysis.remeasuring import Remeasured, Request, remeasure_all
 from netboard.benchmarks.analysis.reported_numbers import Numbers, numbers
-from netboard.benchmarks.harness.results import Folder, Part, Value
+from netboard.benchmarks.harness import running
+from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder
 from netboard.benchmarks.harness.running import Tell
+from netboard.nodes.rehearsal import session as rehearsal
+from netboard.nodes.rehearsal.jobs import jobs_of
 from netboard.recording.export.runs import Run, runs_of
+from netboard.task.plans.plan import blocks_of, shortened
+from netboard.task.studies.study import paper_study
+
+WHOLE, QUICK = (4, 18, 20), (2, 12, 3)
+"""Size of the rehearsed study without recordings: dyads, first blocks of the paper's plan, trials in each [1].
+
+Twelve blocks have each condition twice.
+"""
+
+SEED = 1
 
 PATHS, QUICK_PATHS = (6, 6, 3), (2, 4, 2)
 """Arguments of `random_paths`: sets of filters, of measures for each, of summaries for each of these [1]."""
@@ -45,6 +60,38 @@ CONDITIONS = {(configuration, force) for configuration in ("bimanual", "dyadic")
 
 NO_BRIDGING = "filters.bridge=0"
 """Setting that leaves gaps open, so that the effect of lost samples is visible."""
+
+
+def main(recordings: Path | None, output: Path | None, json: Path | None, *, quick: bool, force: bool) -> None:
+    """Run the study on recordings, or else on rehearsed ones."""
+    given = None if recordings is None else found_in(recordings)
+    folder = Folder(output or new_folder("bench-sensitivity"), force=force)
+    what = {"study": "sensitivity", "quick": quick}
+    if given is not None:
+        running.run(folder, what, lambda tell: study(given, folder, tell, quick=quick), json)
+        return
+    with tempfile.TemporaryDirectory() as made:
+        rehearsed = rehearse(Path(made), quick=quick)
+        running.run(folder, what, lambda tell: study(rehearsed, folder, tell, quick=quick), json)
+
+
+def found_in(folder: Path) -> list[Path]:
+    """List the recordings of a folder, sorted by name."""
+    found = sorted(folder.glob("*.mcap"))
+    if not found:
+        raise ConfigError(f"{folder}: expected a folder with recordings (*.mcap)")
+    return found
+
+
+def rehearse(folder: Path, *, quick: bool) -> list[Path]:
+    """Rehearse the paper's plan, shortened, with simulated dyads, and keep their recordings."""
+    dyads, most, trials = QUICK if quick else WHOLE
+    jobs = []
+    for dyad in range(1, dyads + 1):
+        blocks = shortened(blocks_of(Config(), paper_study(), SEED, dyad), most, trials)
+        jobs += jobs_of(list(blocks), SEED, dyad, folder)
+    rehearsal.together(jobs, 2)
+    return found_in(folder)
 
 
 @dataclass(frozen=True)

@@ -6,21 +6,28 @@ control. Nothing is computed and there are no forces: agents and loggers are ref
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
 
 from netboard.base.clock import now_ns
 from netboard.base.errors import NetboardError
+from netboard.base.process import Stopping, log_to_stderr
 from netboard.base.tables.rig import Network
+from netboard.network import keys
 from netboard.network.protocol.joining import Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, endpoints, poller, sockets
 from netboard.network.transport.authenticator import Authenticator
+from netboard.nodes.operator.keyboard import Keyboard
 from netboard.nodes.ports.control_port import CommandRequest, ControlPort
 from netboard.nodes.ports.refusals import Refusals
 from netboard.nodes.ports.view_port import ViewPort
 from netboard.nodes.replay.replay_answers import ReplayAnswers, ReplayState
 from netboard.nodes.server.event_log import printable, printable_line
-from netboard.recording.replay.commands import ReplayCommand, in_words, run_command
+from netboard.recording.replay.commands import KEYS, KEYS_LINE, ReplayCommand, in_words, run_command
 from netboard.recording.replay.loaded import LoadedRecording
+from netboard.recording.replay.loading import load_with_progress
 from netboard.recording.replay.position import Playback
 
 log = logging.getLogger(__name__)
@@ -186,3 +193,24 @@ class ReplayServer:
         self.control.close()
         for port in self._closed:
             port.close()
+
+
+def serve_recording(path: Path, network: Network, speed: float, at: float | None) -> None:
+    """Replay a recording on the ports of a server, steered with the keys of this terminal, too.
+
+    ``at``: where to begin; None for the start of the block [s].
+    """
+    authenticator = keys.make_authenticator(network)
+    console = Console(highlight=False)
+    reel = load_with_progress(path)
+    log_to_stderr("replay")
+    with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
+        server = ReplayServer(reel, network, context, authenticator, speed, at)
+        console.print(f"{reel.name} is replayed at {network.bind}:{network.port}")
+        if keyboard.there:
+            console.print(KEYS_LINE)
+        server.run(
+            stopping,
+            lambda: KEYS.get(keyboard.pressed() or ""),
+            lambda words: console.print(printable_line(words), markup=False),
+        )

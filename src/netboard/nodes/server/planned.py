@@ -1,6 +1,7 @@
 """A session that follows a plan: its blocks and its journal, from the beginning or resumed."""
 
 import hashlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import version
@@ -24,6 +25,9 @@ from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seat
 from netboard.task.studies.study import Study, resolve_study
 
 console = Console(highlight=False)
+
+YES = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
+"""Answers that confirm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,3 +159,17 @@ def form_in(entries: tuple[Entry, ...], known: Session, header: Header) -> Sessi
     told = {} if opened is None else opened.form
     words: dict[str, Any] = {field.name: told[field.name] for field in fields(Session) if field.name in told}
     return replace(known, **(words | {"pilot": header.pilot, "consent": header.consent}))
+
+
+def confirm(yes: bool) -> Callable[[str], bool]:
+    """Make a function that shows what will be done and asks for confirmation, unless `yes` gives it."""
+
+    def ask(words: str) -> bool:
+        console.print(words, markup=False, soft_wrap=True)
+        if yes:
+            return True
+        if not sys.stdin.isatty():
+            raise ConfigError("--resume: needs a confirmation; add --yes, or run it in a terminal")
+        return input("Resume there? [y/N] ").strip().casefold() in YES
+
+    return ask

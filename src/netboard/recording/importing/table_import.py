@@ -1,7 +1,8 @@
 """Imports one table: determines its kind, converts it, and records its provenance."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -43,6 +44,13 @@ class Imported:
     what: str
     ticks: int
     notes: tuple[str, ...]
+
+
+def in_words(done: Sequence[Imported]) -> Iterator[str]:
+    """Describe the new recordings, then the notes on them, each once."""
+    yield from (f"{found.path}: {found.ticks} ticks, {found.what}" for found in done)
+    for note, count in Counter(note for found in done for note in found.notes).items():
+        yield f"  {note}" + f" ({count} recordings)" * (count > 1)
 
 
 def configuration_beside(path: Path) -> Path | None:

@@ -48,6 +48,9 @@ KEYS: dict[str, ReplayCommand] = {
 }
 """Commands of the terminal's keys."""
 
+KEYS_LINE = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: quit"
+"""The terminal's keys in one line."""
+
 
 def run_command(playback: Playback, recording: LoadedRecording, now: float, command: ReplayCommand) -> Playback:
     """Carry out a command."""

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
+from netboard.base.bars import progress_bars
 from netboard.base.tick import TICK
 from netboard.recording.files.reader import Recording
 from netboard.recording.replay.loaded import LoadedRecording, RecordingData
@@ -26,6 +28,13 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Loaded
             tell(sum(map(len, parts)))
         rows = drawable(np.concatenate([part.view(_ROW_BYTES) for part in parts]).view(TICK))
         return LoadedRecording(RecordingData(path.name, recording.config_text, rows, recording.events()))
+
+
+def load_with_progress(path: Path) -> LoadedRecording:
+    """Read a whole recording, with a progress bar on a terminal."""
+    with progress_bars(Console(stderr=True), "{task.completed} ticks") as progress:
+        task = progress.add_task(f"Reading {path.name}", total=None)
+        return load(path, lambda ticks: progress.update(task, completed=ticks))
 
 
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:

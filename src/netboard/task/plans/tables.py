@@ -1,30 +1,69 @@
-"""A plan as tables: its blocks, the levels of its factors, how many blocks and trials; and what contradicts the rig."""
+"""A plan in words and tables: its blocks, the levels of its factors, its balance, and what contradicts the rig."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+
+from rich.console import RenderableType
+from rich.text import Text
 
 from netboard.base.config import Config
 from netboard.base.errors import ConfigError
 from netboard.base.settings import tables
-from netboard.task.plans.balance import Balance, Table
-from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, seated
+from netboard.base.terminal import FittedTable
+from netboard.task.plans.balance import Balance, Table, balance_of
+from netboard.task.plans.plan import Plan, PlanBlock, PlanSession, config_of, digest, seated, to_json
 from netboard.task.studies.factors import declared, level_text
 from netboard.task.studies.study import Study
 
 WHERE = {"between": "between dyads", "trial": "within blocks"}
 """Where a factor varies, by its order, if not between blocks."""
 
+MAX_PROBLEMS = 6
+"""Number of problems that are shown [1]."""
 
-def blocks_table(study: Study, session: PlanSession) -> Table:
+
+def plan_in_words(study: Study, plan: Plan, balance: Balance, *, blocks: bool) -> Iterator[RenderableType]:
+    """Describe the plan of a dyad, with the levels of its factors and its blocks if wanted, and the balance."""
+    if blocks:
+        yield Text.assemble((study.name, "bold"), f": {study.text}")
+        yield f"dyad {plan.dyad}, seed {plan.seed}, order {plan.order}, A sits {plan.seat_a}, {digest(plan)[:12]}"
+        if study.factors:
+            yield levels_table(study)
+        yield from (blocks_table(study, session) for session in plan.sessions)
+    yield from map(fitted, balance.tables)
+
+
+def plan_as_json(plan: Plan, balance: Balance, problems: Sequence[str]) -> str:
+    """Return a plan with its balance and its problems as one line of JSON."""
+    more = {"digest": digest(plan), "balance": asdict(balance), "problems": problems}
+    return json.dumps({**json.loads(to_json(plan)), **more})
+
+
+def fitted(table: Table) -> FittedTable:
+    """Return a table of the balance for the terminal."""
+    return FittedTable(*table.columns, rows=table.rows, title=table.title)
+
+
+def studies_table(studies: Sequence[Study]) -> FittedTable:
+    """Return a table of studies, and the orders of blocks that each can have."""
+    rows = [(study.name, study.text, ", ".join(study.orders)) for study in studies]
+    return FittedTable("study", "description", "orders", rows=rows)
+
+
+def blocks_table(study: Study, session: PlanSession) -> FittedTable:
     """Return a table of the blocks of a session, without columns that are empty."""
     names = ("block", "kind", "role", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
     rows = [tuple(_cells(study, block)) for block in session.blocks]
     used = [place for place, name in enumerate(names) if name in study.factors or any(row[place] for row in rows)]
-    columns = tuple(names[place] for place in used)
-    return Table(f"Session {session.number}", columns, tuple(tuple(row[place] for place in used) for row in rows))
+    columns = (names[place] for place in used)
+    return FittedTable(
+        *columns, rows=([row[place] for place in used] for row in rows), title=f"Session {session.number}"
+    )
 
 
-def levels_table(study: Study) -> Table:
+def levels_table(study: Study) -> FittedTable:
     """Return what each level of a factor changes, with units."""
     keys = [(*table.path, key.name, key.unit) for table in tables(Config) for key in table.keys]
     units = {tuple(name): f" {unit}" * (unit != "1") for *name, unit in keys}
@@ -37,7 +76,7 @@ def levels_table(study: Study) -> Table:
                 for key, value in changed.items()
             ]
             rows.append((name, level, ", ".join(differs) or "nothing"))
-    return Table("Factors", ("factor", "level", "what differs"), tuple(rows))
+    return FittedTable("factor", "level", "what differs", rows=rows, title="Factors")
 
 
 def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
@@ -81,6 +120,14 @@ def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
         yield f"{many}, {trials} trials" if role == "test" else f"{many} with {trials} trials"
 
 
+def examine(
+    config: Config, study: Study, plans: Sequence[Plan], more: Sequence[Plan] = ()
+) -> tuple[Balance, list[str]]:
+    """Return the balance of plans, and their problems; of `more` plans, only whether they fit the rig."""
+    balance = balance_of(study, plans)
+    return balance, [*balance.problems, *misfits(config, [*plans, *more])]
+
+
 def misfits(config: Config, plans: Sequence[Plan]) -> list[str]:
     """Find blocks that contradict the rig's configuration; the same problem of several blocks is reported once."""
     found: dict[str, str] = {}
@@ -94,3 +141,10 @@ def misfits(config: Config, plans: Sequence[Plan]) -> list[str]:
                     for line in str(error).splitlines():
                         found.setdefault(line.partition("): ")[2], f"dyad {plan.dyad}, {line}")
     return list(found.values())
+
+
+def refuse(problems: Sequence[str]) -> None:
+    """Raise ConfigError with the first problems of a study, if there are any."""
+    if problems:
+        more = [f"and {len(problems) - MAX_PROBLEMS} more like these"] if len(problems) > MAX_PROBLEMS else []
+        raise ConfigError("\n".join(["the study is not valid", *problems[:MAX_PROBLEMS], *more]))

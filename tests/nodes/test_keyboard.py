@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from netboard.services.keyboard import ARROWS, Keyboard
+from netboard.nodes.operator.keyboard import ARROWS, Keyboard
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="terminals are POSIX's here")
 

@@ -26,8 +26,8 @@ class Keyboard:
 
     def __enter__(self) -> Self:
         if self.there:
-            import termios
-            import tty
+            import termios  # noqa: PLC0415  (not on Windows)
+            import tty  # noqa: PLC0415
 
             self._before = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)
@@ -37,7 +37,7 @@ class Keyboard:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self.there:
-            import termios
+            import termios  # noqa: PLC0415
 
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 

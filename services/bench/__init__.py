@@ -1,0 +1,1 @@
+"""Commands of ``netboard bench``: a module for each room of the benchmarks. Only `group` imports them."""

@@ -1,0 +1,26 @@
+"""``netboard bench``: the group of the benchmarks.
+
+A benchmark and its libraries are imported only when it runs.
+"""
+
+import typer
+
+from netboard.services.bench import (
+    analysis,
+    coupling,
+    display,
+    faults,
+    loop,
+    participants,
+    physics,
+    recording,
+    stability,
+)
+
+app = typer.Typer(
+    name="bench",
+    help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
+    no_args_is_help=True,
+)
+for room in (stability, physics, loop, coupling, participants, faults, display, recording, analysis):
+    app.add_typer(room.app)

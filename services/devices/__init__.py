@@ -1,0 +1,1 @@
+"""Commands of ``netboard devices``: a module for each. Only `group` imports them."""

@@ -1,0 +1,55 @@
+"""Errors and exit codes of all commands: 0 clean, 1 fault, 2 wrong configuration or usage.
+
+An expected error (`NetboardError`) and a library that is not installed are one line on stderr; ``--debug`` shows the
+traceback.
+"""
+
+import re
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from netboard.base.errors import ConfigError, NetboardError
+
+IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
+"""Packages whose module has another name."""
+
+OK, FAULT, WRONG = 0, 1, 2
+
+
+class Guarded(TyperGroup):
+    """A group of commands that turns expected errors into one line and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the subcommand."""
+        try:
+            return super().invoke(ctx)
+        except NetboardError as error:
+            if ctx.params["debug"]:
+                raise
+            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
+        except ModuleNotFoundError as error:
+            advice = missing_extra(error)
+            if ctx.params["debug"] or not advice:
+                raise
+            typer.secho(f"netboard: {advice}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(WRONG) from None
+        except KeyboardInterrupt:
+            typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
+            raise typer.Exit(FAULT) from None
+
+
+def missing_extra(error: ModuleNotFoundError) -> str:
+    """Return how to install a missing module with an extra of netboard; empty if no extra has it."""
+    from importlib.metadata import requires
+
+    module = (error.name or "").partition(".")[0]
+    package = IMPORTED_AS.get(module, module)
+    requirement = re.compile(r"(?P<package>[\w.-]+).*extra == [\"'](?P<extra>\w+)[\"']")
+    for line in requires("netboard") or ():
+        found = requirement.match(line)
+        if found and found["package"].casefold() == package.casefold() and found["extra"] != "dev":
+            return f"this needs {package}, which is not installed: pip install 'netboard[{found['extra']}]'"
+    return ""

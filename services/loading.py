@@ -1,0 +1,62 @@
+"""Reading the files that options name: the configuration, the settings of an analysis, a study."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from netboard.base.errors import ConfigError
+
+if TYPE_CHECKING:
+    from netboard.analysis.extraction.settings import Readings
+    from netboard.base.config import Config
+    from netboard.task.studies.study import Study
+
+DEFAULT_FILE = Path("netboard.toml")
+"""Configuration that is used without ``--config``, if it exists."""
+
+
+def load(file: Path | None, overrides: Sequence[str] | None = None) -> "Config":
+    """Read the configuration from a file, else from ``netboard.toml`` if it exists, else take the defaults."""
+    from netboard.base.config import parse
+
+    if file is None:
+        if not DEFAULT_FILE.exists():
+            return parse("", "defaults", overrides or ())
+        file = DEFAULT_FILE
+    missing = f"no such file; create it with: netboard config init {file}"
+    return parse(text_of(str(file), missing), str(file), overrides or ())
+
+
+def load_readings(file: Path | None, overrides: Sequence[str] | None) -> "Readings":
+    """Read the settings of an analysis."""
+    from netboard.analysis.extraction import settings  # imports the whole analysis
+
+    if file is None:
+        return settings.parse("", "defaults", overrides or ())
+    missing = f"no such file; create it with: netboard analyse --template > {file}"
+    return settings.parse(text_of(str(file), missing), str(file), overrides or ())
+
+
+def load_study(word: str) -> "Study":
+    """Read a built-in study or a study file; ``:ORDER`` selects another order, ``:ONE,OTHER`` several in turn."""
+    from netboard.task.studies import library
+    from netboard.task.studies.study import parse_study, resolve_study
+
+    name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
+    missing = f"no such study or file; the built-in studies are {', '.join(library.NAMES)}"
+    text = library.text_of(name) if name in library.NAMES else text_of(name, missing)
+    study = parse_study(text, name)
+    if not colon:
+        return study
+    return parse_study(resolve_study(replace(study, order=tuple(orders.split(",")))), word)
+
+
+def text_of(file: str, missing: str) -> str:
+    """Read a text file; `missing` says what is wrong, and what to do, if it does not exist."""
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{file}: {missing}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file}: cannot be read: {error}") from error
