@@ -384,7 +384,7 @@ class Session:
         if cause == Cause.LAST:
             self._blocks.finish_block(number)
         if cause == Cause.START:
-            self.records.started = True
+            self.records.start()
             state.questionnaires = ""
         elif int(stage["phase"]) == Phase.FINISHED and (asked := state.block.config.block.questionnaires):
             state.questionnaires = asked
