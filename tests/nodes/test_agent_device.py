@@ -69,12 +69,17 @@ class Server:
         self.router = sockets.motion_server(context, channels.addresses(config.network).listen(channels.MOTION))
         self.received: list[Message] = []
         self.may_arm = True
+        self.connected = True
+        self.missed = 0
         self._tick = 0
 
     def answer(self) -> None:
-        """Receive all messages, welcome each agent, and answer each sample with a heartbeat."""
+        """Receive all messages, welcome each agent, and answer each sample with a heartbeat, or lose all messages."""
         while (received := self.router.receive()) is not None:
             agent, message = received[0], decode(received[1])
+            if not self.connected:
+                self.missed += 1
+                continue
             self.received.append(message)
             self._tick += 1
             if isinstance(message, Hello):
@@ -193,6 +198,37 @@ def test_stop_button_cuts_the_force_until_the_server_disarms(new_rig: Callable[.
         (lambda: rig.reports(0), permit_arming),
         (rig.armed, nothing),
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unplugged", [False, True])
+def test_stop_that_the_server_has_missed_lasts_until_it_has_received_it(
+    new_rig: Callable[..., Rig], unplugged: bool
+) -> None:
+    rig = new_rig(stop_buttons=2, consent_buttons=1)
+    device, server = rig.device, rig.server
+    device.buttons = 1
+
+    def disconnect_and_press() -> None:
+        server.connected = False
+        device.buttons = 3
+
+    def let_go() -> None:
+        server.missed = 0
+        device.buttons, device.plugged = 0, not unplugged
+
+    def connect() -> None:
+        server.received.clear()
+        server.connected = True
+        device.buttons, device.plugged = 1, True
+
+    rig.run(
+        (lambda: rig.armed() and device.force != (0.0, 0.0, 0.0), disconnect_and_press),
+        (lambda: server.missed > 10, let_go),
+        (lambda: device.open_attempts > 2 if unplugged else server.missed > 10, connect),
+        (lambda: len(rig.samples()) > 20, nothing),
+    )
+    assert set(rig.samples()[2:]) == {Safeguard.STOPPED}
 
 
 @pytest.mark.slow

@@ -229,8 +229,9 @@ def test_operator_may_request_and_veto_repeats(path: Path) -> None:
     block_run.request("repeat", "1")
     with pytest.raises(NetboardError, match="is already to be repeated"):
         block_run.request("repeat", "2")
-    with pytest.raises(NetboardError, match='found "x", expected the number of a trial'):
-        block_run.request("veto", "x")
+    for argument in ("x", "\u00b2", "9" * 5000):
+        with pytest.raises(NetboardError, match=f'found "{argument}", expected the number of a trial'):
+            block_run.request("veto", argument)
     assert block_run.now["extra"] == 2
     block_run.request("veto")
     assert block_run.now["extra"] == 1

@@ -54,6 +54,15 @@ def test_operator_requests_and_commands_are_answered() -> None:
     assert rig.router.received_by(C) == [Reply(5, False, "cannot pause while idle")]
 
 
+def test_reason_that_quotes_a_long_argument_is_cut() -> None:
+    rig = Rig()
+    rig.exchange(C, Command("repeat", "\U0001f40c" * 2000, 5))
+    (request,) = rig.port.requests
+    rig.port.reply(request, False, f"repeat: found {request.command.argument}, expected the number of a trial")
+    (reply,) = rig.router.received_by(C)
+    assert reply.reason.startswith("repeat: found \U0001f40c")
+
+
 def test_display_cannot_command_or_report_for_another_station() -> None:
     rig = Rig()
     for message in (Command("start", "", 1), StatusRequest(), STYLUS):

@@ -68,3 +68,12 @@ def test_session_is_alone_only_without_any_peer(session: Session) -> None:
     state.ports.control._peers[b"console"] = None  # type: ignore[assignment]
     assert not state.alone
     state.ports.control._peers.clear()
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_records_are_kept_from_the_start_of_a_trial_that_needs_a_logger(session: Session, required: bool) -> None:
+    block = session._state.block
+    network = replace(block.config.network, require_logger=required)
+    session._state.block = replace(block, config=replace(block.config, network=network))
+    session.records.start()
+    assert session._log.store.needed is required

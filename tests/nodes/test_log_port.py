@@ -70,6 +70,19 @@ def test_records_evicted_before_the_first_logger_are_counted(tmp_path: Path) -> 
     assert rig.port.links(rig.clock())[0][-1] == 15
 
 
+def test_records_are_spilled_if_the_logger_falls_silent_before_it_has_written_any(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    rig.join(L)
+    rig.port.store.needed = True  # a trial has started
+    rig.clock.advance(2 * SILENCE_TIMEOUT_NS * 1e-9)
+    for _ in range(5):
+        rig.record(1000, pump_each=20)
+        rig.until(lambda: not rig.spill._unwritten)
+    rig.port.close()
+    rig.until(lambda: rig.port.store.closed)
+    assert rig.spill.held == 5000
+
+
 def test_silent_logger_is_dropped_and_must_say_hello_again(rig: Rig) -> None:
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_router import hello
+from fake_router import WELCOME, hello
 from motion_rig import TIMEOUT_NS, MotionRig
 
 from netboard.base.config import SIDES
@@ -197,6 +197,30 @@ def test_forces_are_sent_every_tick_and_heartbeats_at_intervals(rig: Rig) -> Non
         rig.port.send_heartbeat(tick, tick)
     beats = rig.router.received_by(A)
     assert [type(m) for m in beats] == [Heartbeat, Heartbeat]
+
+
+def test_device_at_a_side_without_a_person_gets_no_force_and_is_not_armed(new_rig: Callable[..., Rig]) -> None:
+    for ends in (None, samples.ends_of(Physics())):
+        rig = new_rig().registered()
+        for people in (("left",), SIDES):
+            rig.port.renew(WELCOME, ends, people)
+            assert [type(m) for m in rig.router.received_by(A) + rig.router.received_by(B)] == [Welcome, Welcome]
+            row = np.zeros(1, TICK)
+            row["left_live"], row["right_live"] = 1, 1
+            rig.port.force(row.view(np.int64), row.view(np.int64))
+            assert len(rig.router.received_by(A)) == 1
+            assert len(rig.router.received_by(B)) == (people == SIDES)
+        rig.port.renew(WELCOME, ends, ("left",))
+        for peer in (A, B):
+            rig.router.send_from(peer, replace(STYLUS, force_tick=4))
+            rig.drain(lambda: MS // 10)
+            rig.router.received_by(peer)
+        rig.port.send_heartbeat(0, MS, sides=("right",))
+        assert rig.router.received_by(A) == []
+        rig.port.send_heartbeat(0, MS)
+        (beat,), (first, second) = (rig.router.received_by(peer) for peer in (A, B))
+        assert beat.arm
+        assert (first.arm, second.arm) == (False, False)
 
 
 def test_force_contains_its_sample_number_and_lead(rig: Rig) -> None:

@@ -153,6 +153,7 @@ def test_form_is_converted_to_a_session() -> None:
         ("{", "not JSON"),
         ('{"pilot": true, "name": "a b"}', "name"),
         ('{"pilot": true, "participant": "P1"}', "participant: unknown key"),
+        (r'{"pilot": true, "study": "\ud800"}', "surrogates not allowed"),
     ],
 )
 def test_invalid_form_is_refused_with_its_problem(text: str, problem: str) -> None:
@@ -163,8 +164,15 @@ def test_invalid_form_is_refused_with_its_problem(text: str, problem: str) -> No
 def test_note_has_the_tick_at_which_typing_began() -> None:
     assert note_of('{"text": "sneezed", "tick": 1234}', 9) == ("sneezed", 1234)
     assert note_of("sneezed", 9) == ("sneezed", 9)
+
+
+@pytest.mark.parametrize(
+    "note",
+    ['{"text": 1}', '{"text": "", "tick": true}', '{"text": "", "tick": -1}', f'{{"text": "", "tick": {10**30}}}'],
+)
+def test_note_that_the_journal_could_not_read_again_is_refused(note: str) -> None:
     with pytest.raises(ConfigError):
-        note_of('{"text": 1}', 9)
+        note_of(note, 9)
 
 
 def test_deeply_nested_note_is_refused() -> None:

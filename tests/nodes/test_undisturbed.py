@@ -200,6 +200,17 @@ def test_message_of_an_agent_ends_a_run(felt: TickRunner) -> None:
     assert felt.run(10, DUE_NS, 20) == STEPS  # the tick has no sample of the left hand
 
 
+def test_message_that_follows_early_samples_is_read(felt: TickRunner) -> None:
+    felt.send(10)
+    at(felt, DUE_NS - 600_000)
+    assert felt.run(10, DUE_NS, 20) == WAITS  # both samples are there, but the tick may not begin yet
+    felt.rig.router.send_from(NAMES["left"], Goodbye("switched off"))
+    felt.send(11)
+    assert felt.run(10, DUE_NS, 20) == MESSAGE
+    felt.rig.port.read_other_frame(DUE_NS, DUE_NS)
+    assert felt.rig.port.agents["left"].hello is None
+
+
 def test_frame_of_an_unregistered_peer_ends_a_run(felt: TickRunner) -> None:
     at(felt, DUE_NS - 400_000)
     felt.rig.router.send_from(b"stranger@1", hello("agent", "left"))

@@ -65,6 +65,7 @@ FAST_PATH = np.dtype(
         ("more", "<i8"),  # 1: parts of a message are left to be skipped
         ("name_size", "<i8"),
         ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for no peer
+        ("muted", "<i8", (PLACES,)),  # 1: nothing is sent to this peer
         ("names", "u1", (PLACES, NAME_ROOM)),
         ("keys", "u1", (PLACES, KEY_SIZE)),
         ("name", "u1", (NAME_ROOM,)),  # of the newest frame's sender
@@ -243,9 +244,11 @@ def receive(fast: Any, frame: Any) -> int:
 def send_to(fast: Any, place: int, frame: Any) -> int:
     """Send a frame to a known peer, without waiting.
 
-    Returns `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
+    Returns `SENT`, `NOT_SENT` if the peer is muted or gone or its queue is full, or `FAILED`.
     """
     us = fast[0]
+    if us["muted"][place]:
+        return NOT_SENT
     name = us["names"][place]
     if _zmq_send(us["socket"], name.ctypes.data, us["known"][place], _DONTWAIT | _SNDMORE) < 0:
         return _not_sent()  # refused here or not at all
@@ -336,6 +339,10 @@ class FastPath:
     def watch(self, file: int) -> None:
         """Let signals of another socket's file end a sleep; `NO_FILE` for none."""
         self.record[0]["watched"] = _waitable(file)
+
+    def mute(self, place: int, muted: bool) -> None:
+        """Send nothing to the peer at a place, whichever that is, or send to it again."""
+        self.record[0]["muted"][place] = muted
 
     def forget(self, place: int) -> None:
         """Remove the peer at a place."""

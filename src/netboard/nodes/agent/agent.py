@@ -58,6 +58,7 @@ LIMITED = -5
 """Result of `await_limited_force` beside those of `wait_for_answer`: a limited force is ready [1]."""
 
 _NOT_READY = int(Safeguard.NOT_READY)
+_STOPPED = int(Safeguard.STOPPED)
 
 
 @waiting
@@ -147,6 +148,8 @@ class Agent:
         self._source = source
         self._seq = 0
         self._safeguards = 0
+        self._stopped = False  # whether the server may not know yet of an emergency stop at the device
+        self._stopped_seq: int | None = None  # number of the first sample that tells of it
         self._rendered = 0.0
         self._shift_ns = 0
         self._ring = RenderedRing()
@@ -208,6 +211,8 @@ class Agent:
                 continue
             log.info("the device is back: %s %s", info.model, info.serial)
             self._safety = Safety(self._config.safety, info.max_force, info.continuous_force)
+            if self._stopped:
+                self._safety.stop()
             self._link.introduce(introduction(self._side, self._config, info, self._identity))
             return
 
@@ -267,20 +272,29 @@ class Agent:
         """Arm the device only while the server allows it and commands no force.
 
         If the connection is lost during a trial, the device stays disarmed until the trial has been paused and resumed.
+        An emergency stop lasts until the server knows of it: from then on the server forbids arming.
         """
         buttons, mine = reading.buttons, self._device.agent
         if buttons & mine.stop_buttons:
             self._safety.stop()
+            self._stopped, self._stopped_seq = True, None
             return
         if not reading.ready or buttons & mine.consent_buttons != mine.consent_buttons:
-            self._safety.disarm()
+            self._disarm()
             self._safeguards |= _NOT_READY
             return
         if self._link.kind == BEAT:
             if not self._link.may_arm:
-                self._safety.disarm()
+                self._disarm()
             elif self._safety.guard is Guard.DISARMED:
                 self._safety.arm()
+
+    def _disarm(self) -> None:
+        """Disarm the device, unless that would clear an emergency stop of which the server may not know."""
+        if self._stopped_seq is not None and self._link.answered_seq >= self._stopped_seq:
+            self._stopped, self._stopped_seq = False, None
+        if not self._stopped:
+            self._safety.disarm()
 
     def _render(self, reading: Reading) -> None:
         """Render the newest commanded or own force and the fixture's force, through the safety chain."""
@@ -313,6 +327,8 @@ class Agent:
         """Send the sample, with the safeguards and the rendered force since the last one."""
         if self._passivity is not None:
             self._passivity.remember(self._seq, reading.z)
+        if self._stopped and self._stopped_seq is None and self._safeguards & _STOPPED:
+            self._stopped_seq = self._seq
         self._link.send(self._seq, reading, self._safeguards, self._rendered)
         self._ring.add(self._seq, reading.stamp_ns, self._rendered, self._safeguards)
         self._seq += 1

@@ -224,6 +224,11 @@ class Link:
         return int(self.state[0]["lead_ns"])
 
     @property
+    def answered_seq(self) -> int:
+        """Number of the sample that the newest answer answers, -1 for none [1]."""
+        return -1 if self.kind == NONE else int(self.state[0]["words"][2])
+
+    @property
     def answer_ns(self) -> int:
         """When the newest answer was received, 0 for never [ns]."""
         return int(self.state[0]["heard_ns"])

@@ -56,6 +56,9 @@ CONNECTION_CHECK_NS = 20_000_000
 MAX_REQUESTS = 8
 """Commands of one peer that may wait for a decision [1]."""
 
+MAX_REASON = 1000
+"""Characters of a reply's reason, which fit its frame in any script [1]."""
+
 MAX_REPORTS = 16
 """Reports of one station that may wait to be recorded [1]."""
 
@@ -175,8 +178,8 @@ class ControlPort:
             self._router.send_or_queue(name, self._welcome)
 
     def reply(self, request: CommandRequest, accepted: bool, reason: str) -> None:
-        """Reply to the peer that sent a command."""
-        self._router.send(request.who, encode(Reply(request.command.number, accepted, reason)))
+        """Reply to the peer that sent a command; a reason that quotes a long argument is cut."""
+        self._router.send(request.who, encode(Reply(request.command.number, accepted, reason[:MAX_REASON])))
 
     def is_there(self, who: bytes) -> bool:
         """Return whether a peer is connected and not silent."""

@@ -3,6 +3,9 @@
 An agent registers for a side with `Hello`. A restarted agent replaces itself; a second agent is refused while the first
 is alive. Nothing here waits.
 
+At a side without a person the device gets no force and is not armed, because the forces of the stage belong to another
+hand than the one that may hold it.
+
 No peer can hold up a tick. Compiled code keeps frames of unregistered peers, a few a second for each, and they are
 handled after the tick, a few at a time. Of a registered agent, frames other than fixed-form samples are rate-limited.
 """
@@ -63,6 +66,7 @@ class MotionPort:
         self.news: News = []
         self.backfills: list[tuple[Side, Backfill]] = []
         self.may_arm = True
+        self._people: tuple[Side, ...] = SIDES
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
         self._frame = np.zeros(sockets.MAX_SAMPLE, np.uint8)
@@ -148,6 +152,8 @@ class MotionPort:
     def force(self, row: Any, commanded: Any) -> None:
         """Send each agent its commanded force of a tick, or the board's state from which it computes the force.
 
+        An agent at a side without a person gets nothing; it needs heartbeats.
+
         ``commanded``: words of the row with the commanded force (`netboard.stage.stage.Stage.commanded_row`).
         """
         fast, agents, gains = self.fast.record, self._words, self.gains
@@ -165,14 +171,14 @@ class MotionPort:
         """Newest sample-to-force latency of each hand, 0 if not yet known [ns]."""
         return [int(words[samples.LOOP]) for words in self._words]
 
-    def send_heartbeat(self, tick: int, now_ns: int, at_once: bool = False) -> None:
-        """Send each agent a heartbeat, which commands no force: every `HEARTBEAT_TICKS` or at once."""
+    def send_heartbeat(self, tick: int, now_ns: int, at_once: bool = False, sides: Collection[Side] = SIDES) -> None:
+        """Send each agent of these sides a heartbeat, which commands no force: every `HEARTBEAT_TICKS` or at once."""
         if tick % HEARTBEAT_TICKS and not at_once:
             return
         for place, agent in enumerate(self.agents.values()):
-            if agent.hello is not None:
+            if agent.hello is not None and agent.side in sides:
                 seq, lead_ns = int(self._words[place, samples.SEQ]), int(self._words[place, samples.LEAD])
-                arm = self.may_arm and agent.clock.bound_ns <= self._bound_ns
+                arm = self.may_arm and agent.side in self._people and agent.clock.bound_ns <= self._bound_ns
                 self._router.send(agent.peer, encode(Heartbeat(tick, now_ns, seq, lead_ns, arm)))
 
     def find_missing(self, now_ns: int, needed: Collection[Side]) -> list[str]:
@@ -220,9 +226,11 @@ class MotionPort:
         """Return the connections of the agents."""
         return [link for agent in self.agents.values() if (link := agent.link(now_ns)) is not None]
 
-    def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Send the welcome of a new block to both agents."""
-        self._welcome, self._ends = encode(welcome), ends
+    def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...] = SIDES) -> None:
+        """Send the welcome of a new block to both agents. ``people``: the sides whose hand is a person's."""
+        self._welcome, self._ends, self._people = encode(welcome), ends, people
+        for place, side in enumerate(SIDES):
+            self.fast.mute(place, side not in people)
         for agent in self.agents.values():
             if agent.hello is not None:
                 self._router.send_or_queue(agent.peer, self._welcome)

@@ -5,7 +5,7 @@ Each port handles its own channel; the session handles what the ports bring.
 
 from typing import Any
 
-from netboard.base.config import Config
+from netboard.base.config import Config, Side
 from netboard.network.protocol.joining import Welcome
 from netboard.network.transport import channels, sockets
 from netboard.network.transport.authenticator import Authenticator
@@ -48,9 +48,9 @@ class Ports:
         # Numbers of the files that wake the session when a message arrives: motion, control.
         self.files = (motion.socket.fileno(), control.socket.fileno())
 
-    def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Send the welcome of a new block to all peers."""
-        self.motion.renew(welcome, ends)
+    def renew(self, welcome: Welcome, ends: Any, people: tuple[Side, ...]) -> None:
+        """Send the welcome of a new block to all peers. ``people``: the sides whose hand is a person's."""
+        self.motion.renew(welcome, ends, people)
         self.control.renew(welcome)
         self.log.renew(welcome)
         self.views.renew()

@@ -30,7 +30,7 @@ class RecordStore:
 
     def __init__(self, capacity: int, spill: Spill, welcome: Welcome, news: News) -> None:
         self.ring = LogRing(capacity)  # the newest records
-        self.recorded = False  # whether a logger has brought any record to disk
+        self.needed = False  # whether a logger has brought any record to disk, or a trial that needs one has started
         self._spill, self._news = spill, news
         self._welcomes = [(0, welcome)]
         self._margin = min(MARGIN, capacity // 4)
@@ -90,7 +90,7 @@ class RecordStore:
 
     def acknowledge(self, durable: int) -> None:
         """Forget the records that a logger has on disk, up to this one."""
-        self.recorded = True
+        self.needed = True
         if self.ring.acknowledge(durable) and self._spill.next:
             self._spill.forget(self.ring.acknowledged)
             if not self._spill.next:
@@ -120,7 +120,7 @@ class RecordStore:
 
     def close(self) -> None:
         """Spill the records that no logger has on disk; `closed` says when that is done."""
-        self._spill.close(self._rest() if self.backlog and self.recorded else None)
+        self._spill.close(self._rest() if self.backlog and self.needed else None)
 
     @property
     def _kept(self) -> int:
@@ -129,18 +129,15 @@ class RecordStore:
 
     @property
     def _refusal(self) -> str:
-        """Why the spill takes nothing now; empty if it does.
-
-        Before a logger has written anything, no block that must be recorded can have begun.
-        """
-        return self._spill.refusal if self.recorded else "no logger was there yet"
+        """Why the spill takes nothing now; empty if it does."""
+        return self._spill.refusal if self.needed else "no logger was there yet"
 
     def _watch_losses(self) -> None:
         """Report why the ring drops records that are nowhere else."""
         losing = (self._refusal or "the disk is too slow") if self.ring.first > self._kept else ""
         if losing and losing != self._losing:
             self._cause = losing
-            if self.recorded:
+            if self.needed:
                 self._news.append(("log_losing", {"first": str(self._kept), "cause": losing}))
         self._losing = losing
 

@@ -5,6 +5,7 @@ outcomes. A session that follows a plan also writes them to a journal, from whic
 Nothing here waits for a disk.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Literal
@@ -49,6 +50,9 @@ OUTCOMES: dict[Cause, Outcome] = {
     Cause.SKIP: "skipped",
 }
 """Outcome of an attempt, by the cause that ends it."""
+
+_NUMBER = re.compile("[0-9]{1,9}")
+"""Number of a trial as an operator writes it; int() would refuse other digits, and very long numbers."""
 
 _UNDER_WAY = (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING)
 
@@ -219,7 +223,7 @@ class Attempts:
 
     def ask(self, command: str, argument: str, present: int) -> int:
         """Order the repeat of a trial, or cancel it ("veto"); return the trial's number."""
-        if argument and not argument.isdigit():
+        if argument and not _NUMBER.fullmatch(argument):
             raise NetboardError(f'{command}: found "{argument}", expected the number of a trial')
         if command == "repeat":
             trial = int(argument or present - 1)

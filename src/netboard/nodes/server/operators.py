@@ -33,6 +33,9 @@ OPEN_TO_ALL = (emergency.STOP, "note", "take")
 BEFORE_OPENING = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
 """Commands that are allowed before the session is open."""
 
+MAX_TICK = 2**63
+"""Numbers of ticks are below this, so that they fit 64 bits [1]."""
+
 _UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
 
 
@@ -166,7 +169,7 @@ def note_of(text: str, tick: int) -> tuple[str, int]:
         return text, tick
     note = _object(text, "the note")
     words, at = note.get("text"), note.get("tick", tick)
-    if not isinstance(words, str) or not isinstance(at, int):
+    if not isinstance(words, str) or type(at) is not int or not 0 <= at < MAX_TICK:
         raise ConfigError("the note: expected a text and the number of a tick")
     return words, at
 
@@ -174,6 +177,7 @@ def note_of(text: str, tick: int) -> tuple[str, int]:
 def _object(text: str, what: str) -> dict[str, object]:
     try:
         found = json.loads(text or "{}")
+        json.dumps(found, ensure_ascii=False).encode()  # half of a surrogate pair cannot be recorded
     except (ValueError, RecursionError) as error:  # deeply nested brackets exhaust the recursion limit
         raise ConfigError(f"{what} is not JSON: {error}") from None
     if not isinstance(found, dict):

@@ -28,7 +28,7 @@ class RecordKeeping:
         self._state = state
         self._log = state.ports.log
         self._backfiller = Backfiller()
-        self.started = False  # whether a trial has started: before, nothing is lost if there is no logger
+        self._started = False  # whether a trial has started: before, nothing is lost if there is no logger
         self._clocks_ns = 0
         self._ended_ns = self._ending_until_ns = 0
         self._log_closing = False
@@ -50,7 +50,12 @@ class RecordKeeping:
 
     @property
     def _records_expected(self) -> bool:
-        return self._state.block.config.network.require_logger and self.started
+        return self._state.block.config.network.require_logger and self._started
+
+    def start(self) -> None:
+        """Note that a trial has started; if it must be recorded, its records are kept even if the logger has gone."""
+        self._started = True
+        self._log.store.needed |= self._records_expected
 
     def record_frames(self, most: int | None = FRAMES_A_TICK) -> None:
         """Record the painted frames that displays have reported, at most this many [1]."""

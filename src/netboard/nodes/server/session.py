@@ -287,6 +287,8 @@ class Session:
         halted = bool(state.emergency_stop.halted)
         if felt and not halted:
             self._motion.force(words, block.stage.commanded_row(state.words, number))
+            if block.robots:
+                self._motion.send_heartbeat(number, now_ns(), sides=[robot.side for robot in block.robots])
         else:
             self._motion.send_heartbeat(number, now_ns(), at_once=active and halted)
         for robot in block.robots:
@@ -384,7 +386,7 @@ class Session:
         if cause == Cause.LAST:
             self._blocks.finish_block(number)
         if cause == Cause.START:
-            self.records.started = True
+            self.records.start()
             state.questionnaires = ""
         elif int(stage["phase"]) == Phase.FINISHED and (asked := state.block.config.block.questionnaires):
             state.questionnaires = asked

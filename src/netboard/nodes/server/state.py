@@ -103,7 +103,7 @@ class SessionState:
         for side, agent in motion.agents.items():
             if agent.hello is not None:
                 block.delays.know(side, agent.hello.details)
-        self.ports.renew(self._welcome(), block.ends)
+        self.ports.renew(self._welcome(), block.ends, block.people)
         self.rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
 
     def rest(self, now: int) -> float | None:

@@ -108,7 +108,7 @@ def _run(motion: Any, stage: Any, run: Any, delay: int, timeout_ns: int) -> int:
             us["number"], us["due_ns"] = number + 1, due_ns + TICK_NS
             if row[_EVENT]:
                 us["until"] = number + 1
-        if begins or us["wake_ns"] < due_ns:
+        if begins or (us["wake_ns"] < due_ns and not found & _UNREAD):  # an unread message must not be overwritten
             found = _take(motion, us["due_ns"], False)  # the socket signals again once it is empty
             us["wake_ns"] = _wake(agents, us["due_ns"])
         if found & _UNREAD:
