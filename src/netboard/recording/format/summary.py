@@ -165,7 +165,7 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
     steps = np.diff(seqs[seqs >= 0])
     counts = {str(guard.name).lower(): int(np.count_nonzero(bits & guard.value)) for guard in Safeguard}
     return SideSummary(
-        loop=spread(_closed_loops(loop)),
+        loop=spread(loop[closed_loops(loop)]),
         largest_force=float(np.max(np.abs(known))) if known.size else nan,
         unknown_ticks=unknown_ticks(rendered),
         safeguards={name: count for name, count in counts.items() if count},
@@ -175,10 +175,10 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
     )
 
 
-def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return each sample-to-force latency once: an agent repeats the newest one in every sample until the next."""
-    new = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
-    return np.compress(new, loop_ns)
+def closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return the ticks that first report a sample-to-force latency: an agent repeats the newest one until the next."""
+    new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
+    return new
 
 
 @dataclass(frozen=True, slots=True)
