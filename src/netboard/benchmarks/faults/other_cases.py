@@ -42,11 +42,11 @@ from netboard.network.protocol.codec import encode
 from netboard.network.protocol.motion import Safeguard
 
 _REFUSED = "refused and recorded; the trial goes on"
-_LEFT_RECORDING = (paused("the logger has left"), nothing_lost(), told("logger", "exit code 1"), noted("logger_left"))
+_LEFT_RECORDING = (paused("the logger has left"), nothing_lost, told("logger", "exit code 1"), noted("logger_left"))
 
 
 def _peer(name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = DYAD) -> Case:
-    return Case(name, "peers", done, expected, setup, act, (goes_on(), *checks))
+    return Case(name, "peers", done, expected, setup, act, (goes_on, *checks))
 
 
 PEERS = (
