@@ -5,7 +5,6 @@ by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a 
 """
 
 import csv
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -292,9 +291,3 @@ def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
             )
         newest = int(rows["tick"][-1])
         yield rows
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 hash of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
