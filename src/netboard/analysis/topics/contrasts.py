@@ -25,6 +25,7 @@ from netboard.analysis.topics.figure import (
     Picture,
     beside,
     draw_mean,
+    handles,
     look_of,
     new_mosaic,
     span,
@@ -294,18 +295,8 @@ def _panel(
 
 
 def _legend(axes: "Axes", questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
-    for one in questions:
-        look = looks[one.name]
-        axes.plot(
-            [],
-            [],
-            linestyle="none",
-            marker=look.marker,
-            color=look.colour,
-            markerfacecolor=look.face,
-            label=_short(one),
-        )
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
+    marks, names = handles([looks[one.name] for one in questions]), [_short(one) for one in questions]
+    axes.legend(marks, names, loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
 
 
 def _short(question: Question) -> str:
