@@ -249,5 +249,5 @@ def test_stability_map_is_summarised_and_drawn(tmp_path: Path) -> None:
 
 def test_machine_description_names_libraries() -> None:
     machine = describe()
-    assert machine.as_dict()["libraries"]
+    assert machine.libraries
     assert len(machine.lines()) == 3
