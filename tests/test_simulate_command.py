@@ -186,7 +186,7 @@ def test_unstable_method_is_reported() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-i", "none.csv"], "netboard: none.csv: no such file"),
+        (["-i", "none.csv"], "netboard: none.csv: cannot be read: No such file or directory"),
         (["-i", "a.csv", "--scene", "none.toml"], "netboard: none.toml: cannot be read: No such file or directory"),
         (["-i", "a.csv", "--set", "physics.k=3"], "--set: [physics] k: unknown key; "),
         (["-i", "a.csv", "--set", "physics.k_h=-3"], "--set: [physics] k_h: found -3, expected a number >= 0"),

@@ -12,7 +12,7 @@ import pytest
 from independent import Hands, solution, waving
 from trajectories import Scene, convergence_order, drive, scene_of
 
-from netboard.benchmarks.physics.collocation import gauss_nodes, prepare_collocation
+from netboard.benchmarks.physics.collocation import gauss_nodes, make_collocation, make_tables
 
 pytestmark = pytest.mark.daily(1, of="methods of benchmarks", part="collocation")
 
@@ -28,6 +28,12 @@ KINDS: dict[str, dict[str, Any]] = {
     "lagrangian": {"model": "lagrangian", "ball_inertia": 0.4, "ball_height": 0.02},
     "lagrangian, one hand, two balls": {"model": "lagrangian", "coupling": "right", "balls": 2},
 }
+TOLERANCE = 1e-15
+"""The iteration ends when the remaining change of position in a step is smaller [m, rad]."""
+
+ROUNDING = 5e-17
+"""Rounding error of an acceleration over the largest element of A: the last digits of the state [m, rad]."""
+
 PLAIN = """
 import json, sys
 sys.path[:0] = {path!r}
@@ -49,7 +55,12 @@ def states_of(
     """Solve over `DURATION` and return the states."""
     n, places = round(DURATION / h), [float(c) for c in gauss_nodes(nodes)]
     table = np.array([[drive(hands((i + c) * h), scene.record) for c in places] for i in range(n)])
-    return prepare_collocation(start or start_of(scene), table, h, scene.parts, scene.packed, every)()
+    x, out = start or start_of(scene), np.empty((n // every + 1, scene.length))
+    tables = make_tables(scene.parts, scene.record, scene.length, h, nodes)
+    bound = max(TOLERANCE / (h * h), ROUNDING * float(np.abs(tables.a).max()))
+    march = make_collocation(scene.parts, scene.length, nodes)
+    march(x, table, bound, *vars(tables).values(), scene.packed, every, out)
+    return out
 
 
 def error(found: Any, expected: Any) -> float:

@@ -139,19 +139,19 @@ def test_pause_passes_if_its_reason_matches_and_the_trial_is_repeated() -> None:
 
 
 def test_trial_continues_unless_paused() -> None:
-    assert goes_on()(evidence()).holds
-    assert not goes_on()(evidence(rig=taken((pause(),)))).holds
+    assert goes_on(evidence()).holds
+    assert not goes_on(evidence(rig=taken((pause(),)))).holds
     assert either("left agent")(evidence()).holds
     assert either("left agent")(evidence(rig=taken((pause(),)))).holds
     assert not either("left agent")(evidence(rig=taken((pause(why="something else"),)))).holds
 
 
 def test_pause_caused_by_the_machine_is_excused() -> None:
-    assert goes_on()(evidence(rig=taken((pause(why="paused: the server stalled for 50 ms"),)))).holds
+    assert goes_on(evidence(rig=taken((pause(why="paused: the server stalled for 50 ms"),)))).holds
     held_up = np.delete(trace_of(updated_forces()), slice(40, 95))
     excused = evidence(rig=taken((pause(100),)), traces={"left": [held_up], "right": []})
-    assert goes_on()(excused).holds
-    assert not goes_on()(replace(excused, rig=taken((pause(500),)))).holds
+    assert goes_on(excused).holds
+    assert not goes_on(replace(excused, rig=taken((pause(500),)))).holds
 
 
 def test_forces_must_be_zero_while_paused() -> None:
@@ -159,23 +159,23 @@ def test_forces_must_be_zero_while_paused() -> None:
     rig = taken((pause(),))
     rig.ticks["phase"] = phases
     quiet = {"left": [trace_of(fading_forces(90))], "right": [trace_of(fading_forces(95))]}
-    assert rests()(evidence(rig=rig, traces=quiet)).holds
-    assert not rests()(evidence(rig=rig)).holds
+    assert rests(evidence(rig=rig, traces=quiet)).holds
+    assert not rests(evidence(rig=rig)).holds
     rig.ticks["phase"][170:] = Phase.LEVELLING
     back_again = np.where(np.arange(LENGTH) < 170, fading_forces(90), updated_forces())
-    assert rests()(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
+    assert rests(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
 
 
 def test_every_tick_must_be_accounted_for() -> None:
     lost = taken(accounts=(account(lost=(NumberRange(3, 5, "no room"),)),))
     unexplained = taken(accounts=(account(unexplained=(NumberRange(3, 5),)),))
-    assert whole()(evidence()).holds
-    assert nothing_lost()(evidence()).holds
-    assert whole()(evidence(rig=lost)).holds
-    assert "3 lost (no room)" in whole()(evidence(rig=lost)).found
-    assert not nothing_lost()(evidence(rig=lost)).holds
-    assert not whole()(evidence(rig=unexplained)).holds
-    assert not whole()(evidence(rig=taken(accounts=()))).holds
+    assert whole(evidence()).holds
+    assert nothing_lost(evidence()).holds
+    assert whole(evidence(rig=lost)).holds
+    assert "3 lost (no room)" in whole(evidence(rig=lost)).found
+    assert not nothing_lost(evidence(rig=lost)).holds
+    assert not whole(evidence(rig=unexplained)).holds
+    assert not whole(evidence(rig=taken(accounts=()))).holds
 
 
 def test_event_must_be_recorded_with_its_words_within_the_window() -> None:

@@ -3,8 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 
-from netboard.benchmarks.faults.bench import MAX_AGAIN, Outcome, judged, told_again
-from netboard.benchmarks.faults.cases import CASES
+from netboard.benchmarks.faults.bench import CASES, MAX_AGAIN, Outcome, judged, told_again
 from netboard.benchmarks.harness.results import Verdict
 
 SOUND = Outcome(CASES[0], (Verdict("it holds", True, "it does"),))

@@ -5,16 +5,8 @@ import pytest
 
 from netboard.base.config import SIDES
 from netboard.base.tick import TICK, TICK_NS
-from netboard.benchmarks.loop.played import (
-    REST,
-    UP,
-    WAIT,
-    closed_loops,
-    loop_parts,
-    played,
-    punctuality,
-    within,
-)
+from netboard.benchmarks.loop.played import REST, UP, WAIT, Played, played, punctuality, within
+from netboard.recording.timing.stamps import COLUMNS, stamps_from
 from netboard.task.trials.state_machine import Phase
 
 COUNT = 100
@@ -32,7 +24,7 @@ def ticks() -> np.ndarray:
     for side in SIDES:
         rows[f"{side}_seq"] = number
         rows[f"{side}_lead_ns"] = LEAD_NS
-        rows[f"{side}_stamp_ns"] = rows["time_ns"] - LEAD_NS - UP_NS
+        rows[f"{side}_stamp_ns"] = rows["time_ns"] - LEAD_NS - UP_NS - number % 2  # a clock is never exact
         rows[f"{side}_loop_ns"][1:] = LOOP_NS + number[:-1]  # reported with the next sample, each slightly longer
     return rows
 
@@ -41,35 +33,38 @@ def whole(rows: np.ndarray) -> list[tuple[int, int]]:
     return [(int(rows["time_ns"][0]), int(rows["time_ns"][-1]) + 1)]
 
 
+def played_in(rows: np.ndarray, times: list[tuple[int, int]]) -> Played:
+    return played(stamps_from({name: rows[name] for name in COLUMNS}), times)
+
+
 def test_every_loop_is_counted_once(ticks: np.ndarray) -> None:
-    found = played(ticks, whole(ticks))
+    found = played_in(ticks, whole(ticks))
     for side in SIDES:
         assert found.took_ns[side].tolist() == [LOOP_NS + number for number in range(COUNT - 1)]
     assert found.answered == pytest.approx((COUNT - 1) / COUNT)
 
 
 def test_loop_time_is_the_sum_of_its_parts(ticks: np.ndarray) -> None:
-    found = played(ticks, whole(ticks)).parts_ns
-    assert set(found[UP]) == {UP_NS}
+    found = played_in(ticks, whole(ticks)).parts_ns
+    assert set(found[UP]) == {UP_NS, UP_NS + 1}
     assert set(found[WAIT]) == {LEAD_NS - EARLY_NS}
     assert (found[UP] + found[WAIT] + found[REST]).tolist() == 2 * [LOOP_NS + number for number in range(COUNT - 1)]
 
 
 def test_only_loops_reported_by_the_next_sample_are_split_into_parts(ticks: np.ndarray) -> None:
     ticks["left_seq"][50:] += 1  # one was lost
-    closed = closed_loops(ticks["left_loop_ns"])
-    assert loop_parts(ticks, "left", closed)[UP].size == COUNT - 1 - 2
+    assert played_in(ticks, whole(ticks)).parts_ns[UP].size == 2 * (COUNT - 1) - 1
 
 
 def test_repeated_loop_time_is_not_counted_again(ticks: np.ndarray) -> None:
     ticks["left_loop_ns"][20:30] = ticks["left_loop_ns"][19]
-    assert played(ticks, whole(ticks)).took_ns["left"].size == COUNT - 1 - 10
+    assert played_in(ticks, whole(ticks)).took_ns["left"].size == COUNT - 1 - 10
 
 
 def test_ticks_outside_the_intervals_or_paused_are_left_out(ticks: np.ndarray) -> None:
     ticks["phase"][30:40] = Phase.PAUSED
     times = [(int(ticks["time_ns"][10]), int(ticks["time_ns"][20])), (int(ticks["time_ns"][30]), 2**62)]
-    found = played(ticks, times)
+    found = played_in(ticks, times)
     assert found.took_ns["left"].size == 10 + 60
     assert found.ticks.ticks == 10 + 70
 
@@ -90,4 +85,4 @@ def test_missing_ticks_within_an_interval_are_missed(ticks: np.ndarray) -> None:
     ticks["time_ns"][80:] += 1000 * TICK_NS  # a gap between two measured intervals
     ends = ticks["time_ns"]
     times = [(int(ends[0]), int(ends[79]) + 1), (int(ends[80]), int(ends[-1]) + 1)]
-    assert played(ticks, times).ticks.missed == 7
+    assert played_in(ticks, times).ticks.missed == 7

@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from netboard.base.config import SIDES, Config
 from netboard.base.errors import ConfigError
@@ -28,6 +26,7 @@ from netboard.benchmarks.loop.scale import Served, holds, scale_part, waiting_pa
 from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
 from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
 from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
+from netboard.recording.timing.stamps import COLUMNS, Stamps, stamps_from
 from netboard.services.loading import load
 from netboard.task.trials.state_machine import Phase
 
@@ -39,25 +38,31 @@ def cost(loop: float, transport: float = 0.0, seconds: float = 1.0) -> Cost:
     return Cost(spent, seconds)
 
 
-def ticks_of(loops_ns: Sequence[int], late_ns: int = 0) -> NDArray[Any]:
-    """Ticks of a trial, each closing a loop; durations differ, because a repeated duration is not counted."""
-    ticks = np.zeros(COUNT * len(loops_ns), TICK)
-    ticks["time_ns"] = np.arange(len(ticks)) * TICK_NS
+def stamps_with(loops_ns: Sequence[int], late_ns: int = 0) -> Stamps:
+    """Stamps of a trial, whose ticks each close a loop but the first, which is in no round.
+
+    Durations differ, because a repeated duration is not counted.
+    """
+    count = COUNT * len(loops_ns)
+    ticks = np.zeros(1 + count, TICK)
+    ticks["tick"] = np.arange(1 + count)
+    ticks["time_ns"] = (ticks["tick"] - 1) * TICK_NS
     ticks["phase"], ticks["late_ns"] = Phase.RUNNING, late_ns
     for side in SIDES:
-        ticks[f"{side}_loop_ns"] = np.repeat(loops_ns, COUNT) + np.arange(len(ticks)) % 2
-    return ticks
+        ticks[f"{side}_seq"] = ticks["tick"]
+        ticks[f"{side}_loop_ns"][1:] = np.repeat(loops_ns, COUNT) + np.arange(count) % 2
+    return stamps_from({name: ticks[name] for name in COLUMNS})
 
 
 def measured(*loops_ns: int, echo_ns: int = 200_000, late_ns: int = 0, agent: float = 0.1) -> Measured:
     """One round for each duration of the loop."""
-    ticks = ticks_of(loops_ns, late_ns)
+    stamps = stamps_with(loops_ns, late_ns)
     timer = punctuality(np.zeros(COUNT, np.int64), 0)
     costs = {"server": cost(0.1, 0.05), "echo": cost(0.1)}
     costs |= {f"{side} agent": cost(agent) for side in SIDES} | {f"peer {side}": cost(0.05) for side in SIDES}
     spans = [(k * COUNT * TICK_NS, (k + 1) * COUNT * TICK_NS) for k in range(len(loops_ns))]
     rounds = [Round(span, np.full(2 * COUNT, echo_ns), timer, costs) for span in spans]
-    return Measured(rounds, ticks, played(ticks, spans), {"server": cost(0.1, 0.05)})
+    return Measured(rounds, stamps, played(stamps, spans), {"server": cost(0.1, 0.05)})
 
 
 def verdicts(part: Part) -> list[bool]:

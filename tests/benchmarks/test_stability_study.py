@@ -16,7 +16,7 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
 from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
-from netboard.benchmarks.physics.problem import styluses_at
+from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
 from netboard.benchmarks.stability.maps import (
     PLANES,
     Cell,
@@ -28,7 +28,7 @@ from netboard.benchmarks.stability.maps import (
 )
 from netboard.benchmarks.stability.odd_hands import odd_hands
 from netboard.benchmarks.stability.rest import energies, energy_drift, perfect_rest
-from netboard.benchmarks.stability.runs import STUDIED, is_bounded, polynomials, scaled
+from netboard.benchmarks.stability.runs import STUDIED, is_bounded, scaled
 from netboard.benchmarks.stability.soak import BALANCE, soak_kind
 from netboard.benchmarks.stability.soak_audit import GROWTH, SUMS, SUPPLY, THROUGH, WRONG, make_audit
 from netboard.benchmarks.stability.soak_dyads import (
@@ -83,7 +83,7 @@ def test_polynomials_match_the_hands_at_both_ends() -> None:
     physics, times = Physics(), np.linspace(0.0, 0.1, 11)
     z, vz = styluses_at(times)
     drives = physics.k_h * z + physics.c_h * vz
-    found = polynomials(physics, times, z, vz).reshape(10, 2, 4)
+    found = hermite_drives(physics, times, z, vz).reshape(10, 2, 4)
     assert np.allclose(found @ np.array([1.0, 0.0, 0.0, 0.0]), drives[:-1], rtol=1e-12)
     assert np.allclose(found @ 0.01 ** np.arange(4), drives[1:], rtol=1e-12)
 
@@ -249,5 +249,5 @@ def test_stability_map_is_summarised_and_drawn(tmp_path: Path) -> None:
 
 def test_machine_description_names_libraries() -> None:
     machine = describe()
-    assert machine.as_dict()["libraries"]
+    assert machine.libraries
     assert len(machine.lines()) == 3

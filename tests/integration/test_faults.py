@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 import daily
-from netboard.benchmarks.faults.bench import play_all
+from netboard.benchmarks.faults.bench import choose, play_all
 from netboard.benchmarks.faults.case import RELAYED, Case
-from netboard.benchmarks.faults.cases import choose
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -6,8 +6,9 @@ import pytest
 
 from netboard.base.errors import WireError
 from netboard.network.protocol.admission import admit
-from netboard.network.protocol.joining import Hello
+from netboard.network.protocol.joining import ROLES, Hello
 from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.nodes.ports.peer import what
 
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})
 
@@ -23,7 +24,9 @@ HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})
     ],
 )
 def test_admitted_peer_is_named_by_role_and_side(role: str, side: str, name: str) -> None:
-    assert admit(dataclasses.replace(HELLO, role=role, side=side)) == name
+    hello = dataclasses.replace(HELLO, role=role, side=side)
+    admit(hello, "motion", ROLES)
+    assert what(hello) == name
 
 
 @pytest.mark.parametrize(
@@ -36,8 +39,9 @@ def test_admitted_peer_is_named_by_role_and_side(role: str, side: str, name: str
         ({"side": ""}, "agent with side '': expected left or right"),
         ({"role": "display", "side": ""}, "display with side '': expected left or right"),
         ({"role": "logger"}, "logger with side 'left': expected no side"),
+        ({"role": "display"}, "this is the motion channel, not one for a display"),
     ],
 )
 def test_refused_peer_gets_the_reason(change: dict[str, str | int], reason: str) -> None:
     with pytest.raises(WireError, match=f"^{reason}$"):
-        admit(dataclasses.replace(HELLO, **change))  # type: ignore[arg-type]
+        admit(dataclasses.replace(HELLO, **change), "motion", ("agent",))  # type: ignore[arg-type]

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 from netboard.analysis.extraction.cache import Cache, key_of
 from netboard.analysis.extraction.recordings import Measured, measure
 from netboard.analysis.extraction.settings import Readings
-from netboard.analysis.extraction.store import digest_of
 from netboard.analysis.extraction.workers import WorkerPool
 from netboard.base.errors import NetboardError, RecordingError
 from netboard.base.process import peak_memory
 from netboard.recording.export.formats import Progress
 from netboard.recording.export.runs import Run, runs_of
+from netboard.recording.files.locate import sha256_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,7 +138,7 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
 def _digests(paths: Sequence[Path]) -> dict[Path, str]:
     """Return the SHA-256 of files, in hexadecimal."""
     with ThreadPoolExecutor() as pool:
-        return dict(zip(paths, pool.map(digest_of, paths), strict=True))
+        return dict(zip(paths, pool.map(sha256_of, paths), strict=True))
 
 
 def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Collector) -> None:
@@ -169,6 +169,6 @@ def _answers(
 
 def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
     """Extract one recording, possibly in another process or machine; return tables and peak memory in bytes [1]."""
-    if digest_of(run.path) != sha256:
+    if sha256_of(run.path) != sha256:
         raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
     return measure(run, readings), peak_memory()

@@ -28,6 +28,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 from netboard.base.errors import RecordingError
+from netboard.recording.files.locate import sha256_of
 
 LIMIT = 2_000_000_000
 """Size limit for entries that are not in use, in bytes: some ten studies of the paper's size [1]."""
@@ -149,19 +150,10 @@ def _version(name: str) -> str:
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
     """Return the cache key of an analysis from everything that affects its output."""
     with ThreadPoolExecutor() as pool:
-        digests = list(pool.map(digest_of, recordings))
+        digests = list(pool.map(sha256_of, recordings))
     named = [[str(path), digest] for path, digest in zip(recordings, digests, strict=True)]
     told = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
     return hashlib.sha256(told.encode()).hexdigest()
-
-
-def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a file, in hexadecimal."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:

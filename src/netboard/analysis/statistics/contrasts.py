@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from netboard.analysis.statistics.effect_sizes import paired_effect
-from netboard.analysis.statistics.estimates import ROUNDING, Estimate, cluster_mean, t_interval
+from netboard.analysis.statistics.estimates import ROUNDING, Estimate, cluster_mean, known, t_interval
 from netboard.analysis.statistics.exact_tests import Test, permutation_test, sign_test
 
 TOO_SHORT = 16
@@ -137,8 +137,7 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     differences : array_like, shape (n,)
         One difference for each unit; NaN are ignored [any].
     """
-    x = np.asarray(differences, dtype=float)
-    x = x[np.isfinite(x)]
+    x = known(differences)
     if len(x) < 2 or _equal(x):
         return Test(nan, nan, nan, len(x), unit, False, "paired t")
     t = float(x.mean() / stats.sem(x))

@@ -17,6 +17,7 @@ from netboard.analysis.measures.movements import Average, mean_shares
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     CLASS_COLOURS,
+    STACK,
     Picture,
     apart,
     draw_joined,
@@ -37,6 +38,7 @@ from netboard.analysis.topics.groups import (
     estimated,
     of_dyads,
 )
+from netboard.analysis.topics.measures import places
 from netboard.analysis.topics.result import Result
 from netboard.analysis.topics.units import PERCENT
 
@@ -112,9 +114,6 @@ def _words(name: str) -> str:
 
 TITLE = "Classes of movement"
 
-STACK = ("cooperative", "single", "competitive", "still")
-"""Colours from left to right; dark and light ones alternate, so that neighbours also differ in grey."""
-
 _READABLE = 6.0
 """Smallest share with a number in its bar [%]."""
 
@@ -187,7 +186,7 @@ def _bars(axes: "Axes", found: list[Shares]) -> None:
 
 def _dots(axes: "Axes", found: list[Shares], name: str) -> None:
     """Draw the share of one class in each condition: each dyad, and the mean."""
-    at = _places(found)
+    at = places([one.condition for one in found])
     draw_joined(axes, [(one.condition, one.dyads[name].to_dict()) for one in found], at, PERCENT.scale)
     first = {one.condition.team: one for one in reversed(found)}
     for one in found:
@@ -212,15 +211,6 @@ def _named(axes: "Axes", found: list[Shares], at: dict[str, float]) -> None:
     ]
     axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=7)
     axes.tick_params(axis="x", which="minor", length=0, pad=16)
-
-
-def _places(found: list[Shares]) -> dict[str, float]:
-    """Return positions of conditions, with larger gaps between teams."""
-    at, place = {}, 0.0
-    for before, one in zip([found[0], *found], found, strict=False):
-        place += (0.0 if before is one else 1.0) + 0.5 * (before.condition.team != one.condition.team)
-        at[one.condition.name] = place
-    return at
 
 
 def _caption(study: Study, found: list[Shares]) -> str:

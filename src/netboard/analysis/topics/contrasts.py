@@ -19,10 +19,22 @@ from netboard.analysis.statistics.contrasts import Contrast, condition_contrast,
 from netboard.analysis.statistics.effect_sizes import paired_effect
 from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.statistics.exact_tests import SYMMETRIC
-from netboard.analysis.topics.figure import BLACK, Look, Picture, beside, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.analysis.topics.figure import (
+    BLACK,
+    Look,
+    Picture,
+    beside,
+    draw_mean,
+    handles,
+    look_of,
+    new_mosaic,
+    span,
+    styled,
+    titled,
+)
 from netboard.analysis.topics.groups import Condition, by_factor, conditions, estimated, paired_levels, with_base
 from netboard.analysis.topics.measures import Measure, as_read, exponential, levels_of_performers
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, kept, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,12 +144,13 @@ def _rows(one: Comparison) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
     yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
-    for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
+    for kind, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
         shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
-        yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, f"{least}{shape}")
+        name = f"{one.measure.name}: p, {kind}"
+        yield plain("contrasts", name, group, test.p, "1", test.n, "dyad", f"{least}{shape}")
     family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
-    yield _number(one, f"{one.measure.name}: p, Holm", one.corrected, contrast.n, family)
+    yield plain("contrasts", f"{one.measure.name}: p, Holm", group, one.corrected, "1", contrast.n, "dyad", family)
 
 
 def _symmetry(contrast: Contrast) -> str:
@@ -145,10 +158,6 @@ def _symmetry(contrast: Contrast) -> str:
     if contrast.n < MIN_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
         return SYMMETRIC
     return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
-
-
-def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> Result:
-    return Result("contrasts", quantity, one.question.name, value, np.nan, np.nan, "1", "", n, "dyad", note)
 
 
 @kept
@@ -286,18 +295,8 @@ def _panel(
 
 
 def _legend(axes: "Axes", questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
-    for one in questions:
-        look = looks[one.name]
-        axes.plot(
-            [],
-            [],
-            linestyle="none",
-            marker=look.marker,
-            color=look.colour,
-            markerfacecolor=look.face,
-            label=_short(one),
-        )
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
+    marks, names = handles([looks[one.name] for one in questions]), [_short(one) for one in questions]
+    axes.legend(marks, names, loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
 
 
 def _short(question: Question) -> str:
@@ -308,13 +307,12 @@ def _short(question: Question) -> str:
 
 
 def _caption(found: Sequence[Comparison]) -> str:
-    n = sorted({one.contrast.n for one in found})
-    many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
+    n = span([one.contrast.n for one in found])
     least = min(one.contrast.permutation.least_p for one in found)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
         "Mean difference over the standard deviation of the dyads' differences, bias-corrected (g_z), with 95 % "
-        f"confidence intervals of the noncentral t distribution; within-dyad differences, n = {many}; completion times "
+        f"confidence intervals of the noncentral t distribution; within-dyad differences, n = {n}; completion times "
         "as logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, whose smallest possible p is "
         f"{least:.3g} with this number of dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
         f"of {len(found)} are below 0.05."

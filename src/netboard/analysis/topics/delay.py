@@ -35,7 +35,8 @@ from netboard.analysis.topics.figure import (
     titled,
 )
 from netboard.analysis.topics.groups import Condition, comparisons, conditions, estimate, estimated, of_dyads, with_base
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.measures import rows_of
+from netboard.analysis.topics.result import Result, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +96,7 @@ class Delay:
 def delay(study: Study) -> Delay:
     """Return the delays of all conditions."""
     how = study.readings.summaries
-    rows = study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
+    rows = rows_of(study, "movement")
     found = tuple(
         _of_condition(one, rows[rows["condition"] == one.name], how.delay, how.intervals) for one in conditions(study)
     )
@@ -174,7 +175,7 @@ def _of_one(found: ConditionDelay, kind: str) -> Iterator[Result]:
             yield estimated(TOPIC, name.format(q), label, mean, "s", note)
     for q, share in zip(PERCENT, found.truncated, strict=True):
         name = f"share of searches cut off at {q} %"
-        yield Result(TOPIC, name, label, share, nan, nan, "1", "", found.movements, "movement")
+        yield plain(TOPIC, name, label, share, "1", found.movements, "movement")
     dyads = found.as_set.dyads
     yield estimated(TOPIC, f"delay, {OVER_ALL}", label, estimate(dyads.mean(axis=1, skipna=False)), "s", kind)
     rise = estimate(dyads[PERCENT[-1]] - dyads[PERCENT[0]])
@@ -191,7 +192,7 @@ def _apart(group: str, one: ConditionDelay, other: ConditionDelay) -> Result:
     apart = sum(first.high < second.low or second.high < first.low for first, second in pairs)
     value = float(apart) if pairs else nan
     note = f"intervals of {one.as_set.means[0].unit}s"
-    return Result(TOPIC, APART, group, value, nan, nan, "1", "", len(pairs), "threshold", note)
+    return plain(TOPIC, APART, group, value, "1", len(pairs), "threshold", note)
 
 
 TITLE = "Delay between the sides"

@@ -10,7 +10,7 @@ import numpy as np
 
 from netboard.analysis.extraction.study import Study
 from netboard.analysis.topics.contrasts import Comparison, Question, comparisons, looks_of
-from netboard.analysis.topics.figure import Look, Picture, draw_dyads, draw_mean, handles, styled
+from netboard.analysis.topics.figure import Look, Picture, draw_dyads, draw_mean, handles, span, styled
 from netboard.analysis.topics.measures import COLUMNS, grid
 from netboard.analysis.topics.units import read_in
 
@@ -69,9 +69,8 @@ def _panel(axes: "Axes", found: Sequence[Comparison], questions: Sequence[Questi
 
 
 def _caption(found: Sequence[Comparison]) -> str:
-    n = sorted({one.contrast.n for one in found})
-    many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
+    n = [one.contrast.n for one in found]
     return (
         "Differences between conditions (ratios for completion times): within each dyad (small points), and the mean "
-        f"over dyads with its 95 % t confidence interval (large); n = {many} dyad{'s' * (n[-1] != 1)}."
+        f"over dyads with its 95 % t confidence interval (large); n = {span(n)} dyad{'s' * (max(n) != 1)}."
     )

@@ -40,7 +40,7 @@ from netboard.analysis.topics.figure import (
     titled,
 )
 from netboard.analysis.topics.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, plain
 from netboard.base.tables.forces import FORCES
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _results(found: Comparison) -> Iterator[Result]:
         note = f"sign test: {tested if found.test.n else 'no gain differs from zero'}"
     value = float(found.better) if found.known else nan
     name = f"{quantity.name}: dyads better than the mean of the two"
-    yield Result(TOPIC, name, group, value, nan, nan, "1", "", found.known, "dyad", note)
+    yield plain(TOPIC, name, group, value, "1", found.known, "dyad", note)
 
 
 TITLE = "Dyads and their partners alone"

@@ -28,7 +28,7 @@ from netboard.analysis.topics import (
     strategy,
 )
 from netboard.analysis.topics.figure import Picture, as_bytes
-from netboard.analysis.topics.result import UNCOMPUTABLE, Result, table_of
+from netboard.analysis.topics.result import UNCOMPUTABLE, Result, plain, table_of
 
 NOT_COMPUTED = "not computed"
 """Quantity of the result that replaces a topic after an error, which its note gives."""
@@ -78,7 +78,7 @@ def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, 
         return find(study).results
     except UNCOMPUTABLE as error:
         why = f"{type(error).__name__}: {error}"
-        return (Result(find.__name__, NOT_COMPUTED, "", nan, nan, nan, "", "", 0, "", why),)
+        return (plain(find.__name__, NOT_COMPUTED, "", nan, "", 0, "", why),)
 
 
 PAPER_FIGURES: tuple[Callable[[Study], Picture], ...] = (

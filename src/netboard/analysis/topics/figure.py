@@ -6,7 +6,7 @@ a colour. A haptic condition has a marker: hollow for haptics off, filled for ha
 the force. Dyads are small pale points behind their mean.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cache, wraps
@@ -52,6 +52,9 @@ COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
 
 CLASS_COLOURS = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#D9D9D9"}
 """Colour of each movement class, in all figures."""
+
+STACK = ("cooperative", "single", "competitive", "still")
+"""Order of the classes in stacks; dark and light ones alternate, so that neighbours also differ in grey."""
 
 STYLE: Any = {
     "font.size": 8.0,
@@ -362,6 +365,11 @@ def many(count: int, word: str) -> str:
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
+def span(counts: Collection[int]) -> str:
+    """Return the smallest and the largest of some counts, or the one that they all are."""
+    return " to ".join(f"{count}" for count in sorted({min(counts), max(counts)}))
+
+
 def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
     """Return a sentence with the sample sizes of names and their units of replication, once if they are equal."""
     if not known:
@@ -372,9 +380,7 @@ def due_count(known: Sequence[tuple[str, int, str]], details: Sequence[int] = ()
     else:
         said = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
     if details:
-        low, high = min(details), max(details)
-        between = many(high, of) if low == high else f"{low} to {high} {of}s"
-        said += f" ({between}{' each' if len(each) > 1 else ''})"
+        said += f" ({span(details)} {of}{'s' * (max(details) != 1)}{' each' if len(each) > 1 else ''})"
     return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from netboard.analysis.extraction.conditions import StudyFactor, names_of
 from netboard.analysis.extraction.study import Study, pooled
@@ -34,6 +35,10 @@ CONFIGURATIONS = ("bimanual", "dyadic")
 
 CLASSES = ("cooperative", "competitive", "single", "still")
 """Movement classes, in the order of `netboard.analysis.measures.movements`."""
+
+
+ATTEMPT = ["recording", "trial", "attempt"]
+"""Columns that identify an attempt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +165,12 @@ def counted(study: Study) -> pd.DataFrame:
     if study.readings.summaries.time == "all_attempts":
         rows["completion"] = _times_of_all_attempts(study).reindex(rows.index)
     return rows
+
+
+def excluded(study: Study) -> NDArray[np.bool_]:
+    """Return whether each attempt of a study is excluded."""
+    left_out = pd.MultiIndex.from_frame(study.exclusions[ATTEMPT])
+    return np.asarray(pd.MultiIndex.from_frame(study.trials[ATTEMPT]).isin(left_out))
 
 
 def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:

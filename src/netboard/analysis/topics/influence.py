@@ -24,7 +24,7 @@ from netboard.analysis.statistics.estimates import mean
 from netboard.analysis.topics.figure import Picture, look_of, many, new_mosaic, styled
 from netboard.analysis.topics.groups import Condition, conditions
 from netboard.analysis.topics.paths import joined
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, kept, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,9 +89,7 @@ def _rows(one: Influence) -> list[Result]:
             ("Granger strength beyond surrogates", chance.excess, "nat", note),
             ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} with so many dyads"),
         ]
-    return [
-        Result("influence", name, group, x, np.nan, np.nan, unit, "", n, "dyad", why) for name, x, unit, why in numbers
-    ]
+    return [plain("influence", name, group, x, unit, n, "dyad", why) for name, x, unit, why in numbers]
 
 
 @kept

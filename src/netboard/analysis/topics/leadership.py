@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from netboard.analysis.extraction.study import Study
@@ -17,7 +16,7 @@ from netboard.analysis.measures.lags import leadership
 from netboard.analysis.topics.figure import Picture, due_count, new_mosaic, styled, titled
 from netboard.analysis.topics.groups import estimated
 from netboard.analysis.topics.measures import Levels, Measure, column, draw_levels, legend, levels_of, places
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, plain
 from netboard.analysis.topics.units import MS
 
 if TYPE_CHECKING:
@@ -59,8 +58,7 @@ class Leaders:
         yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
         for dyad, value in zip(lead.dyads, lead.values, strict=True):
             note = f"{sides}; partners changed seats" if dyad in self.changed else sides
-            one = (float(value), np.nan, np.nan, question.unit, "")
-            yield Result("leadership", question.name, f"{group}, {dyad}", *one, 1, "dyad", note)
+            yield plain("leadership", question.name, f"{group}, {dyad}", float(value), question.unit, 1, "dyad", note)
 
 
 def leaders(study: Study) -> Leaders:

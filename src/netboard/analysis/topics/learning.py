@@ -26,6 +26,7 @@ from netboard.analysis.statistics.estimates import Estimate
 from netboard.analysis.topics.figure import (
     BLACK,
     CLASS_COLOURS,
+    STACK,
     Picture,
     apart,
     beside,
@@ -216,9 +217,6 @@ def _spread(group: str, found: Summary, course: Course, note: str) -> Result:
 
 
 TITLE = "Learning"
-
-STACK = ("cooperative", "single", "competitive", "still")
-"""Colours from bottom to top; dark and light ones alternate, so that neighbours also differ in grey."""
 
 
 @styled

@@ -25,7 +25,7 @@ from netboard.analysis.topics.figure import (
     new_mosaic,
     styled,
 )
-from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated
+from netboard.analysis.topics.groups import CLASSES, Condition, conditions, counted, estimated, excluded
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -190,10 +190,7 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
         return counted(study)
     if of == "movement":
         return study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
-    keys = ["recording", "trial", "attempt"]
-    left_out = pd.MultiIndex.from_frame(study.exclusions[keys])
-    kept = ~pd.MultiIndex.from_frame(study.trials[keys]).isin(left_out)
-    return study.trials[kept & study.trials["outcome"].isin(["success", "fell"])]
+    return study.trials[~excluded(study) & study.trials["outcome"].isin(["success", "fell"])]
 
 
 def levels(study: Study, measure: Measure) -> pd.DataFrame:

@@ -33,7 +33,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import FORCES
 from netboard.analysis.topics.measures import rows_of
-from netboard.analysis.topics.result import Result, kept
+from netboard.analysis.topics.result import Result, kept, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +81,7 @@ def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note:
     elif effect.name == INTERCEPT:
         quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
     yield Result("models", f"{quantity}{method}", effect.name, value, low, high, unit, interval, *rest)
-    yield Result("models", f"{fit.measure}: p{method}", effect.name, sure.p, np.nan, np.nan, "1", "", *rest)
+    yield plain("models", f"{fit.measure}: p{method}", effect.name, sure.p, "1", *rest)
 
 
 def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
@@ -92,9 +92,9 @@ def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
 
 def _chance(fit: Fit) -> Iterator[Result]:
     for component in fit.model.components:
-        numbers = (component.deviation, np.nan, np.nan, "1", "", component.levels)
         of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
-        yield Result("models", f"{fit.measure}: SD on the log scale", component.name, *numbers, of)
+        name, value = f"{fit.measure}: SD on the log scale", component.deviation
+        yield plain("models", name, component.name, value, "1", component.levels, of)
 
 
 def _checks(fit: Fit) -> Iterator[Result]:
@@ -109,9 +109,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
     note = " ".join(("Assumptions:", *model.assumptions))
     for name, value in checks:
         if np.isfinite(value):
-            yield Result(
-                "models", f"{fit.measure}: {name}", "all", value, np.nan, np.nan, "1", "", model.trials, fit.of, note
-            )
+            yield plain("models", f"{fit.measure}: {name}", "all", value, "1", model.trials, fit.of, note)
 
 
 @kept

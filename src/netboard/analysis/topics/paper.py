@@ -18,7 +18,7 @@ from netboard.analysis.extraction.tables import count, number, words
 from netboard.analysis.topics.delay import APART, OVER_ALL, RISE
 from netboard.analysis.topics.everything import PAPER, results_in
 from netboard.analysis.topics.groups import windows_of
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, plain
 from netboard.analysis.topics.units import read_in
 
 Kind = Literal["number", "count", "rises", "falls", "unchanged", "words"]
@@ -172,7 +172,7 @@ def compare(study: Study) -> pd.DataFrame:
 
 def _nothing(said: Reported) -> Result:
     """Return a placeholder for a result that the study does not have."""
-    return Result(said.topic, said.quantity, said.group, nan, nan, nan, "", "", 0, "", "the study has no such result")
+    return plain(said.topic, said.quantity, said.group, nan, "", 0, "", "the study has no such result")
 
 
 def _row(said: Reported, found: Result) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from netboard.analysis.extraction.study import Study
 from netboard.analysis.extraction.trials import RATE
 from netboard.analysis.statistics.estimates import t_interval
 from netboard.analysis.topics.figure import BLACK, Picture, due_count, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.groups import Condition, conditions, estimated
+from netboard.analysis.topics.groups import ATTEMPT, Condition, conditions, estimated
 from netboard.analysis.topics.result import Result, kept
 from netboard.analysis.topics.units import read_in
 
@@ -39,8 +39,6 @@ REPORTED = 0.5
 
 QUANTITIES = {"ball": "ball along the board", "near": "hand at the target's side", "far": "the other hand"}
 """Quantities with a path, by short name."""
-
-KEYS = ["recording", "trial", "attempt"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,11 +94,11 @@ def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[
     ``number`` counts the recording's trials from 0, and ``sample`` their samples. Recordings without paths are skipped.
     """
     for recording, own in trials.groupby("recording", sort=False):
-        told = own[[*KEYS, "condition", "dyad", "target", "completion"]]
-        table = paths[str(recording)].merge(told, on=KEYS, validate="many_to_one")
+        told = own[[*ATTEMPT, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(told, on=ATTEMPT, validate="many_to_one")
         if len(table):
             samples = (table["time"] / PERIOD).round().astype("int64")
-            yield table.assign(number=table.groupby(KEYS, sort=False).ngroup(), sample=samples)
+            yield table.assign(number=table.groupby(ATTEMPT, sort=False).ngroup(), sample=samples)
 
 
 def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:

@@ -13,9 +13,9 @@ import pandas as pd
 from netboard.analysis.extraction.study import Study, pooled
 from netboard.analysis.statistics.estimates import Estimate, t_interval
 from netboard.analysis.topics.figure import Picture, look_of, new_mosaic, styled, titled
-from netboard.analysis.topics.groups import Condition, block_labels, conditions, estimated
+from netboard.analysis.topics.groups import Condition, block_labels, conditions, estimated, excluded
 from netboard.analysis.topics.measures import exponential, legend
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +66,7 @@ class Quality:
 
 
 def _count(quantity: str, group: str, value: float, n: int) -> Result:
-    return Result("quality", quantity, group, float(value), np.nan, np.nan, "1", "", n, "dyad", "number of all dyads")
+    return plain("quality", quantity, group, float(value), "1", n, "dyad", "number of all dyads")
 
 
 def quality(study: Study) -> Quality:
@@ -84,11 +84,9 @@ def quality(study: Study) -> Quality:
 
 def _blocks(study: Study) -> pd.DataFrame:
     """Count the attempts of each block; a block may have several recordings, or no attempt."""
-    keys = ["recording", "trial", "attempt"]
-    out = pd.MultiIndex.from_frame(study.exclusions[keys])
     trials = study.trials.assign(
         attempts=1,
-        excluded=pd.MultiIndex.from_frame(study.trials[keys]).isin(out).astype("int64"),
+        excluded=excluded(study).astype("int64"),
         log_time=np.log(
             study.trials["completion"].where((study.trials["counts"] == 1) & (study.trials["completion"] > 0))
         ),

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from functools import wraps
+from math import nan
 from typing import TypeVar
 from weakref import ref
 
@@ -35,6 +36,11 @@ class Result:
     n: int
     of: str
     note: str = ""
+
+
+def plain(topic: str, quantity: str, group: str, value: float, unit: str, n: int, of: str, note: str = "") -> Result:
+    """Return a number without an interval as a result."""
+    return Result(topic, quantity, group, value, nan, nan, unit, "", n, of, note)
 
 
 RESULTS = (

@@ -7,7 +7,6 @@ each dyad, and their confidence interval is over dyads.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +23,7 @@ from netboard.analysis.topics.figure import (
     draw_dyads,
     many,
     sentence,
+    span,
     styled,
     team_colour,
     team_look,
@@ -32,7 +32,7 @@ from netboard.analysis.topics.figure import (
 )
 from netboard.analysis.topics.groups import counted, estimate, estimated, teams, windows_of
 from netboard.analysis.topics.learning import series_of
-from netboard.analysis.topics.result import Result
+from netboard.analysis.topics.result import Result, plain
 from netboard.analysis.topics.units import read_in
 
 if TYPE_CHECKING:
@@ -144,24 +144,12 @@ def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
     groups = [f"{found.team}, {trials(*pair)}" for pair in zip(found.first, found.last, strict=True)]
     for group, one in zip(groups, found.ellipses, strict=True):
         note = "of everybody's trials together" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
-        yield Result(TOPIC, "area of the ellipse", group, one.area, nan, nan, "m2/s", "", one.count, "trial", note)
+        yield plain(TOPIC, "area of the ellipse", group, one.area, "m2/s", one.count, "trial", note)
     ends = f"{found.team}, last group vs first"
     if len(found.ellipses) > 1:
         first, last = found.ellipses[0], found.ellipses[-1]
-        note, count = "of everybody's trials together", first.count + last.count
-        yield Result(
-            TOPIC,
-            "change of the area of the ellipse",
-            ends,
-            last.area - first.area,
-            nan,
-            nan,
-            "m2/s",
-            "",
-            count,
-            "trial",
-            note,
-        )
+        change, count, note = last.area - first.area, first.count + last.count, "of everybody's trials together"
+        yield plain(TOPIC, "change of the area of the ellipse", ends, change, "m2/s", count, "trial", note)
     for spread in found.spreads:
         for group, mean in zip(groups, spread.means, strict=True):
             yield estimated(TOPIC, spread.quantity, group, mean, spread.unit, windows)
@@ -307,7 +295,7 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {_range(count)} trials an ellipse"
+        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {span(count)} trials an ellipse"
         for team, count in zip(teams, counts, strict=True)
     )
     return (
@@ -316,9 +304,3 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t confidence intervals "
         f"(thick). {each[0].upper()}{each[1:]}.{f' {sentence(windows.group_note)}' if windows.group_note else ''}"
     )
-
-
-def _range(counts: list[int]) -> str:
-    """Return the range of numbers as text."""
-    low, high = min(counts), max(counts)
-    return f"{low}" if low == high else f"{low} to {high}"

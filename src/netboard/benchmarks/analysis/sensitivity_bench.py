@@ -8,9 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from netboard.analysis.extraction.settings import Readings
 from netboard.analysis.extraction.study import Study, study_of
@@ -186,20 +184,12 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     paths = _paths(variants, found, default, tell)
     yield tables.paths_part(default, paths, variants.paths.count)
     yield tables.statements_part(default, alone, paths)
-    if find_spec("matplotlib") is not None:
-        singles = [tables.values_of(values) for _, other, values in alone if other.likely]
-        _save(folder, multiverse.plot_paths(tables.values_of(default), paths, singles))
+    singles = [tables.values_of(values) for _, other, values in alone if other.likely]
+    folder.save("analysis-paths", lambda: multiverse.plot_paths(tables.values_of(default), paths, singles))
     disturbed = [one for one in found if one.disturbed]
     yield disturbances_part(disturbed)
     yield all_disturbances_part(disturbed)
     yield forms_part([one.forms for one in disturbed])
-
-
-def _save(folder: Folder, figure: Any) -> None:
-    from netboard.analysis.topics.figure import as_bytes
-
-    for kind in ("png", "svg"):
-        (folder.path / f"analysis-paths.{kind}").write_bytes(as_bytes(figure, kind))
 
 
 def _singles_and_pairs(

@@ -180,11 +180,9 @@ _COLOURS: dict[Force, str] = {
 
 def draw(found: dict[Force, Rows]) -> Any:
     """Draw the movement and the commanded forces of both hands."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9), layout="constrained")
-    FigureCanvasAgg(figure)
     moved, *felt = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.3, 1.3))
     shown = {force: rows[SETTLED:] for force, rows in found.items()}
     ticks = shown["full"]

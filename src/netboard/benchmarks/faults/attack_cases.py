@@ -294,7 +294,7 @@ FLOODS = {
 
 
 def _flood_case(name: str, *, keyed: bool) -> Case:
-    checks: tuple[Check, ...] = (no_more_misses, no_more_pauses, nothing_lost())
+    checks: tuple[Check, ...] = (no_more_misses, no_more_pauses, nothing_lost)
     return Case(
         f"attack-{name}" + ("-keys" if keyed else ""),
         PART,
@@ -314,7 +314,7 @@ def _unknown_keys_case(channel: str) -> Case:
         f"a peer with a valid key joins within {JOIN_S:g} s; {EXPECTED}",
         KEYED_DYAD,
         join_during(f"unauthenticated-{channel}"),
-        (no_more_misses, no_more_pauses, joins_in_time, noted("refused", "its key is not known here"), nothing_lost()),
+        (no_more_misses, no_more_pauses, joins_in_time, noted("refused", "its key is not known here"), nothing_lost),
     )
 
 

@@ -18,13 +18,15 @@ from rich.console import Console
 from netboard.base.bars import progress_bars
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES
-from netboard.base.errors import NetboardError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.base.terminal import FittedTable
 from netboard.benchmarks.faults import attack_cases
 from netboard.benchmarks.faults.case import PARTS, Case
-from netboard.benchmarks.faults.cases import CASES, choose
 from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
 from netboard.benchmarks.faults.evidence import Evidence, Window, gather, largest_step, without_cut
+from netboard.benchmarks.faults.link_cases import LINKS
+from netboard.benchmarks.faults.other_cases import DEVICES, MACHINES, PEERS
+from netboard.benchmarks.faults.process_cases import PROCESSES
 from netboard.benchmarks.faults.sites import Setup, Site, open_site
 from netboard.benchmarks.harness.machine import describe
 from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
@@ -50,6 +52,18 @@ MAX_AGAIN = 3
 """Most repetitions of a case that the machine disturbed [1]."""
 
 Tell = Callable[[str], object]
+
+CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *attack_cases.ATTACKS)
+"""All fault cases."""
+
+QUICK = (
+    *("agent-killed", "no-hello", "device-jumps"),
+    *("line-held-200ms", "line-cut-20ms"),
+    "server-killed",
+    "logger-killed",
+)
+"""Cases of the short form: processes, links, peers and devices, in few sites, because starting them takes most of the
+time."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +114,14 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
     console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be run; results in {folder.path}")
     console.print(told_again(outcomes))
     return 0 if held == played else 1
+
+
+def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
+    """Find cases by name."""
+    there = {case.name: case for case in CASES}
+    if unknown := [name for name in names if name not in there]:
+        raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")
+    return [there[name] for name in names] or [case for case in CASES if case.name in QUICK or not quick]
 
 
 def told_again(outcomes: Sequence[Outcome]) -> str:

@@ -64,7 +64,7 @@ class Case:
     @property
     def all_checks(self) -> tuple[Check, ...]:
         """Return every check of this case."""
-        return (*self.checks, gentle(self.cut), rests(), whole(), no_damage, back, neighbour_unmoved)
+        return (*self.checks, gentle(self.cut), rests, whole, no_damage, back, neighbour_unmoved)
 
 
 PARTS = {
@@ -88,4 +88,4 @@ LEFT_FALLS = "the left force falls in time and is zero in time; "
 OUTAGE = ("no sample from the left agent", "not armed", "the left agent")
 """Pause reasons of a trial that has lost an agent."""
 
-UNNOTICED: tuple[Check, ...] = (goes_on(), nothing_lost())
+UNNOTICED: tuple[Check, ...] = (goes_on, nothing_lost)

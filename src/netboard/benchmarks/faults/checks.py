@@ -136,13 +136,9 @@ def paused(*whys: str) -> Check:
     return check
 
 
-def goes_on() -> Check:
+def goes_on(evidence: Evidence) -> Verdict:
     """Check that no trial is paused, except by the machine itself."""
-
-    def check(evidence: Evidence) -> Verdict:
-        return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
-
-    return check
+    return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
 
 
 def either(*whys: str) -> Check:
@@ -150,51 +146,39 @@ def either(*whys: str) -> Check:
 
     def check(evidence: Evidence) -> Verdict:
         if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
-            return goes_on()(evidence)
+            return goes_on(evidence)
         return paused(*whys)(evidence)
 
     return check
 
 
-def rests() -> Check:
+def rests(evidence: Evidence) -> Verdict:
     """Check that no vertical force is rendered from shortly after a pause until the trial resumes."""
-
-    def check(evidence: Evidence) -> Verdict:
-        claim = "while the trial is paused no hand is given a vertical force"
-        late = evidence.limits.stale_after_ms * 1e-3 + TICK + GONE
-        ticks = evidence.ticks
-        largest, looked = 0.0, 0
-        for pause in evidence.pauses:
-            later = ticks[ticks["time_ns"] > pause.at_ns]
-            on = later["time_ns"][later["phase"] != Phase.PAUSED]
-            from_ns = pause.at_ns + round(late * 1e9)
-            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # recorded a tick later
-            for trace in (trace for side in SIDES for trace in evidence.traces[side]):
-                rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
-                looked += rows.size
-                largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
-        return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
-
-    return check
+    claim = "while the trial is paused no hand is given a vertical force"
+    late = evidence.limits.stale_after_ms * 1e-3 + TICK + GONE
+    ticks = evidence.ticks
+    largest, looked = 0.0, 0
+    for pause in evidence.pauses:
+        later = ticks[ticks["time_ns"] > pause.at_ns]
+        on = later["time_ns"][later["phase"] != Phase.PAUSED]
+        from_ns = pause.at_ns + round(late * 1e9)
+        to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # recorded a tick later
+        for trace in (trace for side in SIDES for trace in evidence.traces[side]):
+            rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
+            looked += rows.size
+            largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
+    return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
 
 
-def whole() -> Check:
+def whole(evidence: Evidence) -> Verdict:
     """Check that the recordings account for every tick: recorded, or listed as lost with its cause."""
-
-    def check(evidence: Evidence) -> Verdict:
-        return _accounted(evidence.rig)
-
-    return check
+    return _accounted(evidence.rig)
 
 
-def nothing_lost() -> Check:
+def nothing_lost(evidence: Evidence) -> Verdict:
     """Check that no tick is lost."""
-
-    def check(evidence: Evidence) -> Verdict:
-        lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
-        return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
-
-    return check
+    lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+    return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
 
 
 def _accounted(taken: Taken) -> Verdict:

@@ -373,9 +373,9 @@ def _trial_part(rig: Rig, path: Path, periods: Sequence[Period]) -> Part:
         rows,
         [
             Verdict("replay reproduces the recording to the bit", verification.identical, found),
-            whole()(evidence),
+            whole(evidence),
             gentle()(evidence),
-            goes_on()(evidence),
+            goes_on(evidence),
         ],
     )
 

@@ -230,11 +230,6 @@ def say(*frames: bytes) -> Act:
     return act
 
 
-def speak_other_version(site: Site) -> Facts:
-    """Send `Hello` as an agent with another protocol version, then samples."""
-    return say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE))(site)
-
-
 def _words(frame: bytes | None) -> str:
     message = decode(frame) if frame is not None else None
     return message.reason if isinstance(message, Refusal) else str(message)

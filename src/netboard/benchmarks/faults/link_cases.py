@@ -90,10 +90,10 @@ LINKS = (
         "delay-1ms",
         "1 ms each way on an agent's line for 3 s",
         "the trial goes on",
-        goes_on(),
+        goes_on,
         Weather(0.001),
     ),
-    _blown_each_way("delay-10ms", "10 ms each way", "the trial goes on", goes_on(), Weather(0.01)),
+    _blown_each_way("delay-10ms", "10 ms each way", "the trial goes on", goes_on, Weather(0.01)),
     _blown("delay-20ms-up", "20 ms from agent to server only", _ANY, either(*OUTAGE), up=Weather(0.02)),
     _blown(
         "delay-20ms-down",

@@ -1,5 +1,7 @@
 """Faults of unauthorised peers, of devices, of clocks and of disks."""
 
+from dataclasses import replace
+
 from netboard.benchmarks.faults.case import (
     CLOCKED,
     DYAD,
@@ -25,6 +27,7 @@ from netboard.benchmarks.faults.checks import (
 )
 from netboard.benchmarks.faults.harm import (
     SAMPLE,
+    STRANGER,
     Act,
     fill_disk,
     flood,
@@ -32,21 +35,21 @@ from netboard.benchmarks.faults.harm import (
     say,
     second_agent,
     set_wall_clock,
-    speak_other_version,
     stop_in_an_emergency,
     trick,
     trick_and_restart,
 )
 from netboard.benchmarks.faults.sites import Setup
 from netboard.network.protocol.codec import encode
+from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.protocol.motion import Safeguard
 
 _REFUSED = "refused and recorded; the trial goes on"
-_LEFT_RECORDING = (paused("the logger has left"), nothing_lost(), told("logger", "exit code 1"), noted("logger_left"))
+_LEFT_RECORDING = (paused("the logger has left"), nothing_lost, told("logger", "exit code 1"), noted("logger_left"))
 
 
 def _peer(name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = DYAD) -> Case:
-    return Case(name, "peers", done, expected, setup, act, (goes_on(), *checks))
+    return Case(name, "peers", done, expected, setup, act, (goes_on, *checks))
 
 
 PEERS = (
@@ -63,7 +66,7 @@ PEERS = (
         "other-version",
         "an agent of another version of the protocol says hello and sends samples",
         _REFUSED,
-        speak_other_version,
+        say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE)),
         *(noted("refused", "speaks protocol"), told("answer", "speaks protocol")),
     ),
     _peer(

@@ -2,7 +2,7 @@
 
 import os
 import platform
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -26,10 +26,6 @@ class Machine:
     load: float
     python: str
     libraries: dict[str, str]
-
-    def as_dict(self) -> dict[str, object]:
-        """Return the same as plain data, for JSON."""
-        return asdict(self)
 
     def lines(self) -> list[str]:
         """Return the same as lines of text."""

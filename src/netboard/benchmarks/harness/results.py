@@ -72,7 +72,7 @@ class Folder:
         for part in parts:
             with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
                 csv.writer(file).writerows([part.columns, *part.rows])
-        whole = {"machine": describe().as_dict(), **about, "parts": [_plain(asdict(part)) for part in parts]}
+        whole = {"machine": asdict(describe()), **about, "parts": [_plain(asdict(part)) for part in parts]}
         text = json.dumps(whole, indent=1, allow_nan=False)
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 

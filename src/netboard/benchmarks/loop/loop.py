@@ -11,10 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.base.clock import now_ns
 from netboard.base.config import SIDES, Config
@@ -28,6 +26,7 @@ from netboard.benchmarks.loop.usage import KINDS, LOOP, TRANSPORT, Costs, Usage,
 from netboard.benchmarks.loop.workers import Worker, Workers
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.summary import spread
+from netboard.recording.timing.stamps import Stamps, stamps_of
 
 BASELINES = "netboard.benchmarks.loop.baselines"
 
@@ -57,11 +56,11 @@ class Round:
 class Measured:
     """All measurements: of each round, and of the recording.
 
-    - `ticks`: timing of netboard's ticks.
+    - `stamps`: stamps of netboard's ticks.
     """
 
     rounds: list[Round]
-    ticks: NDArray[Any]
+    stamps: Stamps
     played: Played
     costs: Costs
 
@@ -102,8 +101,8 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
         tell("reading the recording", 1.0)
         (path,) = rig.finish()
     with Recording(path) as recording:
-        ticks = recording.ticks()
-    return Measured(found, ticks, played(ticks, [one.span_ns for one in found]), costs)
+        stamps = stamps_of(recording)
+    return Measured(found, stamps, played(stamps, [one.span_ns for one in found]), costs)
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Callable[[str, float], object]:
@@ -177,7 +176,7 @@ def ratios_part(found: Measured) -> Part:
     """Return the ratios of netboard to its baselines over the rounds: medians and extremes."""
     columns: dict[str, list[float]] = {}
     for one in found.rounds:
-        for name, value in _ratios(one, played(found.ticks, [one.span_ns])).items():
+        for name, value in _ratios(one, played(found.stamps, [one.span_ns])).items():
             columns.setdefault(name, []).append(value)
     wanted = [*MAX_RATIOS.values(), MAX_MISSED, MAX_CPU, MAX_CPU]
     rows: list[tuple[Value, ...]] = []

@@ -1,13 +1,11 @@
 """Sample-to-force latency and tick jitter, from a recording.
 
-Every agent measures its latency itself and sends it with the next sample. The parts of the latency follow from the
-times that the server records for that sample: read, arrived, start of the tick. All times are those of one clock, since
-the processes of a benchmark share a machine.
+The latencies and their parts are those of `netboard trace` (`netboard.recording.timing.stamps`). All times are those of
+one clock, since the processes of a benchmark share a machine.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.base.config import SIDES
 from netboard.base.tick import LATE_NS, TICK_NS
 from netboard.benchmarks.loop.spreads import Times
-from netboard.task.trials.state_machine import Phase, is_active
+from netboard.recording.timing.stamps import UNKNOWN, Mask, SideStamps, Stamps
 
 UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the tick", "tick, way back and rendering"
 """Parts of a sample-to-force latency."""
@@ -68,19 +66,19 @@ class Played:
     answered: float
 
 
-def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
+def played(stamps: Stamps, times: Sequence[tuple[int, int]]) -> Played:
     """Read a dyad's timing from its recording."""
-    inside = within(ticks["time_ns"], times)
-    felt = inside & np.isin(ticks["phase"], [phase for phase in Phase if is_active(phase)])
-    closed: dict[str, NDArray[np.bool_]] = {side: closed_loops(ticks[f"{side}_loop_ns"]) & felt for side in SIDES}
-    took: dict[str, Times] = {side: ticks[f"{side}_loop_ns"][closed[side]] for side in SIDES}
-    halves = [loop_parts(ticks, side, closed[side]) for side in SIDES]
+    inside = within(stamps.due_ns, times)
+    felt = inside & stamps.in_trial
+    took: dict[str, Times] = {name: side.loop_ns[felt & (side.loop_ns > 0)] for name, side in stamps.sides.items()}
+    halves = [_loop_parts(stamps, side, felt) for side in stamps.sides.values()]
     parts = {name: np.concatenate([half[name] for half in halves]) for name in (UP, WAIT, REST)}
-    due = [ticks["time_ns"][within(ticks["time_ns"], [one])] for one in times]
+    due = [stamps.due_ns[within(stamps.due_ns, [one])] for one in times]
+    late_ns = (stamps.late_ns - stamps.moved_ns)[inside]  # after the deadline to which a stall has moved the tick
     return Played(
         took,
         parts,
-        punctuality(ticks["late_ns"][inside], sum(map(passed_over, due))),
+        punctuality(late_ns, sum(map(passed_over, due))),
         sum(times.size for times in took.values()) / max(len(SIDES) * int(np.count_nonzero(felt)), 1),
     )
 
@@ -93,23 +91,9 @@ def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_
     return inside
 
 
-def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
-    """Return the ticks that first report a latency; an agent repeats the newest until the next."""
-    new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
-    return new
-
-
-def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dict[str, Times]:
-    """Split the latencies into their parts, if a sample reports the latency of the one before it, as is usual.
-
-    - `closed` (shape (n,)): ticks at which a latency is first reported.
-    """
-    seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
-    fresh = np.diff(seq, prepend=-1) == 1
-    told = 1 + np.flatnonzero(closed[1:] & fresh[1:] & fresh[:-1])
-    begun = ticks[told - 1]
-    lead_ns = begun[f"{side}_lead_ns"]
-    up = begun["time_ns"] - lead_ns - begun[f"{side}_stamp_ns"]
-    wait = begun["late_ns"] + lead_ns
-    rest = loop_ns[told] - up - wait
-    return {UP: up, WAIT: wait, REST: rest}
+def _loop_parts(stamps: Stamps, side: SideStamps, felt: Mask) -> dict[str, Times]:
+    """Split the latencies of a side into their parts where the time of rendering is known."""
+    known = felt & (side.rendered_ns != UNKNOWN)
+    read_ns, arrived_ns, rendered_ns = side.read_ns[known], side.arrived_ns[known], side.rendered_ns[known]
+    began_ns = stamps.began_ns[known]
+    return {UP: arrived_ns - read_ns, WAIT: began_ns - arrived_ns, REST: rendered_ns - began_ns}

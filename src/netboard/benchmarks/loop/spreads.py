@@ -62,11 +62,9 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
 
     - `groups`: durations by name; each group is drawn in one axes [ns].
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.2 * len(groups)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(groups), sharex=True, squeeze=False)[:, 0]
     for ax, named in zip(axes, groups, strict=True):
         ax.set_yscale("log", nonpositive="clip")

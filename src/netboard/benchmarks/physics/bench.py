@@ -7,6 +7,7 @@ the error of sampling, the cost of a live tick and its lower bound, and the cost
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 from netboard.base.errors import ConfigError
@@ -24,7 +25,7 @@ from netboard.benchmarks.physics.own_methods import (
 from netboard.benchmarks.physics.parts import Checked
 from netboard.benchmarks.physics.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.benchmarks.physics.skips import skip_rows
-from netboard.benchmarks.physics.solver import Solver, installed
+from netboard.benchmarks.physics.solver import Solver
 from netboard.benchmarks.physics.tick_cost import measure_tick
 from netboard.benchmarks.physics.work_precision import Row, compare, measure
 
@@ -33,22 +34,28 @@ from netboard.benchmarks.physics.work_precision import Row, compare, measure
 class Peer:
     """A library that is compared if it is installed.
 
+    - `package`, `module`: its names for pip and for Python.
     - `solvers`: returns its solvers for a problem; all, or a few.
     """
 
     package: str
-    available: Callable[[], bool]
+    module: str
     solvers: Callable[[Problem, bool], list[Solver]]
     quick: bool = False
 
+    @property
+    def available(self) -> bool:
+        """Whether the library is installed."""
+        return find_spec(self.module) is not None
+
 
 PEERS = {
-    "heyoka": Peer("heyoka", peer_heyoka.available, peer_heyoka.solvers, quick=True),
-    "mujoco": Peer("mujoco", peer_mujoco.available, peer_mujoco.solvers, quick=True),
-    "scipy": Peer("scipy", lambda: True, peer_solvers.scipy_solvers, quick=True),
-    "cvode": Peer("scikit-sundae", peer_solvers.cvode_available, peer_solvers.cvode_solvers),
-    "diffrax": Peer("diffrax", peer_solvers.diffrax_available, peer_solvers.diffrax_solvers),
-    "drake": Peer("drake", peer_drake.available, peer_drake.solvers),
+    "heyoka": Peer("heyoka", "heyoka", peer_heyoka.solvers, quick=True),
+    "mujoco": Peer("mujoco", "mujoco", peer_mujoco.solvers, quick=True),
+    "scipy": Peer("scipy", "scipy", peer_solvers.scipy_solvers, quick=True),
+    "cvode": Peer("scikit-sundae", "sksundae", peer_solvers.cvode_solvers),
+    "diffrax": Peer("diffrax", "diffrax", peer_solvers.diffrax_solvers),
+    "drake": Peer("drake", "pydrake", peer_drake.solvers),
 }
 """Libraries under comparison, by the name on the command line."""
 
@@ -98,7 +105,7 @@ def main(
     )
     folder = Folder(output or new_folder("bench-physics"), force=force)
     lines = _libraries(wanted)
-    if not installed("matplotlib"):
+    if find_spec("matplotlib") is None:
         lines.append("no figures: matplotlib is not installed")
     run(folder, about(wanted), lambda tell: study(wanted, folder, tell), lines=lines)
     return 0
@@ -109,11 +116,11 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     for name in asked or ():
         if name not in PEERS:
             raise ConfigError(f'--peers: found "{name}", expected some of {", ".join(PEERS)}')
-        if not PEERS[name].available():
+        if not PEERS[name].available:
             raise ConfigError(f"--peers: {PEERS[name].package} is not installed; pip install 'netboard[bench]' has all")
     if asked is not None:
         return tuple(asked)
-    return tuple(name for name, peer in PEERS.items() if peer.available() and (peer.quick or not quick))
+    return tuple(name for name, peer in PEERS.items() if peer.available and (peer.quick or not quick))
 
 
 def study(wanted: Wanted, folder: Folder, tell: Tell) -> Iterator[Part]:
@@ -158,7 +165,7 @@ def _say(tell: Tell, share: float, step: str) -> None:
 def find_reference(problem: Problem) -> Checked:
     """Solve a problem as accurately as possible, and a second time by another solver as a check."""
     states = tight(problem)
-    if peer_heyoka.available():
+    if PEERS["heyoka"].available:
         reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
     else:
         reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.25 ms"
@@ -178,7 +185,7 @@ def _solvers(problem: Problem, wanted: Wanted) -> list[Solver]:
 def _libraries(wanted: Wanted) -> list[str]:
     """List the libraries under comparison, and those that are not installed."""
     here = ", ".join(f"{PEERS[name].package} {version_of(PEERS[name].package)}" for name in wanted.peers)
-    missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available())
+    missing = ", ".join(peer.package for peer in PEERS.values() if not peer.available)
     lines = [f"peers: {here or 'none'}"]
     if missing:
         lines.append(f"not installed: {missing} (pip install 'netboard[bench]')")

@@ -32,12 +32,6 @@ from netboard.physics.scene.parameters import Parts
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-15
-"""The iteration ends when the remaining change of position in a step is smaller [m, rad]."""
-
-ROUNDING = 5e-17
-"""Rounding error of an acceleration over the largest element of A: the last digits of the state [m, rad]."""
-
 _SWEEPS = 40
 """Most iterations in a step [1]."""
 
@@ -321,24 +315,3 @@ def _continued(nodes: Sequence[Decimal]) -> Array:
         before = cardinals([*(c - 1 for c in nodes), Decimal(0)])
         values = [[sum(x * c**k for k, x in enumerate(polynomial)) for c in nodes] for polynomial in before]
     return np.array(values, dtype=np.float64)
-
-
-def prepare_collocation(
-    x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
-) -> Callable[[], Array]:
-    """Prepare a run by collocation, with tables and room for its states; every call of it returns the same array.
-
-    - `hands` (shape (n, nodes, 2)): drives of the left and of the right hand at the nodes
-      (`netboard.benchmarks.physics.quadrature.gauss_nodes`) of every step; there are 4, 8 or 16 of them [N].
-    """
-    nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
-    out = np.empty((len(hands) // every + 1, len(x)))
-    tables = make_tables(parts, scene[0], len(x), h, nodes)
-    march = make_collocation(parts, len(x), nodes)
-    bound = max(TOLERANCE / (h * h), ROUNDING * float(np.abs(tables.a).max()))
-
-    def run() -> Array:
-        march(x, hands, bound, *vars(tables).values(), scene, every, out)
-        return out
-
-    return run

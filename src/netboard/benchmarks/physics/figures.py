@@ -44,11 +44,9 @@ def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:
     """Return a figure with several axes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
     return figure, list(figure.subplots(down, across, squeeze=False).flat)
 
 

@@ -14,7 +14,15 @@ import numpy as np
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value
-from netboard.benchmarks.physics.problem import Array, Problem, Reference, largest, styluses_at
+from netboard.benchmarks.physics.problem import (
+    Array,
+    Problem,
+    Reference,
+    hermite_drives,
+    largest,
+    multiples,
+    styluses_at,
+)
 from netboard.benchmarks.physics.tick_cost import live_run
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.march import forces_along, make_grid, run
@@ -45,16 +53,14 @@ class Expectation:
 
 def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
     """Return the drives during each tick, extrapolated or interpolated from samples."""
-    ticks = np.arange(round(problem.duration / TICK_SECONDS) + 1) * TICK_SECONDS
+    ticks = multiples(round(problem.duration / TICK_SECONDS) + 1, TICK_SECONDS)
     z, vz = styluses_at(ticks - age)
     _, before = styluses_at(ticks - age - TICK_SECONDS)
     az = (vz - before) / TICK_SECONDS if hold == "ca" else np.zeros_like(vz)
-    k, c, h = problem.physics.k_h, problem.physics.c_h, TICK_SECONDS
+    k, c = problem.physics.k_h, problem.physics.c_h
     if hold == "hermite":
-        mean = (z[1:] - z[:-1]) / h
-        bend, twist = (3 * mean - 2 * vz[:-1] - vz[1:]) / h, (vz[:-1] + vz[1:] - 2 * mean) / h**2
-        parts = (k * z[:-1] + c * vz[:-1], k * vz[:-1] + 2 * c * bend, k * bend + 3 * c * twist, k * twist)
-    elif hold == "zoh":
+        return hermite_drives(problem.physics, ticks, z, vz)
+    if hold == "zoh":
         parts = (k * z + c * vz, 0 * z, 0 * z, 0 * z)
     else:
         z, vz = z + vz * age + az * age**2 / 2, vz + az * age

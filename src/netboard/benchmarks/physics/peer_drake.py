@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Solution, Solver, installed
+from netboard.benchmarks.physics.solver import Solution, Solver
 
 LIBRARY = "Drake"
 SCHEMES = {
@@ -26,11 +26,6 @@ STRIDE = 5
 
 _LONGEST = 0.1
 """Longest step [s]."""
-
-
-def available() -> bool:
-    """Return whether the library is installed."""
-    return installed("pydrake")
 
 
 def solvers(problem: Problem, coarse: bool) -> list[Solver]:

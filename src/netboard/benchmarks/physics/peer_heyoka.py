@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
-from netboard.benchmarks.physics.solver import Solution, Solver, installed
+from netboard.benchmarks.physics.solver import Solution, Solver
 
 LIBRARY = "heyoka"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-14)
@@ -23,11 +23,6 @@ TIGHTEST = 1e-19
 
 _ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
 """First state of a run without hands: the ball a little off the centre, so that no term vanishes."""
-
-
-def available() -> bool:
-    """Return whether the library is installed."""
-    return installed("heyoka")
 
 
 def precise(problem: Problem) -> NDArray[np.longdouble]:

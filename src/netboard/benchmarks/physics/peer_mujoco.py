@@ -17,7 +17,7 @@ import numpy as np
 
 from netboard.base.tables.scene import Physics
 from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
-from netboard.benchmarks.physics.solver import Solution, Solver, installed
+from netboard.benchmarks.physics.solver import Solution, Solver
 
 LIBRARY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
@@ -33,11 +33,6 @@ _SWITCHED_OFF = (
     *("constraint", "equality", "frictionloss", "limit", "contact", "clampctrl", "warmstart", "filterparent"),
     *("refsafe", "sensor", "midphase", "eulerdamp", "autoreset", "nativeccd", "island"),
 )
-
-
-def available() -> bool:
-    """Return whether the library is installed."""
-    return installed("mujoco")
 
 
 def scene_xml(physics: Physics, integrator: str, step: float) -> str:

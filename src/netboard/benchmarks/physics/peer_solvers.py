@@ -22,7 +22,7 @@ from netboard.benchmarks.physics.problem import (
     new_rate,
     push_and_turn,
 )
-from netboard.benchmarks.physics.solver import Solution, Solver, installed, timed
+from netboard.benchmarks.physics.solver import Solution, Solver, timed
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),
@@ -77,16 +77,6 @@ def diffrax_solvers(problem: Problem, coarse: bool) -> list[Solver]:
     every = [(name, tolerance) for name, tolerances in DIFFRAX.items() for tolerance in tolerances]
     chosen, cost = every[: 1 if coarse else None], _diffrax_input_ns()
     return [replace(_solver("diffrax", name, tolerance, solve), input_ns=cost) for name, tolerance in chosen]
-
-
-def cvode_available() -> bool:
-    """Return whether CVODE is installed."""
-    return installed("sksundae")
-
-
-def diffrax_available() -> bool:
-    """Return whether diffrax is installed."""
-    return installed("diffrax")
 
 
 def _solver(library: str, method: str, tolerance: float, solve: Callable[[str, float, bool], Any]) -> Solver:

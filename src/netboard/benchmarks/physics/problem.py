@@ -134,6 +134,23 @@ def styluses_at(times: Any, spread: float = 1.0) -> tuple[Array, Array]:
     return z, vz
 
 
+def hermite_drives(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
+    """Return the drives of hands that follow cubics between times (`netboard.physics.hands.extrapolation.between`).
+
+    - `z`, `vz` (shape (n + 1, 2)): heights and velocities of the left and the right stylus [m, m/s].
+    """
+    k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
+    mean = np.diff(z, axis=0) / gap
+    bend = (3.0 * mean - 2.0 * vz[:-1] - vz[1:]) / gap
+    twist = (vz[:-1] + vz[1:] - 2.0 * mean) / gap**2
+    out = np.empty((len(gap), 8))
+    out[:, 0::4] = k * z[:-1] + c * vz[:-1]
+    out[:, 1::4] = k * vz[:-1] + 2.0 * c * bend
+    out[:, 2::4] = k * bend + 3.0 * c * twist
+    out[:, 3::4] = k * twist
+    return out
+
+
 def drive_waves(physics: Physics) -> Array:
     """Return the drives of the hands as sines: ``k a sin + c a w cos`` is one sine with another amplitude and phase.
 

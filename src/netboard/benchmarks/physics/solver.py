@@ -6,7 +6,6 @@ separated: each solver counts how often it evaluates the hands, or reads them fr
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from math import nan
 from time import perf_counter
 
@@ -59,8 +58,3 @@ def timed(run: Callable[[], object]) -> float:
     start = perf_counter()
     run()
     return perf_counter() - start
-
-
-def installed(*modules: str) -> bool:
-    """Return whether modules can be imported."""
-    return all(find_spec(module) is not None for module in modules)

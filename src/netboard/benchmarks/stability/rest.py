@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,10 @@ from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
 from netboard.benchmarks.harness.results import Part, Value, Verdict
 from netboard.benchmarks.harness.running import Tell
-from netboard.benchmarks.physics.problem import styluses_at
+from netboard.benchmarks.physics.problem import hermite_drives, styluses_at
+from netboard.benchmarks.physics.solver import timed
 from netboard.benchmarks.stability.maps import board_matrix
-from netboard.benchmarks.stability.runs import STUDIED, polynomials
+from netboard.benchmarks.stability.runs import STUDIED
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import NUMBER
 from netboard.physics.methods.march import make_grid, make_march, run
@@ -119,7 +119,7 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS
-    moving, still = polynomials(physics, times, *styluses_at(times)), np.zeros((steps, 8))
+    moving, still = hermite_drives(physics, times, *styluses_at(times)), np.zeros((steps, 8))
     rows: list[tuple[Value, ...]] = []
     found, slowest = 0, 0.0
     for i, method in enumerate(methods):
@@ -148,10 +148,4 @@ def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: T
 
 def _quickest(go: Callable[[], object]) -> float:
     """Return the shortest of several run times [s]."""
-
-    def once() -> float:
-        start = perf_counter()
-        go()
-        return perf_counter() - start
-
-    return min(once() for _ in range(5))
+    return min(timed(go) for _ in range(5))

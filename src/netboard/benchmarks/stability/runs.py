@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from netboard.base.tables.scene import Physics
 from netboard.base.tick import TICK_SECONDS
-from netboard.benchmarks.physics.problem import BALL, styluses_at
+from netboard.benchmarks.physics.problem import BALL, hermite_drives, styluses_at
 from netboard.physics.arithmetic.vectors import State
 from netboard.physics.methods.catalogue import METHODS
 from netboard.physics.methods.march import forces_along, make_grid, run
@@ -83,23 +83,6 @@ def scaled(physics: Physics, **factors: float) -> Physics:
     return replace(physics, **{name: getattr(physics, name) * factor for name, factor in factors.items()})
 
 
-def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
-    """Return the drives of hands that follow cubics between times (`netboard.physics.hands.extrapolation.between`).
-
-    - `z`, `vz` (shape (n + 1, 2)): heights and velocities of the left and the right stylus [m, m/s].
-    """
-    k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
-    mean = np.diff(z, axis=0) / gap
-    bend = (3.0 * mean - 2.0 * vz[:-1] - vz[1:]) / gap
-    twist = (vz[:-1] + vz[1:] - 2.0 * mean) / gap**2
-    out = np.empty((len(gap), 8))
-    out[:, 0::4] = k * z[:-1] + c * vz[:-1]
-    out[:, 1::4] = k * vz[:-1] + 2.0 * c * bend
-    out[:, 2::4] = k * bend + 3.0 * c * twist
-    out[:, 3::4] = k * twist
-    return out
-
-
 def make_run(
     physics: Physics,
     method: str,
@@ -121,7 +104,7 @@ def make_run(
     parts, scene = parts_of(physics, free), pack_scene(physics)
     lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
     grid = make_grid(method, lengths, counts, parts, len(x), scene)
-    states = run(method, x, polynomials(physics, times, z, vz), grid, parts, scene)
+    states = run(method, x, hermite_drives(physics, times, z, vz), grid, parts, scene)
     return Run(times, states, forces_along(states, physics.k_h * z + physics.c_h * vz, parts, scene))
 
 

@@ -198,11 +198,9 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 def draw(found: Part, late: Part) -> Any:
     """Draw errors on a reach and on a sine, and for each estimator its noise and the largest stable delay."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(15.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
     reach, sine, trade = figure.subplots(1, 3)
     for kind in KINDS:
         strength = 0.3 if kind == "difference" else 1.0

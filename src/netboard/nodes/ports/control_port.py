@@ -40,7 +40,7 @@ ROLES = ("display", "console")
 QUESTIONS: tuple[type[Message], ...] = (StatusRequest, OutcomesRequest, TraceRequest)
 ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello, Goodbye)),
-    **{role: sent_by(role) for role in ("display", "console")},
+    **{role: sent_by(role) for role in ROLES},
 }
 """Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
@@ -247,9 +247,7 @@ class ControlPort:
             self.requests.append(request)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
-        admit(hello)
-        if hello.role not in ROLES:
-            raise WireError(f"this is the control channel, not one for a {hello.role}")
+        admit(hello, self._router.channel, ROLES)
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         if name not in self._peers:

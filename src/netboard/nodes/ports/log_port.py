@@ -40,9 +40,10 @@ MAX_LOGGERS = 8
 MAX_FRAMES = 8
 """Frames taken at once [1]."""
 
+ROLES = ("logger", "listener")
 ALLOWED_MESSAGES: dict[str, frozenset[type[Message]]] = {
     "": frozenset((Hello,)),
-    **{role: sent_by(role) for role in ("logger", "listener")},
+    **{role: sent_by(role) for role in ROLES},
 }
 """Messages that a peer of each role may send ("" is an unregistered peer); others are refused without decoding."""
 
@@ -232,9 +233,7 @@ class LogPort:
                 self._forget(name, reason, now_ns)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
-        admit(hello)
-        if hello.role not in ("logger", "listener"):
-            raise WireError(f"this is the log channel, not one for a {hello.role}")
+        admit(hello, self._router.channel, ROLES)
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         if name in (self.subscribers if hello.role == "logger" else self._loggers):

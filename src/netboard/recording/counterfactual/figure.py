@@ -28,12 +28,10 @@ def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None)
 
     ``found``: a counterfactual replay of a recording with at least one attempt.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = most_telling(found.comparisons) if shown is None else shown
     figure = Figure(figsize=(12, 10), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(QUANTITIES), 2, sharex="col", squeeze=False)
     for quantity, (both, apart) in zip(QUANTITIES, axes, strict=True):
         _draw_both(both, found, quantity, shown)

@@ -6,7 +6,6 @@ all in memory. Column meanings come from their definitions: the channels of a re
 configuration.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -22,6 +21,7 @@ from netboard.base.tick import TICK
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
 from netboard.recording.export.factors import Exported, configs_of, exported_factors
 from netboard.recording.export.task import ROLE_TEXT
+from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.channels import CHANNELS, Field
 from netboard.recording.format.summary import Attempt, attempts_along
@@ -284,12 +284,10 @@ _SAID = {
 def _recordings(subject: Subject) -> Iterator[Rows]:
     """Yield the single row of a recording."""
     recording = subject.recording
-    with recording.path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
     said = {name: recording.metadata.get(name, "") for name in _SAID}
     values = {
         "file": recording.path.name,
-        "sha256": digest,
+        "sha256": sha256_of(recording.path),
         **said,
         "ended": recording.end.get("ended", ""),
         "origin_ns": subject.origin_ns,

@@ -1,5 +1,9 @@
-"""Find the recordings in a list of files and folders."""
+"""Find the recordings in a list of files and folders, and the hash of a file.
 
+This module imports no numerical library.
+"""
+
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,3 +28,12 @@ def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
         if other != path:
             raise RecordingError(f"{other} and {path} have the same name; take them one at a time, or rename one")
     return tuple(names.values())
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 hash of a file, in hexadecimal."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.base.config import SIDES
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK
+from netboard.base.tick import ROW_BYTES, TICK
 from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
 from netboard.recording.files.container import Container
 from netboard.recording.files.provenance import (
@@ -47,7 +47,6 @@ _TICKS = CHANNELS[0].topic
 _THREADS = 2
 _MIN_SHARE, _MAX_SHARE = 8, 24
 _PORTION = 60_000
-_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORDS = np.dtype("<i8")
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
@@ -179,7 +178,7 @@ class Recording:
         """
         rows = self._rows(self._between(first, stop), as_sent=as_sent)
         wanted = _wanted(rows["tick"], first, stop)
-        return rows if wanted.all() else rows.view(_ROW_BYTES)[wanted].view(TICK)
+        return rows if wanted.all() else rows.view(ROW_BYTES)[wanted].view(TICK)
 
     def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
         """Return columns of the ticks.

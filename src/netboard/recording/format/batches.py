@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.base.errors import RecordingError
-from netboard.base.tick import TICK, TICK_NS
+from netboard.base.tick import TICK, TICK_NS, joined
 from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.predictions import CONSTANTS, PREDICTIONS, known, predict, uses
@@ -39,7 +39,6 @@ PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count"
 """One chunk with ticks: its file offset, its first and last tick number, and its tick count."""
 
 _SHARE_OF_CHUNK = 0.75
-_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORD = 8
 _BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
@@ -229,19 +228,18 @@ class TickStream:
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:
         """Keep the first and last tick of each phase, from which the attempts are derived."""
-        joined = np.concatenate([self._newest.view(_ROW_BYTES), rows.view(_ROW_BYTES)]).view(TICK)
-        changed = np.zeros(len(joined) - 1, bool)
+        both = joined((self._newest, rows))
+        changed = np.zeros(len(both) - 1, bool)
         for name in _KEYS:
-            changed |= joined[name][1:] != joined[name][:-1]
+            changed |= both[name][1:] != both[name][:-1]
         at = np.flatnonzero(changed)
         kept = np.unique(np.concatenate([at, at + 1] if len(self._newest) else [[0], at, at + 1]))
-        self._edges.append(joined[kept])
-        self._newest = joined[-1:]
+        self._edges.append(both[kept])
+        self._newest = both[-1:]
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Return every attempt at a trial so far."""
-        edges = np.concatenate([rows.view(_ROW_BYTES) for rows in (*self._edges, self._newest)]).view(TICK)
-        return find_attempts(edges)
+        return find_attempts(joined((*self._edges, self._newest)))
 
     def finish(self, log_time_ns: int) -> None:
         """Attach the list of attempts and the locations of the ticks."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.base.tick import LATE_NS, TICK, TICK_SECONDS
+from netboard.base.tick import LATE_NS, TICK_SECONDS, joined
 from netboard.network.protocol.motion import Safeguard
 from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, kind_of_peer
 from netboard.recording.format.backfill import unknown_ticks
@@ -80,10 +80,6 @@ _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_
 
 _CAUSES = frozenset(int(cause) for cause in Cause)
 
-_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
-"""Rows are concatenated as plain bytes, because numpy compares every field of structured types before it
-concatenates."""
-
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
     """Return all attempts of a recording, in order."""
@@ -125,8 +121,8 @@ def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
         keys = np.stack([rows[name] for name in ("phase", "trial", "attempt")])
         turns = np.any(np.diff(keys) != 0, axis=0)
         ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
-        kept.append(rows[ends].view(_ROW_BYTES))
-    return find_attempts(np.concatenate(kept).view(TICK)) if kept else ()
+        kept.append(rows[ends])
+    return find_attempts(joined(kept))
 
 
 def _outcome(cause: int) -> str:
@@ -165,7 +161,7 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
     steps = np.diff(seqs[seqs >= 0])
     counts = {str(guard.name).lower(): int(np.count_nonzero(bits & guard.value)) for guard in Safeguard}
     return SideSummary(
-        loop=spread(_closed_loops(loop)),
+        loop=spread(loop[closed_loops(loop)]),
         largest_force=float(np.max(np.abs(known))) if known.size else nan,
         unknown_ticks=unknown_ticks(rendered),
         safeguards={name: count for name, count in counts.items() if count},
@@ -175,10 +171,10 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
     )
 
 
-def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return each sample-to-force latency once: an agent repeats the newest one in every sample until the next."""
-    new = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
-    return np.compress(new, loop_ns)
+def closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return the ticks that first report a sample-to-force latency: an agent repeats the newest one until the next."""
+    new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
+    return new
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,5 @@
 """Simulation of a scene from recorded hands: one file of hands in, one file of results out, and a summary of each."""
 
-import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -30,6 +29,7 @@ from netboard.physics.simulation import (
     is_stably_integrated,
     simulate,
 )
+from netboard.recording.files.locate import sha256_of
 from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 
 SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
@@ -150,9 +150,7 @@ def provenance(path: Path, config: Config, chosen: SimulationOptions) -> dict[st
     """Return how a result was made, for its file."""
     options = {name: str(value) for name, value in asdict(chosen).items()}
     made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
+    return {**made, "input_sha256": sha256_of(path), **options, "configuration": resolve(config)}
 
 
 # --- descriptions ------------------------------------------------------------------------------------------------

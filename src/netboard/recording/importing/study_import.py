@@ -16,12 +16,13 @@ from tempfile import TemporaryDirectory
 
 from netboard.base.config import Config, parse, resolve
 from netboard.base.errors import ConfigError, NetboardError, RecordingError
+from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import name_of
 from netboard.recording.files.reader import Recording
 from netboard.recording.format.partfile import publish
 from netboard.recording.importing.manifest import Listed, Manifest
 from netboard.recording.importing.table_import import Imported, ImportOptions, configuration_beside, import_table
-from netboard.recording.importing.tables import is_own, probe, sha256_of
+from netboard.recording.importing.tables import is_own, probe
 from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.integrity.severity import RESULTS, Severity
 

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from netboard.base.config import Config, parse
 from netboard.base.errors import ConfigError
+from netboard.recording.files.locate import sha256_of
 from netboard.recording.files.offline_writer import BlockWriter, name_of
 from netboard.recording.importing.columns import COLUMNS, TASK
 from netboard.recording.importing.resampling import Interpolation, resampled, segments
 from netboard.recording.importing.rows import measured, simulated
-from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks, sha256_of
+from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks
 
 PIECE = 10_000
 """Ticks per progress report [1]."""

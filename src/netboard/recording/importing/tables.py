@@ -5,7 +5,6 @@ by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a 
 """
 
 import csv
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -45,16 +44,16 @@ class Portion:
     places: Sequence[int]
     cells: dict[str, Any]  # columns of text, or of any type in a Parquet file
 
-    def numbers(self, name: str, kind: type[np.generic] = np.float64) -> NDArray[Any]:
-        """Return a column of numbers."""
+    def numbers(self, name: str, kind: type[np.generic] = np.float64, unit: str = "") -> NDArray[Any]:
+        """Return a column of numbers. ``unit``: shown in the error if a cell is none."""
         cells = self.cells[name]
-        if isinstance(cells, np.ndarray) and cells.dtype == kind:
-            return cells
+        if isinstance(cells, np.ndarray) and (cells.dtype == kind or kind is np.float64):
+            return cells.astype(kind, copy=False)
         try:
             return np.array([_number(cell, kind) for cell in cells], kind)
         except (TypeError, ValueError, OverflowError):
             place = next(k for k, cell in enumerate(cells) if not _is_number(cell, kind))
-        words = "a whole number" if kind is np.int64 else "a number"
+        words = ("a whole number" if kind is np.int64 else "a number") + (f" [{unit}]" if unit else "")
         raise ConfigError(f'{self.at(place)}, column {name}: found "{cells[place]}", expected {words}') from None
 
     def words(self, name: str) -> list[str]:
@@ -114,14 +113,16 @@ class TableFile:
             yield from self._read(list(dict.fromkeys(names)))
         except UnicodeDecodeError as error:
             raise ConfigError(f"{self.path}: is not text in UTF-8: {error}") from error
+        except csv.Error as error:
+            raise ConfigError(f"{self.path}: is not a table: {error}") from error
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
     def _csv_names(self) -> list[str]:
         with self.path.open(encoding="utf-8-sig", newline="") as file:
             head = file.readline()
-        self._separator = max(",;\t", key=head.count)
-        names = [name.strip() for name in next(csv.reader([head], delimiter=self._separator), [])]
+        self.separator = max(",;\t", key=head.count)
+        names = [name.strip() for name in next(csv.reader([head], delimiter=self.separator), [])]
         if not any(names):
             raise ConfigError(f"{self.path}: line 1: found nothing, expected the names of columns")
         return names
@@ -129,7 +130,7 @@ class TableFile:
     def _csv(self, names: list[str]) -> Iterator[Portion]:
         places = [self.names.index(name) for name in names]
         with self.path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, delimiter=self._separator)
+            reader = csv.reader(file, delimiter=self.separator)
             next(reader)
             numbered = ((reader.line_num, row) for row in reader if row)
             while some := list(islice(numbered, ROWS)):
@@ -290,9 +291,3 @@ def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
             )
         newest = int(rows["tick"][-1])
         yield rows
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 hash of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

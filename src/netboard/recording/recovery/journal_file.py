@@ -46,7 +46,7 @@ class Journal:
         self.trouble = ""  # error message of the disk if the newest entries are not written; otherwise empty
         self._handle = handle
         self._end = end
-        self._appended = durable
+        self.appended = durable  # number of entries on disk or waiting
         self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
         self._closing = Event()
         self._thread = Thread(target=self._work, name="journal", daemon=True)
@@ -88,15 +88,10 @@ class Journal:
             log.warning("%s: its last line is incomplete and is left out: %r", path, lines.torn)
         return cls(path, handle, lines.sound, len(lines.entries)), lines.header, lines.entries, lines.torn
 
-    @property
-    def appended(self) -> int:
-        """Number of entries on disk or waiting [1]."""
-        return self._appended
-
     def append(self, entry: Entry) -> None:
         """Append an entry without waiting for the disk."""
         line = line_of(entry, _now())
-        self._appended += 1
+        self.appended += 1
         self._waiting.put(line)
 
     def close(self) -> None:
@@ -105,10 +100,10 @@ class Journal:
             self._waiting.put(None)
             self._closing.set()
         self._thread.join(CLOSE_SECONDS)
-        if self.durable < self._appended:
-            missing = self._appended - self.durable
+        if self.durable < self.appended:
+            missing = self.appended - self.durable
             why = self.trouble or f"{self.path}: the disk does not answer"
-            raise RecordingError(f"{why}; {missing} of {self._appended} entries are not on disk")
+            raise RecordingError(f"{why}; {missing} of {self.appended} entries are not on disk")
 
     # --- disk thread ---------------------------------------------------------------------------------------------
 

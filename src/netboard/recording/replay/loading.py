@@ -9,24 +9,22 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from netboard.base.bars import progress_bars
-from netboard.base.tick import TICK
+from netboard.base.tick import joined
 from netboard.recording.files.reader import Recording
 from netboard.recording.replay.loaded import LoadedRecording, RecordingData
 
 DRAWN = ("z", "theta", "p", "left_z", "right_z")
 """Fields of a tick that the display draws."""
 
-_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
-
 
 def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> LoadedRecording:
     """Read a whole recording."""
     with Recording(path) as recording:
-        parts = [np.empty(0, TICK)]
+        parts: list[NDArray[Any]] = []
         for rows in recording.batches():
             parts.append(rows)
             tell(sum(map(len, parts)))
-        rows = drawable(np.concatenate([part.view(_ROW_BYTES) for part in parts]).view(TICK))
+        rows = drawable(joined(parts))
         return LoadedRecording(RecordingData(path.name, recording.config_text, rows, recording.events()))
 
 

@@ -23,11 +23,9 @@ _MARKS = (
 
 def draw(found: Trace, name: str, row: int | None = None) -> Any:
     """Draw a trace. ``row``: the tick in the timeline; by default that of the worst episode."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 8.5), layout="constrained")
-    FigureCanvasAgg(figure)
     timeline, histogram, course = figure.subplot_mosaic(
         [["timeline", "timeline"], ["histogram", "course"]], height_ratios=(1.25, 1.0)
     ).values()

@@ -20,6 +20,7 @@ from netboard.base.errors import RecordingError
 from netboard.base.tick import RENDERED, TICK_NS
 from netboard.network.protocol.records import BackfillRecord, EventRecord
 from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import closed_loops
 from netboard.recording.integrity.walk import ACTIVE
 from netboard.task.trials.state_machine import Phase
 
@@ -127,7 +128,7 @@ def _side(
     newest = np.maximum.accumulate(np.where(fresh, np.arange(seq.size), 0))
     after = fresh & follows & (steps > 0) & (seq - steps >= 0)
     excess_ns = np.where(after, np.diff(read_ns, prepend=read_ns[0]) - steps * TICK_NS, 0)
-    closed = fresh & follows & (np.diff(loop_ns, prepend=loop_ns[0]) != 0) & (loop_ns > 0)
+    closed = fresh & follows & closed_loops(loop_ns)
     rendered_ns = np.full(seq.size, UNKNOWN)
     told_by = np.flatnonzero(closed & (steps == 1))
     rendered_ns[newest[told_by - 1]] = read_ns[told_by - 1] + loop_ns[told_by]
