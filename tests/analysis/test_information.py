@@ -116,7 +116,7 @@ def test_influence_is_nan_when_it_cannot_be_estimated() -> None:
 
 
 def test_invalid_arguments_are_refused() -> None:
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         granger([np.ones(3)], [np.ones(4)])
     with pytest.raises(ValueError, match="numbers"):
         granger([np.ones(3)], [])

@@ -254,7 +254,7 @@ def _tried(what: str, ask: Callable[[], None]) -> str:
     try:
         ask()
     except OSError as error:
-        log.info("real time: %s refused (%s); going on without it", what, error.strerror)
+        log.info("real time: %s refused (%s); continuing without it", what, error.strerror)
         return str(error.strerror)
     return OK
 

@@ -55,7 +55,7 @@ class PassiveHand:
 
     def __post_init__(self) -> None:
         if not (self.mass > 0.0 and min(self.damping, self.stiffness, self.friction) >= 0.0):
-            raise ValueError(f"a hand has a mass, and no negative damping, stiffness or friction; found {self}")
+            raise ValueError(f"expected a mass above 0, and damping, stiffness and friction of 0 or more; found {self}")
 
     def holding(self, mass: float, damping: float, friction: float) -> "PassiveHand":
         """Return the same arm holding a device.
@@ -282,7 +282,9 @@ def passive_control(
         If the numbers of dyads with and without haptic feedback differ, or a dyad lacks trials of either kind.
     """
     if len(with_forces) != len(without) or not all(map(len, [*with_forces, *without])):
-        raise ValueError("each dyad has trials with and without forces; found some that have not")
+        raise ValueError(
+            "expected trials with and without haptic feedback in each dyad; found dyads that lack one of them"
+        )
     live = np.array([[_mean_of(trials, measure) for trials in kind] for kind in (with_forces, without)])
     effect = live[0] - live[1]
     passive = np.array([np.mean([_passive(trial, respond, measure) for trial in trials]) for trials in with_forces])

@@ -149,5 +149,5 @@ def _checked(speed: ArrayLike, least: int = 2) -> NDArray[np.float64]:
     """Return a speed as a float array; check its shape and length."""
     v = np.asarray(speed, dtype=float)
     if v.ndim != 1 or len(v) < least:
-        raise ValueError(f"a speed has one value for each of at least {least} samples, found shape {v.shape}")
+        raise ValueError(f"expected a speed with one value for each of at least {least} samples, found shape {v.shape}")
     return v

@@ -160,7 +160,7 @@ def overshoots(
     """
     ball = np.asarray(p, dtype=float)
     if not len(ball):
-        raise ValueError("where the ball came from is not known without a sample")
+        raise ValueError("at least one sample is needed to know on which side the ball started")
     if np.isnan(ball).any():
         return Overshoots(np.nan, np.nan, np.nan)
     way = np.sign(centre - ball[0]) or np.sign(centre)

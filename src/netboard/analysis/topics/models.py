@@ -212,7 +212,7 @@ def picture(study: Study) -> Picture:
     shown = [one for one in found.fits if one.model.fitted]
     if not any(effects_shown(one) for one in shown):
         why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
-        none = "No model has conditions to tell apart" if shown else "No model could be fitted"
+        none = "No model has more than one condition" if shown else "No model could be fitted"
         return Picture("models", TITLE, f"{none}. {why[:1].upper()}{why[1:]}.", None)
     checked = [one for one in shown if one.model.diagnostics is not None]
     figure, axes = new_mosaic(

@@ -166,7 +166,7 @@ def _granted(what: str, ask: Callable[[], None]) -> bool:
     thread.start()
     thread.join()
     for error in refused:
-        log.info("%s for the network's thread refused (%s); going on without it", what, error)
+        log.info("%s for ZeroMQ's thread refused (%s); continuing without it", what, error)
     return not refused
 
 

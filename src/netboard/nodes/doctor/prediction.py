@@ -91,5 +91,7 @@ def with_limits(findings: Sequence[Finding]) -> list[Finding]:
     """Return findings in which a prediction that is not green names what limits the loop."""
     flagged = {one.name for one in findings if one.colour != "green"}
     limits = [name for name in LIMITS if name in flagged]
-    advice = f"limited by {', '.join(limits)}" if limits else "nothing here limits it: find what else runs"
+    advice = (
+        f"limited by {', '.join(limits)}" if limits else "no known limit applies: check what else runs on this machine"
+    )
     return [replace(one, advice=advice) if one.name == LOOP and one.colour != "green" else one for one in findings]

@@ -246,7 +246,7 @@ class ControlPort:
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
         if hello.role not in ROLES:
-            raise WireError(f"this is the control channel, not one for a {hello.role}")
+            raise WireError(f"this is the control channel, not the channel of a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         if name not in self._peers:

@@ -234,11 +234,11 @@ class LogPort:
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
         if hello.role not in ("logger", "listener"):
-            raise WireError(f"this is the log channel, not one for a {hello.role}")
+            raise WireError(f"this is the log channel, not the channel of a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         if name in (self.subscribers if hello.role == "logger" else self._loggers):
-            raise WireError(f"it has come as another than a {hello.role}")
+            raise WireError(f"it joined as another peer than a {hello.role}")
         if hello.role == "listener":
             self.subscribers.greet(name, hello, self.store.welcome_of(self.ring.next), now_ns)
             return

@@ -281,7 +281,7 @@ class MotionPort:
     def _greet(self, peer: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
         if hello.role != "agent":
-            raise WireError(f"this is the motion channel, not one for a {hello.role}")
+            raise WireError(f"this is the motion channel, not the channel of a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
         agent = next(agent for agent in self.agents.values() if agent.side == hello.side)

@@ -62,7 +62,7 @@ class RecordStore:
         """Records not known to be on a logger's disk, and where they are; empty if none. Valid once `closed`."""
         if self.backlog == 0:
             return ""
-        said = f"{self.backlog} records are not known to be on disk: no logger took them"
+        said = f"{self.backlog} records may not be on disk: no logger confirmed them"
         held = self._spill.held
         if not held:
             return said + (f"; {self._spill.trouble}" if self._spill.trouble else "")
@@ -115,7 +115,7 @@ class RecordStore:
     def report_lost(self, first: int, count: int) -> None:
         """Report records that a logger cannot be given, with the cause."""
         acknowledged = first + count <= self.ring.acknowledged
-        cause = "another logger has them on disk" if acknowledged else self._cause or self._spill.trouble
+        cause = "another logger has written them to disk" if acknowledged else self._cause or self._spill.trouble
         self._news.append(("log_lost", {"first": str(first), "count": str(count), "cause": cause}))
 
     def close(self) -> None:
@@ -133,7 +133,7 @@ class RecordStore:
 
         Before a logger has written anything, no block that must be recorded can have begun.
         """
-        return self._spill.refusal if self.recorded else "no logger was there yet"
+        return self._spill.refusal if self.recorded else "no logger was connected yet"
 
     def _watch_losses(self) -> None:
         """Report why the ring drops records that are nowhere else."""

@@ -199,8 +199,8 @@ def _check(table: NDArray[np.float64], where: _Where) -> None:
         if len(far):
             row, name = int(far[0]), HAND_COLUMNS[column]
             raise ConfigError(
-                f"{where(row, name)}: found {table[row, column]:g}, expected at most {limit:g} {UNITS[name]} either "
-                f"way: are these {unit}?"
+                f"{where(row, name)}: found {table[row, column]:g}, expected at most {limit:g} {UNITS[name]} in each "
+                f"direction: are these {unit}?"
             )
 
 
