@@ -136,7 +136,7 @@ def test_estimates_for_balanced_dyads_equal_anova() -> None:
     assert (estimate.value, estimate.low, estimate.high) == pytest.approx(
         (alone.value, alone.low, alone.high), rel=1e-5
     )
-    assert any(note.startswith("performer: no source") for note in found.notes)
+    assert any(note.startswith("performer: no random effect") for note in found.notes)
     assert any(note.startswith("haptics: left out") for note in found.notes)
 
 
@@ -537,7 +537,7 @@ def test_outcomes_without_any_event_are_not_fitted(model: Any) -> None:
     found = model(np.zeros(len(labels["order"])), **given(labels))
     assert not found.fitted
     assert np.isnan(numbers(found)).all()
-    assert any("in any condition, so there is nothing to compare" in note for note in found.notes)
+    assert any("in any condition, so conditions cannot be compared" in note for note in found.notes)
 
 
 @pytest.mark.slow

@@ -193,7 +193,7 @@ def test_dyads_shared_by_several_studies_are_noted(tmp_path: Path, whole: Elemen
 
 
 def test_excluded_attempts_are_listed_with_all_reasons(whole: Element) -> None:
-    (table,) = [one for one in section(whole, "quality").all("table") if "with every reason" in one.text]
+    (table,) = [one for one in section(whole, "quality").all("table") if "with all reasons" in one.text]
     listed = {tuple(cell.text for cell in row.children if isinstance(cell, Element)) for row in table.all("tr")[1:]}
     warm_up = "one of the first 1 trials of the block"
     twice = f"{warm_up}; excluded by the experimenter: a noise"
@@ -311,7 +311,7 @@ def test_page_states_the_quality_of_recordings(tmp_path: Path) -> None:
     text = section(written(tmp_path, study_of(blocks, Readings())), "quality").text
     assert "3 recordings: 2 of 3 blocks complete; 600 of 180,000 ticks missing (0.333 %); 1 recording repaired" in text
     assert "8 attempts: 6 success, 2 fell; 5 with quality flags; 4 excluded." in text
-    assert "late ticks 4 4 yes too many ticks" in text
+    assert "late ticks 4 4 yes too many deadline misses" in text
     assert "too long 1 0 no the completion time is too long" in text
 
 

@@ -105,7 +105,7 @@ REFUSED = {
     ),
     "millimetres per second": (
         HEADER + "0,0,120,0,0\n1e-3,0,0,0,0\n",
-        "line 2, column v_left: found 120, expected at most 50 m/s either way: are these mm/s?",
+        "line 2, column v_left: found 120, expected at most 50 m/s in each direction: are these mm/s?",
     ),
     "milliseconds": (
         HEADER + "0,0,0,0,0\n1,0,0,0,0\n2,0,0,0,0\n",
