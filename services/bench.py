@@ -195,7 +195,7 @@ def participants(
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")] = None,
 ) -> None:
-    """Which of the paper's results the simulated participants reproduce, and without which part they do not."""
+    """Compare the simulated participants, and variants that lack one part, with the paper's results."""
     from netboard.benchmarks.participants.bench import study
 
     _run("participants", study(studies, dyads, workers), output, json, quick=quick, force=force)

@@ -122,7 +122,7 @@ def test_invalid_arguments_are_refused() -> None:
         granger([np.ones(3)], [])
     with pytest.raises(ValueError, match="1 or more"):
         Past(step=0)
-    with pytest.raises(ValueError, match="two dyads"):
+    with pytest.raises(ValueError, match="two or more dyads"):
         chance_level([[np.ones(9)]], [[np.ones(9)]], lambda a, b: 0.0, np.random.default_rng(0))
 
 

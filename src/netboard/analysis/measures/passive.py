@@ -140,8 +140,6 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     ----------
     force : array_like, shape (n,)
         Force on the hand, + = up; linear between samples [N].
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
 
@@ -215,8 +213,6 @@ def passive_partner(
         Height of the partner's stylus [m].
     p : array_like, shape (n,)
         Ball position along the board [m].
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
         The hand, at rest at the first sample.
     gains : Gains
@@ -236,8 +232,6 @@ def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) ->
 
     Parameters
     ----------
-    rate : float
-        Sampling rate [Hz].
     hand : PassiveHand
     left, right : Gains
         Gains of both sides.

@@ -83,11 +83,6 @@ class LowPass:
     def pass_cutoff(self, rate: float) -> float:
         """Return the cutoff frequency of each pass [Hz].
 
-        Parameters
-        ----------
-        rate : float
-            Sampling rate [Hz].
-
         Raises
         ------
         ValueError
@@ -108,8 +103,6 @@ class LowPass:
         ----------
         values : ndarray, shape (n,)
             Signal [any].
-        rate : float
-            Sampling rate [Hz].
         breaks : sequence of int
             First samples after a jump [1].
 
@@ -188,8 +181,6 @@ def ticks_of(seconds: float, rate: float) -> int:
     ----------
     seconds : float
         Duration [s].
-    rate : float
-        Sampling rate [Hz].
     """
     return round(seconds * rate)
 
@@ -201,8 +192,6 @@ def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]
     ----------
     first, stop : array_like, shape (k,)
         First sample of each run, and the sample after its last, as from `runs` [1].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -225,8 +214,6 @@ def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.
         Whether the condition is true [1].
     seconds : float
         Minimum duration; a single sample lasts 0 s [s].
-    rate : float
-        Sampling rate [Hz].
 
     Returns
     -------
@@ -296,8 +283,6 @@ def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) ->
     ----------
     values : ndarray, shape (n,)
         Signal [any].
-    rate : float
-        Sampling rate [Hz].
     breaks : sequence of int
         First samples after a jump [1].
 
@@ -351,8 +336,6 @@ def bridge(values: NDArray[np.float64], rate: float, longest: float = 0.02) -> N
     ----------
     values : ndarray, shape (n,)
         Signal, NaN for missing samples [any].
-    rate : float
-        Sampling rate [Hz].
     longest : float
         Longest gap to fill: its missing samples times their spacing. Gaps at the ends remain [s].
 

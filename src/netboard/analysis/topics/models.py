@@ -158,7 +158,7 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
     if len([force for force in felt if force != "none"]) > 1:
         found[0] = _named("force", rows["force"], felt)
     own = [_own(rows, one) for one in others if one.told]
-    if own:  # with only the paper's factors, notes tell what the study lacks
+    if own:  # with only the paper's factors, notes state what the study lacks
         found = [one for one in found if len(set(one.values)) > 1]
     return (*found, *own)
 

@@ -94,7 +94,7 @@ class Crowd(Workers):
             cost.add(before, read_usage(process))
             seen = self._watchers.answer()
             felt = self._agents.answer() if company.agents else {"counts": {}, "late_ns": []}
-            os.kill(process, signal.SIGKILL)  # what it has not recorded was never meant to be
+            os.kill(process, signal.SIGKILL)  # its recording is not needed
         return Served(
             cost,
             {name: count / seconds for name, count in (seen["counts"] | felt["counts"]).items()},

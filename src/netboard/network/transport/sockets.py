@@ -118,7 +118,7 @@ def open_context(
 
 
 def _started(context: Context) -> tuple[int, ...]:
-    """Start the threads of a context and return those that exchange frames; empty if the system does not tell."""
+    """Start the threads of a context and return those that exchange frames; empty if the system lists none."""
     tasks = Path("/proc/self/task")
     if not tasks.exists():
         return ()

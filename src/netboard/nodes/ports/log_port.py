@@ -70,7 +70,7 @@ class LogPort:
         spill: Spill,
         clock: Callable[[], int] = now_ns,
     ) -> None:
-        self.trouble = ""  # why a trial that must be recorded cannot go on, or empty; set by `pump`
+        self.trouble = ""  # why a trial that must be recorded cannot continue, or empty; set by `pump`
         self.free_bytes = 0
         self.news: News = []
         self.store = RecordStore(capacity, spill, welcome, self.news)

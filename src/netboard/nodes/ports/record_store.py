@@ -22,7 +22,8 @@ MARGIN = 4096
 """Records are spilled this many before the ring drops them, at most a quarter of the ring [1]."""
 
 FULL_SHARE = 0.8
-"""Share of the ring held by nobody else at which a trial stops, if the spill takes nothing [1]."""
+"""Share of the ring, filled with records that are stored nowhere else, at which a trial stops if the spill accepts none
+[1]."""
 
 
 class RecordStore:

@@ -2,8 +2,8 @@
 
 `complete`: the bytes are as written, no number is missing, times and clocks are plausible, the trials are as planned.
 `complete with listed losses`: data are missing, and the file itself lists them. `damaged`: the file has changed, was
-not finished, or contradicts itself. To tell what can be saved of a damaged file, it is recovered into a temporary
-folder. Nothing is written beside a recording.
+not finished, or contradicts itself. A damaged file is recovered into a temporary folder, to report what can be saved.
+Nothing is written beside a recording.
 """
 
 from collections.abc import Callable, Iterable, Iterator
